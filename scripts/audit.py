@@ -22,10 +22,10 @@ from pathlib import Path
 
 HOUSE = Path(__file__).parents[1]
 TOOLS = HOUSE / "out" / "audit"
-WANTED = ("pip-audit==2.10.1", "pip-licenses==5.5.5")
+AUDIT_TOOLS = ("pip-audit==2.10.1", "pip-licenses==5.5.5")
 COPYLEFT = re.compile(r"\bA?GPL|(?<!Lesser )General Public License", re.IGNORECASE)
 """Matches copyleft licence names, but not the Lesser GPL."""
-CHOSEN = {"hidapi": "BSD, of three that it offers"}
+CHOSEN_LICENCES = {"hidapi": "BSD, of three that it offers"}
 """Packages that offer several licences, one of them copyleft, with the licence chosen here."""
 
 
@@ -62,9 +62,9 @@ def main() -> None:
     arguments = parser.parse_args()
     bad = [] if arguments.offline else vulnerabilities()
     if arguments.offline:
-        print(f"vulnerabilities: not checked, --offline was given ({len(pinned())} releases)")
+        print(f"vulnerabilities: not checked, --offline was given ({len(read_pins())} releases)")
     bad += licences()
-    for name in sorted(set(bundled(site_packages())) - documented()):
+    for name in sorted(set(bundled_libraries(site_packages())) - documented_libraries()):
         bad.append(f"{name} is bundled by a wheel, and docs/licences.md does not name it")
     bad += telemetry(site_packages())
     print(*bad or ["audit: nothing to object to"], sep="\n")
@@ -76,11 +76,11 @@ def tool(name: str) -> str:
     scripts = TOOLS / ("Scripts" if sys.platform == "win32" else "bin")
     if not (scripts / name).exists():
         subprocess.run([sys.executable, "-m", "venv", TOOLS], check=True)
-        subprocess.run([scripts / "python", "-m", "pip", "install", "-q", *WANTED], check=True)
+        subprocess.run([scripts / "python", "-m", "pip", "install", "-q", *AUDIT_TOOLS], check=True)
     return str(scripts / name)
 
 
-def pinned() -> list[str]:
+def read_pins() -> list[str]:
     """Returns the requirements of constraints.txt without comments and markers."""
     lines = (HOUSE / "constraints.txt").read_text().splitlines()
     return [line.partition(";")[0].strip() for line in lines if line and not line.startswith("#")]
@@ -104,7 +104,7 @@ def vulnerabilities() -> list[str]:
     releases: list[dict] = []
     not_asked: list[str] = []
     reason = "the package index has no such data"
-    for pins in rounds(pinned()):
+    for pins in rounds(read_pins()):
         with tempfile.TemporaryDirectory() as folder:
             (path := Path(folder) / "pins.txt").write_text("\n".join(pins) + "\n")
             options = ["-r", path, "--no-deps", "--disable-pip", "-f", "json", "--progress-spinner", "off"]
@@ -183,16 +183,16 @@ def licences() -> list[str]:
     packages = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     kinds = sorted({package["License"] for package in packages})
     print(f"licences: {len(packages)} packages under {len(kinds)} names: {'; '.join(kinds)}")
-    return objections(packages)
+    return find_licence_problems(packages)
 
 
-def objections(found: list[dict[str, str]]) -> list[str]:
+def find_licence_problems(found: list[dict[str, str]]) -> list[str]:
     """Returns one sentence for each package with an unknown licence, or with copyleft and no other choice."""
     return [
         f"{package['Name']} {package['Version']} has the licence {package['License']!r}"
         for package in found
         if package["License"] == "UNKNOWN"
-        or (COPYLEFT.search(package["License"]) and package["Name"] not in CHOSEN)
+        or (COPYLEFT.search(package["License"]) and package["Name"] not in CHOSEN_LICENCES)
     ]
 
 
@@ -203,7 +203,7 @@ def site_packages() -> Path:
     return Path(numpy.__file__).parents[1]
 
 
-def bundled(packages: Path) -> Iterator[str]:
+def bundled_libraries(packages: Path) -> Iterator[str]:
     """Yields the names of the libraries that wheels bundle, without "lib", hash and version."""
     for folder in (*packages.glob("*.libs"), *packages.glob("*/.dylibs")):
         for path in folder.iterdir():
@@ -211,7 +211,7 @@ def bundled(packages: Path) -> Iterator[str]:
             yield re.sub(r"-\d+$", "", re.sub(r"(-[0-9a-f]{8,})+$", "", stem))
 
 
-def documented() -> set[str]:
+def documented_libraries() -> set[str]:
     """Returns the libraries named in backquotes in docs/licences.md, without "lib"."""
     text = (HOUSE / "docs" / "licences.md").read_text()
     return {name.removeprefix("lib") for name in re.findall(r"`([\w+-]+)`", text)}

@@ -73,7 +73,7 @@ def pins() -> dict[str, list[Requirement]]:
     return requirements
 
 
-def pinned(found: dict[str, list[Requirement]], name: str, where: dict[str, str]) -> Requirement | None:
+def parse_pin(found: dict[str, list[Requirement]], name: str, where: dict[str, str]) -> Requirement | None:
     """Returns the line that applies in this environment; None if there is none."""
     for pin in found.get(name, ()):
         if pin.marker is None or pin.marker.evaluate(where):
@@ -81,7 +81,7 @@ def pinned(found: dict[str, list[Requirement]], name: str, where: dict[str, str]
     return None
 
 
-def wanted(kind: str) -> list[str]:
+def requested_packages(kind: str) -> list[str]:
     """Returns the packages requested by name. ``kind`` is run, dev, or peers (the packages that benchmarks
     compare with)."""
     if kind == "peers":
@@ -99,7 +99,7 @@ def wanted(kind: str) -> list[str]:
     return [line for line in asked if not Requirement(line).name.startswith("enliven")]
 
 
-def needed(asked: Iterable[str], where: dict[str, str]) -> set[str]:
+def required_packages(asked: Iterable[str], where: dict[str, str]) -> set[str]:
     """Returns the canonical names of all packages required in an environment, from the metadata of the
     packages installed here."""
     packages: set[tuple[str, str]] = set()
@@ -117,7 +117,7 @@ def needed(asked: Iterable[str], where: dict[str, str]) -> set[str]:
     return {name for name, _ in packages}
 
 
-def absent(names: Iterable[str]) -> Iterator[str]:
+def missing_packages(names: Iterable[str]) -> Iterator[str]:
     """Yields the packages that are not installed here. Their own requirements are therefore unknown."""
     for name in sorted(names):
         try:
@@ -165,13 +165,13 @@ def wheels(names: Iterable[str]) -> Wheels:
     return offered
 
 
-def locked(kind: str, found: dict[str, list[Requirement]], offered: Wheels) -> list[str]:
+def lock_lines(kind: str, found: dict[str, list[Requirement]], offered: Wheels) -> list[str]:
     """Returns the lines of a lock file, sorted by name. Prints the packages that have no wheel."""
     hashes: dict[tuple[str, str], set[str]] = {}
     lacking: dict[str, list[str]] = {}
     for where in environments():
-        for name in needed(wanted(kind), where):
-            pin = pinned(found, name, where)
+        for name in required_packages(requested_packages(kind), where):
+            pin = parse_pin(found, name, where)
             if pin is None:
                 sys.exit(f"constraints.txt has no line for {name} with Python {where['python_version']}")
             key = name, next(iter(pin.specifier)).version
@@ -208,13 +208,13 @@ def lines_for(kind: str, machine: str, python: str) -> Iterator[str]:
 def main() -> None:
     requirements = pins()
     environment = {key: str(value) for key, value in default_environment().items()}
-    if unknown := list(absent(needed(wanted("dev"), environment))):
+    if unknown := list(missing_packages(required_packages(requested_packages("dev"), environment))):
         sys.exit(
             f"these may need more, install them first: pip install -c constraints.txt {' '.join(unknown)}"
         )
     offered = wheels(sorted(requirements))
     for kind in ("run", "dev"):
-        lines = locked(kind, requirements, offered)
+        lines = lock_lines(kind, requirements, offered)
         path = HOUSE / "locks" / f"{kind}.txt"
         path.parent.mkdir(exist_ok=True)
         head = "# Written by scripts/lock.py: what `make setup` installs, with the SHA-256 of each wheel."

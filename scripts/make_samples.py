@@ -35,7 +35,8 @@ def write_samples(folder: Path) -> None:
     project = cactus_project()
     puppet = project.puppet("cactus")
     write_project(
-        folder / "cactus.enliven", project.with_characters(puppet.with_changes(mesh=stepped(puppet.mesh)))
+        folder / "cactus.enliven",
+        project.with_characters(puppet.with_changes(mesh=quantized_mesh(puppet.mesh))),
     )
 
 
@@ -49,7 +50,7 @@ def differences(rows: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.diff(rows, axis=0, prepend=0).astype(np.int16).T)
 
 
-def stepped(mesh: Mesh) -> Mesh:
+def quantized_mesh(mesh: Mesh) -> Mesh:
     """Returns the mesh with coordinates in whole steps, and with its faces in an order that compresses
     well."""
     order = np.lexsort(mesh.faces.T[::-1])

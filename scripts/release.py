@@ -30,18 +30,18 @@ PACKAGES = {
     "synthesis": "enliven_synthesis",
 }  # fmt: skip
 """The importable package of each distribution folder. Distributions that others depend on come first."""
-BESIDE = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
+EXTRA_SDIST_FILES = ("pyproject.toml", "README.md", "LICENSE", "hatch_build.py")
 """Files that an sdist has in addition to the package, if the distribution's folder has them."""
 FIRMWARE = "firmware_configs"
 """The folder next to the packages that belongs to enliven-edge."""
 INSTALLS = {"edge": "enliven-edge", "oak": "enliven-edge[oak]", "studio": "enliven[studio]"}
 """Requirements to install into an empty environment each, by the name of the environment."""
-MOST_MB = {"edge": 640, "oak": 860, "studio": 870}
+MAX_ENVIRONMENT_MB = {"edge": 640, "oak": 860, "studio": 870}
 """Maximum size of an environment in megabytes (10^6 bytes), with byte code, without Python and pip.
 
 These limits are 5 % above the sizes of November 2026, which docs/releasing.md explains.
 """
-LARGEST = 7
+LISTED_PACKAGES = 7
 """Number of packages that are listed with their sizes for each environment."""
 EDGE = (
     *("edge", "--possess-at", "1", "--seconds", "3", "--speed", "0"),
@@ -57,7 +57,7 @@ EXAMPLES = (
 )
 """Scripts of ``examples/`` that need no user files. They compile the kernels that the main job does not
 use."""
-MOST_COMPILED = 0
+MAX_COMPILED_KERNELS = 0
 """Maximum number of kernels that an installed edge may compile in the main job. A release that ships its
 kernels compiles none."""
 
@@ -138,9 +138,9 @@ def build(folder: str, into: Path) -> None:
     """Builds a package's sdist, and builds its wheel from that sdist, which shows that the sdist is
     complete."""
     command = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(into)]
-    _must(command, f"{folder}: the sdist cannot be built", ROOT / folder)
+    _require(command, f"{folder}: the sdist cannot be built", ROOT / folder)
     pip = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "--no-index"]
-    _must(
+    _require(
         [*pip, "-w", str(into), str(_one(folder, into, "*.tar.gz"))],
         f"{folder}: its sdist makes no wheel",
         into,
@@ -150,7 +150,7 @@ def build(folder: str, into: Path) -> None:
 def build_wheel(folder: str, into: Path, **environment: str) -> None:
     """Builds a package's wheel from the checkout, with environment variables for its build hook."""
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(into)]
-    _must(command, f"{folder}: the wheel cannot be built", ROOT / folder, **environment)
+    _require(command, f"{folder}: the wheel cannot be built", ROOT / folder, **environment)
 
 
 def check_sdist_wheel(folder: str, built: Path) -> None:
@@ -198,7 +198,10 @@ def check_files(folder: str, built: Path) -> None:
     """
     package, inside = PACKAGES[folder], wanted_files(folder)
     wheel, sdist = _one(folder, built, "*.whl"), _one(folder, built, "*.tar.gz")
-    beside = {name for name in BESIDE if (ROOT / folder / name).exists()} | {".gitignore", "PKG-INFO"}
+    beside = {name for name in EXTRA_SDIST_FILES if (ROOT / folder / name).exists()} | {
+        ".gitignore",
+        "PKG-INFO",
+    }
     packed = {
         path.removeprefix(f"{package}/") if path.startswith(f"{package}/{FIRMWARE}/") else path
         for path in inside
@@ -218,7 +221,7 @@ def check_metadata(built: Path) -> None:
     """Has twine check that an index would accept the archives and render their descriptions."""
     files = sorted(map(str, built.iterdir()))
     command = [sys.executable, "-m", "twine", "--no-color", "check", "--strict", *files]
-    _must(command, "twine refuses an archive", built)
+    _require(command, "twine refuses an archive", built)
 
 
 def try_out(built: Path, of: str, names: list[str]) -> Iterator[str]:
@@ -229,7 +232,7 @@ def try_out(built: Path, of: str, names: list[str]) -> Iterator[str]:
             began = time.monotonic()
             place = Path(empty, name)
             environment = Environment(place, built, INSTALLS[name], of)
-            yield environment.size(MOST_MB[name])
+            yield environment.size(MAX_ENVIRONMENT_MB[name])
             yield environment.largest()
             yield from environment.basics()
             if name == "oak":
@@ -337,7 +340,7 @@ class Environment:
             )
             for each in distributions(path=[site])
         }
-        largest = sorted(sizes.items(), key=lambda entry: -entry[1])[:LARGEST]
+        largest = sorted(sizes.items(), key=lambda entry: -entry[1])[:LISTED_PACKAGES]
         named = ", ".join(f"{name} {size / 1e6:.0f}" for name, size in largest)
         return f"{self._asked}: the largest packages, in MB: {named}"
 
@@ -345,25 +348,29 @@ class Environment:
         """Prints the version, and runs the machine check."""
         if self._enliven("--version") != self._of:
             raise ReleaseError(f"enliven --version says {self._enliven('--version')}, not {self._of}")
-        yield self._done("enliven --version")
+        yield self._report_step("enliven --version")
         self._enliven("doctor", codes=(0, 4))
-        yield self._done("enliven doctor")
+        yield self._report_step("enliven doctor")
 
     def edge(self) -> Iterator[str]:
         """Possesses the chair with the shipped recording, and records the performance."""
         began = time.monotonic()
         self._enliven(*EDGE)
         compiled = len(list((self.place / "home" / "numba").glob("*.kernel")))
-        yield self._done(f"enliven edge, {time.monotonic() - began:.0f} s, {compiled} kernels compiled")
-        if compiled > MOST_COMPILED:
+        yield self._report_step(
+            f"enliven edge, {time.monotonic() - began:.0f} s, {compiled} kernels compiled"
+        )
+        if compiled > MAX_COMPILED_KERNELS:
             raise ReleaseError(f"an installed edge compiled {compiled} kernels that the release should bring")
 
     def library_page(self) -> Iterator[str]:
         """Runs the code of docs/library.md."""
         work = self.place / "work"
-        _must([sys.executable, "-c", OWN_FILES, str(ROOT)], "the files of the documents cannot be made", work)
+        _require(
+            [sys.executable, "-c", OWN_FILES, str(ROOT)], "the files of the documents cannot be made", work
+        )
         self._run(str(self._bin / "python"), "-c", LIBRARY_PAGE, str(ROOT), str(self.place))
-        yield self._done("the code of docs/library.md")
+        yield self._report_step("the code of docs/library.md")
 
     def film(self) -> Iterator[str]:
         """Films the main job: an edge, and a viewer that shows it."""
@@ -371,16 +378,16 @@ class Environment:
         films = list((self.place / "work" / FILM[-1]).glob("*.mp4"))
         if not films or not films[0].stat().st_size:
             raise ReleaseError(f"with {self._asked} installed, enliven {' '.join(FILM)} made no film")
-        yield self._done(f"enliven run --film, {films[0].stat().st_size / 1e6:.1f} MB")
+        yield self._report_step(f"enliven run --film, {films[0].stat().st_size / 1e6:.1f} MB")
 
     def camera_library(self) -> Iterator[str]:
         """Imports the library for OAK cameras, and searches for a camera."""
         output = self._run(str(self._bin / "python"), "-c", "import depthai; print(depthai.__version__)")
-        yield self._done(f"import depthai, version {output.splitlines()[-1]}")
+        yield self._report_step(f"import depthai, version {output.splitlines()[-1]}")
         self._enliven("sensors", "--json")
-        yield self._done("enliven sensors --json")
+        yield self._report_step("enliven sensors --json")
 
-    def _done(self, name: str) -> str:
+    def _report_step(self, name: str) -> str:
         return f"{self._asked}: {name}: done"
 
     def _enliven(self, *words: str, codes: tuple[int, ...] = (0,)) -> str:
@@ -404,7 +411,7 @@ def _one(folder: str, built: Path, pattern: str) -> Path:
 
 
 def _git(*words: str) -> str:
-    return _must(["git", "-C", str(ROOT), *words], "git failed", ROOT).strip()
+    return _require(["git", "-C", str(ROOT), *words], "git failed", ROOT).strip()
 
 
 def _known_to_git(folder: str) -> list[str]:
@@ -413,7 +420,7 @@ def _known_to_git(folder: str) -> list[str]:
     return [path for path in listed if (ROOT / path).exists()]
 
 
-def _must(command: list[str], failure: str, folder: Path, **environment: str) -> str:
+def _require(command: list[str], failure: str, folder: Path, **environment: str) -> str:
     """Runs a command in a folder and returns its output. Raises ReleaseError if it fails."""
     words = {**os.environ, **environment}
     done = subprocess.run(command, cwd=folder, env=words, capture_output=True, text=True)
@@ -422,7 +429,7 @@ def _must(command: list[str], failure: str, folder: Path, **environment: str) ->
     return done.stdout
 
 
-def _shown(steps: Iterator[str]) -> list[str]:
+def _print_lines(steps: Iterator[str]) -> list[str]:
     """Prints each step's line as soon as the step is done, and returns all lines."""
     lines = []
     for line in steps:
@@ -451,13 +458,13 @@ def main() -> int:
             check_files(folder, archives)
             check_sdist_wheel(folder, archives)
         if not asked.no_trial:
-            lines += _shown(build_kernels(archives, of))
+            lines += _print_lines(build_kernels(archives, of))
         check_metadata(archives)
         (asked.out / "notes.md").write_text(notes, encoding="utf-8")
         count = len(list(archives.iterdir()))
         print(f"enliven {of}: {count} archives in {archives}; files and metadata checked", flush=True)
         if not asked.no_trial:
-            lines += _shown(try_out(archives, of, [asked.only] if asked.only else list(INSTALLS)))
+            lines += _print_lines(try_out(archives, of, [asked.only] if asked.only else list(INSTALLS)))
             (asked.out / "trial.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     except ReleaseError as error:
         print(f"release: {error}", file=sys.stderr)

@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-TWO = ("-n", "2", "--dist", "loadfile", "--no-loadscope-reorder")
+TWO_PROCESSES = ("-n", "2", "--dist", "loadfile", "--no-loadscope-reorder")
 """pytest options for two processes that share the files in the order of collection."""
 SEED = "20251123"
 """Seed of the shuffled order. Any fixed number works."""
@@ -41,7 +41,7 @@ class Row:
 
     name: str
     environment: dict[str, str] = dataclasses.field(default_factory=dict)
-    options: tuple[str, ...] = TWO
+    options: tuple[str, ...] = TWO_PROCESSES
     busy: int = 0
     apart: bool = False
 
@@ -53,7 +53,7 @@ def rows(load: int) -> list[Row]:
     return [
         Row("two"),
         Row("one", options=()),
-        Row("shuffled", options=(*TWO, "--shuffle", SEED)),
+        Row("shuffled", options=(*TWO_PROCESSES, "--shuffle", SEED)),
         *(Row(core.lower(), {"OPENBLAS_CORETYPE": core}) for core in cores),
         Row("generic", old, apart=True),
         Row("load", busy=load),
@@ -79,7 +79,7 @@ def command_of(row: Row, rest: list[str]) -> str:
     return " ".join([*words, ".venv/bin/python -m pytest", *row.options, *rest])
 
 
-def counted(said: str) -> tuple[int, int]:
+def count_results(said: str) -> tuple[int, int]:
     """Returns (passed, failed) from pytest's last line. Errors count as failed."""
     lines = [line for line in said.splitlines() if re.search(r"\d+ (passed|failed|error)", line)]
     matches = re.findall(r"(\d+) (passed|failed|error)", lines[-1] if lines else "")
@@ -97,7 +97,7 @@ def run(row: Row, rest: list[str]) -> tuple[bool, str]:
             env=os.environ | row.environment | extra, cwd=ROOT, capture_output=True, text=True, check=False,
         )  # fmt: skip
         seconds = time.monotonic() - begun
-    passed, failed = counted(done.stdout)
+    passed, failed = count_results(done.stdout)
     if done.returncode:
         print(f"--- {row.name}: exit {done.returncode}\n{done.stdout}\n{done.stderr}", file=sys.stderr)
     beside = f" beside {row.busy} busy processes" if row.busy else ""

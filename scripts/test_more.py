@@ -9,11 +9,11 @@ import subprocess
 import sys
 import time
 
-WHOLE = ["tests"]
+DEFAULT_FOLDERS = ["tests"]
 """Default folders in which property-based tests are searched."""
 
 
-MOST_TIMES = 64
+MAX_EXAMPLE_FACTOR = 64
 """Maximum factor on a test's number of examples. Every round tries twice the examples of the round before, up
 to this factor."""
 
@@ -24,7 +24,7 @@ def round_of_laws(seed: int, times: int, until: float, rest: list[str]) -> bool:
     laws = ["-m", "hypothesis", "--hypothesis-profile", "more", "--hypothesis-seed", str(seed)]
     laws += ["--examples", str(times)]
     order = ["--shuffle", str(seed), "--until", str(until)]
-    again = [sys.executable, "-m", "pytest", *laws, *(rest or WHOLE)]
+    again = [sys.executable, "-m", "pytest", *laws, *(rest or DEFAULT_FOLDERS)]
     print(f"round of seed {seed}; the same again: {' '.join(again)}", flush=True)
     return subprocess.run([*again, *order], check=False).returncode == 0
 
@@ -38,7 +38,7 @@ def main() -> int:
     rounds, fell = 0, []
     while time.time() < until:
         seed = random.SystemRandom().randrange(2**32)
-        if not round_of_laws(seed, min(2**rounds, MOST_TIMES), until, rest):
+        if not round_of_laws(seed, min(2**rounds, MAX_EXAMPLE_FACTOR), until, rest):
             fell.append(seed)
         rounds += 1
     print(f"{rounds} rounds in {options.minutes:g} min; seeds with a law that fell: {fell or 'none'}")

@@ -25,28 +25,35 @@ from enliven_viewer.studio.workspace import Workspace
 
 HOUSE = Path(__file__).parents[1]
 VIEWER = HOUSE / "viewer" / "enliven_viewer"
-ROOMS_OF_TEXTS = "studio", "live"
+WINDOW_FOLDERS = "studio", "live"
 """Folders of the modules that draw the window."""
-SHOWING = {
+TRANSLATING_FUNCTIONS = {
     "tr": (0,),
     "tr_n": (0,),
     "heading": (0,),
     "quiet": (0,),
-    "told": (0,),
+    "tooltip": (0,),
     "button": (1,),
     "choice": (1, 2),
 }
-SHOWING |= {"modal": (0,), "switch": (1, 4), "Texts": (0,), "later": (0,), "slider": (5,)}
-SHOWING |= {"edit": (0,), "drop": (0,), "_edit": (0,), "_add": (0,), "_take_away": (0,), "_copy": (0,)}
-SHOWING |= {"_name": (1, 2), "change": (0,), "_change": (0,)}
+TRANSLATING_FUNCTIONS |= {"modal": (0,), "switch": (1, 4), "Texts": (0,), "later": (0,), "slider": (5,)}
+TRANSLATING_FUNCTIONS |= {
+    "edit": (0,),
+    "drop": (0,),
+    "_edit": (0,),
+    "_add": (0,),
+    "_take_away": (0,),
+    "_copy": (0,),
+}
+TRANSLATING_FUNCTIONS |= {"_name": (1, 2), "change": (0,), "_change": (0,)}
 """Functions that translate the texts they show, with the argument positions of these texts."""
-TABLES = {"_TITLES", "_MEANT", "_MOUSE", "_SIDES"}
+TEXT_TABLES = {"_TITLES", "_TAB_TIPS", "_MOUSE", "_SIDE_TITLES"}
 """Tables of texts that are passed to one of these functions."""
 SETTINGS = {"surface": ArapSettings(), "examples": ExampleSettings(), "locomotion": LocomotionSettings()}
 """Settings of a puppet: numbers with tooltips."""
-WRAP = 78
+LINE_LENGTH = 78
 """Characters of a line of a catalogue, as gettext's own programs write it."""
-SAYING = ("hint", "lacks", "why_not", "at_end")
+TEXT_FUNCTION_PREFIXES = ("hint", "lacks", "why_not", "at_end")
 """Name prefixes of functions that return texts shown by these functions: hints of tools, and reasons."""
 
 
@@ -69,19 +76,19 @@ def constants(node: ast.AST) -> Iterator[ast.Constant]:
             yield from constants(value)
 
 
-def shown(tree: ast.Module) -> Iterator[ast.Constant]:
+def displayed_texts(tree: ast.Module) -> Iterator[ast.Constant]:
     """Yields the texts of a module that are passed to a translating function."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Call):
             name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            for place in SHOWING.get(name, ()):
+            for place in TRANSLATING_FUNCTIONS.get(name, ()):
                 if place < len(node.args):
                     yield from constants(node.args[place])
         elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            if any(isinstance(target, ast.Name) and target.id in TABLES for target in targets):
+            if any(isinstance(target, ast.Name) and target.id in TEXT_TABLES for target in targets):
                 yield from constants(node.value)
-        elif isinstance(node, ast.FunctionDef) and node.name.lstrip("_").startswith(SAYING):
+        elif isinstance(node, ast.FunctionDef) and node.name.lstrip("_").startswith(TEXT_FUNCTION_PREFIXES):
             for part in ast.walk(node):
                 if isinstance(part, ast.Return) and part.value is not None:
                     yield from constants(part.value)
@@ -89,7 +96,7 @@ def shown(tree: ast.Module) -> Iterator[ast.Constant]:
 
 def modules() -> list[Path]:
     """Returns the modules that draw the window."""
-    return sorted(path for room in ROOMS_OF_TEXTS for path in (VIEWER / room).rglob("*.py"))
+    return sorted(path for room in WINDOW_FOLDERS for path in (VIEWER / room).rglob("*.py"))
 
 
 def texts() -> dict[str, str]:
@@ -110,7 +117,7 @@ def texts() -> dict[str, str]:
     for group, name, *_ in NUMBERS:
         places.setdefault(sentence_of(SETTINGS[group], name), f"setting {name}")
     for path in modules():
-        for node in shown(ast.parse(path.read_text("utf-8"))):
+        for node in displayed_texts(ast.parse(path.read_text("utf-8"))):
             places.setdefault(node.value, f"{path.relative_to(HOUSE).as_posix()}:{node.lineno}")
     return places
 
@@ -152,7 +159,7 @@ def main() -> None:
     for name in sys.argv[1:]:
         path = CATALOGUES / f"{name}.po"
         if not path.exists():
-            begun = polib.POFile(wrapwidth=WRAP)
+            begun = polib.POFile(wrapwidth=LINE_LENGTH)
             begun.metadata = {
                 "Content-Type": "text/plain; charset=utf-8",
                 "Content-Transfer-Encoding": "8bit",
@@ -163,7 +170,7 @@ def main() -> None:
             begun.save(str(path))
     places = texts()
     for path in sorted(CATALOGUES.glob("*.po")):
-        catalogue = polib.pofile(str(path), wrapwidth=WRAP)
+        catalogue = polib.pofile(str(path), wrapwidth=LINE_LENGTH)
         update(catalogue, places)
         catalogue.save(str(path))
         lacking = [entry for entry in catalogue if not is_translated(entry)]

@@ -162,4 +162,4 @@ def _usual_window():
     if theme := sys.modules.get("enliven_viewer.theme"):
         theme.use_theme("dark", "usual")
     if language := sys.modules.get("enliven_viewer.language"):
-        language.speak("en")
+        language.set_language("en")

@@ -23,7 +23,7 @@ _COLOURS = np.array(
     np.float64,
 )
 """sRGB of the parts, in the order of their names."""
-_PALE = np.array([206, 224, 168], np.float64)
+_THORN_COLOUR = np.array([206, 224, 168], np.float64)
 """Of the thorns."""
 
 TOP = np.array([0.0, 1.30, 0.0])
@@ -35,16 +35,16 @@ TIP = np.array([0.40, 1.10, 0.0])
 FOOT = np.array([0.15, 0.0, 0.0])
 """Metres, the left of the pot."""
 
-_TRUNK = 0.148
+_TRUNK_RADIUS = 0.148
 """Metres, the trunk's radius: of a saguaro as tall as a child."""
-_ARM = 0.078
+_ARM_RADIUS = 0.078
 """Metres, an arm's radius: about half the trunk's."""
-_RIBS = 9
+_RIB_COUNT = 9
 """Ribs of the trunk, chosen by eye."""
-_BLEND = 0.045
+_BLEND_WIDTH = 0.045
 """Metres over which trunk and arms run into each other: they are grown, not joined."""
-_FILLET = 0.016
-"""Metres over which all other parts run into each other; it is finer than ``_BLEND``."""
+_FILLET_WIDTH = 0.016
+"""Metres over which all other parts run into each other; it is finer than ``_BLEND_WIDTH``."""
 
 
 def make_cactus(cell: float = 0.018) -> Mesh:
@@ -61,7 +61,7 @@ def make_cactus(cell: float = 0.018) -> Mesh:
     low[0] = -cell * (np.ceil(0.56 / cell) + 0.5)
     vertices, faces = surface_of(lambda points: _parts(points)[0], low, high, cell)
     part = _parts(vertices)[1]
-    return Mesh(vertices - [0.0, vertices[:, 1].min(), 0.0], faces, "cactus", _coloured(vertices, part))
+    return Mesh(vertices - [0.0, vertices[:, 1].min(), 0.0], faces, "cactus", _vertex_colours(vertices, part))
 
 
 def _parts(points: Float) -> tuple[Float, Int]:
@@ -74,21 +74,21 @@ def _parts(points: Float) -> tuple[Float, Int]:
     # With fillets no crevice is narrower than a cell.
     whole = distances[0]
     for distance in distances[1:]:
-        whole = _joined(whole, distance, _FILLET)
+        whole = _smooth_union(whole, distance, _FILLET_WIDTH)
     return whole, distances.argmin(0)
 
 
 def _green(points: Float) -> Float:
     """Trunk and left arm; the right one is its mirror image."""
-    trunk = _capsule(points, np.array([0.0, 0.22, 0.0]), TOP - [0.0, _TRUNK, 0.0], _TRUNK)
-    trunk = trunk + 0.009 * _ribs(points, _RIBS, _TRUNK)
+    trunk = _capsule(points, np.array([0.0, 0.22, 0.0]), TOP - [0.0, _TRUNK_RADIUS, 0.0], _TRUNK_RADIUS)
+    trunk = trunk + 0.009 * _ribs(points, _RIB_COUNT, _TRUNK_RADIUS)
     shoulder, bend = np.array([0.08, 0.62, 0.0]), np.array([0.30, 0.66, 0.0])
-    out = _capsule(points, shoulder, bend, _ARM)
-    up = _capsule(points, np.array([0.365, 0.74, 0.0]), TIP - [0.0, _ARM, 0.0], _ARM)
-    corner = _capsule(points, bend, np.array([0.365, 0.74, 0.0]), _ARM)
-    up = up + 0.006 * _ribs(points - [0.385, 0.0, 0.0], 7, _ARM)
-    arm = _joined(_joined(out, corner, 0.03), up, 0.03)
-    return _joined(trunk, arm, _BLEND)
+    out = _capsule(points, shoulder, bend, _ARM_RADIUS)
+    up = _capsule(points, np.array([0.365, 0.74, 0.0]), TIP - [0.0, _ARM_RADIUS, 0.0], _ARM_RADIUS)
+    corner = _capsule(points, bend, np.array([0.365, 0.74, 0.0]), _ARM_RADIUS)
+    up = up + 0.006 * _ribs(points - [0.385, 0.0, 0.0], 7, _ARM_RADIUS)
+    arm = _smooth_union(_smooth_union(out, corner, 0.03), up, 0.03)
+    return _smooth_union(trunk, arm, _BLEND_WIDTH)
 
 
 def _ribs(points: Float, count: int, radius: float) -> Float:
@@ -103,9 +103,9 @@ def _pot(points: Float) -> Float:
     away, height = np.hypot(points[:, 0], points[:, 2]), points[:, 1]
     wall = (away - (0.155 + 0.19 * height)) * 0.98
     body = np.maximum(wall, np.abs(height - 0.115) - 0.115)
-    rim = _rounded(away - 0.185, height - 0.225, 0.030, 0.026, 0.014)
+    rim = _rounded_rectangle(away - 0.185, height - 0.225, 0.030, 0.026, 0.014)
     rim = np.maximum(rim, -(0.16 - away))
-    disc = _rounded(away, height - 0.225, 0.215, 0.026, 0.014)
+    disc = _rounded_rectangle(away, height - 0.225, 0.215, 0.026, 0.014)
     return np.asarray(np.minimum(body, np.minimum(rim, disc)))
 
 
@@ -132,26 +132,26 @@ def _capsule(points: Float, start: Float, end: Float, radius: float) -> Float:
     return np.asarray(np.linalg.norm(points - start - share[:, None] * way, axis=1) - radius)
 
 
-def _rounded(across: Float, up: Float, wide: float, tall: float, corner: float) -> Float:
+def _rounded_rectangle(across: Float, up: Float, wide: float, tall: float, corner: float) -> Float:
     """A rectangle with round corners, turned about the upright axis."""
     out = np.stack([np.abs(across) - wide + corner, np.abs(up) - tall + corner])
     return np.asarray(np.hypot(*np.maximum(out, 0.0)) + np.minimum(out.max(0), 0.0) - corner)
 
 
-def _joined(a: Float, b: Float, blend: float) -> Float:
+def _smooth_union(a: Float, b: Float, blend: float) -> Float:
     """The union with a fillet (I. Quilez's polynomial smooth minimum)."""
     share = np.maximum(blend - np.abs(a - b), 0.0) / blend
     return np.asarray(np.minimum(a, b) - share * share * blend / 4.0)
 
 
-def _coloured(vertices: Float, part: Int) -> UInt8:
+def _vertex_colours(vertices: Float, part: Int) -> UInt8:
     """(V, 3) the parts' colours; the ribs are darker in between, and carry thorns."""
     colours = _COLOURS[part]
     ring = np.arctan2(vertices[:, 2], vertices[:, 0])
-    rib = 0.5 + 0.5 * np.cos(_RIBS * (ring + np.pi / 2))
+    rib = 0.5 + 0.5 * np.cos(_RIB_COUNT * (ring + np.pi / 2))
     trunk = (part == GREEN) & (np.abs(vertices[:, 0]) < 0.16)
     shade = np.where(part == GREEN, 0.90 + 0.16 * np.where(trunk, rib, 0.7), 1.0)
     colours = colours * shade[:, None]
     thorn = trunk & (rib > 0.93) & (np.cos(2 * np.pi * vertices[:, 1] / 0.085) > 0.75)
-    colours[thorn] = _PALE
+    colours[thorn] = _THORN_COLOUR
     return np.asarray(np.clip(colours, 0, 255), np.uint8)

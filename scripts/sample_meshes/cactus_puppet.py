@@ -19,9 +19,9 @@ from enliven.takes import BODY_NAMES, clip_of_bodies
 from sample_meshes.cactus import make_cactus
 
 TAKE = "cactus poses"
-_Way = tuple[float, float, float]
+_Direction = tuple[float, float, float]
 
-_POINTS: tuple[tuple[str, _Way, Joint], ...] = (
+_POINTS: tuple[tuple[str, _Direction, Joint], ...] = (
     ("head", (0.0, 1.33, 0.0), Joint.HEAD),
     ("left temple", (0.13, 1.17, 0.0), Joint.HEAD),
     ("right temple", (-0.13, 1.17, 0.0), Joint.HEAD),
@@ -36,14 +36,14 @@ _POINTS: tuple[tuple[str, _Way, Joint], ...] = (
     ("right foot", (-0.15, 0.0, 0.0), Joint.ANKLE_RIGHT),
 )
 """Name, about where it is on the mesh at rest, and the joint that it is paired with."""
-_SOIL = 0.25
+_SOIL_HEIGHT = 0.25
 """Metres above the floor at which the trunk leaves the pot, as the mesh has it."""
-_SHOULDER = 0.64
+_SHOULDER_HEIGHT = 0.64
 """Metres above the floor at which the arms leave the trunk."""
-_HEIGHT = 1.33
+_TRUNK_TOP_HEIGHT = 1.33
 """Metres above the floor at which the trunk ends."""
 
-_LENGTHS: Mapping[str, float] = {
+_BONE_LENGTHS: Mapping[str, float] = {
     "SPINE": 0.22, "SHOULDER_CENTER": 0.30, "HEAD": 0.22, "SHOULDER": 0.19, "ELBOW": 0.28, "WRIST": 0.25,
     "HAND": 0.08, "HIP": 0.13, "KNEE": 0.42, "ANKLE": 0.40, "FOOT": 0.15,
 }  # fmt: skip
@@ -54,10 +54,10 @@ _LENGTHS: Mapping[str, float] = {
 class _Arm:
     """An arm: ways of the performer's upper arm and forearm, and where elbow and end of the cactus's are."""
 
-    upper: _Way
-    fore: _Way
-    elbow: _Way
-    end: _Way
+    upper: _Direction
+    fore: _Direction
+    elbow: _Direction
+    end: _Direction
 
 
 _DOWN = _Arm((0.14, -0.99, 0.0), (0.06, -0.99, 0.1), (0.42, 0.60, 0.02), (0.66, 0.27, 0.08))
@@ -146,7 +146,7 @@ def _performer(pose: _Pose) -> Body:
         if parent >= 0:
             way = ways[joint] / np.linalg.norm(ways[joint])
             name = joint.name
-            length = _LENGTHS.get(name) or _LENGTHS[name.rsplit("_", 1)[0]]
+            length = _BONE_LENGTHS.get(name) or _BONE_LENGTHS[name.rsplit("_", 1)[0]]
             joints[joint] = joints[parent] + length * way
     joints[:, 1] -= joints[:, 1].min()
     return Body(0, joints, np.ones(len(Joint)))
@@ -161,7 +161,7 @@ def _places(pose: _Pose, rest: Float) -> Float:
         if part in ("elbow", "hand"):
             arm, sign = arms[side]
             at = np.array(arm.elbow if part == "elbow" else arm.end) * [sign, 1.0, 1.0]
-            places[k] = _on_trunk(pose, at, _SHOULDER)
+            places[k] = _on_trunk(pose, at, _SHOULDER_HEIGHT)
         elif part != "foot" and side != "pot":
             places[k] = _on_trunk(pose, rest[k], rest[k, 1])
     if pose.step:
@@ -172,13 +172,13 @@ def _places(pose: _Pose, rest: Float) -> Float:
 
 def _on_trunk(pose: _Pose, at: Float, height: float) -> Float:
     """(3,) metres of a place that goes with the trunk at a height, where the trunk is bent and pressed."""
-    share = (height - _SOIL) / (_HEIGHT - _SOIL)
+    share = (height - _SOIL_HEIGHT) / (_TRUNK_TOP_HEIGHT - _SOIL_HEIGHT)
     pressed = 1.0 - 0.36 * pose.crouch
     lean, bow = 1.2 * pose.lean * share, 1.1 * pose.bow * share
     # An arc of constant curvature: its middle direction is half the turn at its end.
-    centre = _turn(0.5 * lean, 0.5 * bow) @ np.array([0.0, (height - _SOIL) * pressed, 0.0])
+    centre = _turn(0.5 * lean, 0.5 * bow) @ np.array([0.0, (height - _SOIL_HEIGHT) * pressed, 0.0])
     beside = (at - [0.0, height, 0.0]) * [1.0 + 0.15 * pose.crouch, pressed, 1.0 + 0.15 * pose.crouch]
-    return np.asarray(centre + [0.0, _SOIL, 0.0] + _turn(lean, bow) @ beside)
+    return np.asarray(centre + [0.0, _SOIL_HEIGHT, 0.0] + _turn(lean, bow) @ beside)
 
 
 def _turn(lean: float, bow: float) -> Float:

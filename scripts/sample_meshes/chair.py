@@ -12,15 +12,15 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh
 from sample_meshes.isosurface import surface_of
 
-_OAK = (181, 126, 74)
+_OAK_COLOUR = (181, 126, 74)
 """sRGB, 0..255, of most of the wood."""
-_DARK = (139, 88, 47)
+_STAINED_COLOUR = (139, 88, 47)
 """sRGB, 0..255, of the stained wood: armrests, stretchers and the crest."""
-_FABRIC = (62, 108, 122)
+_FABRIC_COLOUR = (62, 108, 122)
 """sRGB, 0..255, of the cushions; a board of this colour gets no wood grain."""
-_FILLET = 0.010
+_FILLET_WIDTH = 0.010
 """Metres over which two wooden parts run into each other."""
-_BAND = 0.05
+_MAX_DISTANCE = 0.05
 """Metres from the surface beyond which no distance is needed."""
 
 
@@ -58,7 +58,7 @@ def make_chair(cell: float = 0.0135) -> Mesh:
     boards = _chair_boards()
     pieces, starts = _pieces(boards)
     boxes = _boxes(boards)
-    wood = np.array([board.colour != _FABRIC for board in boards])
+    wood = np.array([board.colour != _FABRIC_COLOUR for board in boards])
 
     def field(points: Float) -> Float:
         return np.asarray(_distance(points, pieces, starts, boxes, wood)[0])
@@ -67,7 +67,7 @@ def make_chair(cell: float = 0.0135) -> Mesh:
     vertices, faces = surface_of(field, low, high, cell)
     nearest = np.asarray(_distance(vertices, pieces, starts, boxes, wood)[1])
     vertices[:, 1] -= vertices[:, 1].min()
-    return Mesh(vertices, faces, "chair", _coloured(vertices, nearest, boards))
+    return Mesh(vertices, faces, "chair", _vertex_colours(vertices, nearest, boards))
 
 
 def _curve(*points: tuple[float, float, float], count: int = 10) -> Float:
@@ -83,7 +83,7 @@ def _curve(*points: tuple[float, float, float], count: int = 10) -> Float:
     return np.ascontiguousarray(control[:, 0])
 
 
-def _tapered(path: Float, first: tuple[float, float], last: tuple[float, float]) -> Float:
+def _taper(path: Float, first: tuple[float, float], last: tuple[float, float]) -> Float:
     """(P, 2) half sizes that go evenly from ``first`` to ``last`` along ``path``."""
     t = np.linspace(0, 1, len(path))[:, None]
     return np.array(first) * (1 - t) + np.array(last) * t
@@ -106,10 +106,10 @@ def _legs(side: float) -> list[_Board]:
     stretcher = _curve((x, 0.30, -0.015), (side * 0.228, 0.285, 0.25), (side * 0.235, 0.30, 0.505))
     right = (1.0, 0.0, 0.0)
     return [
-        _Board(lower, _tapered(lower, (0.026, 0.028), (0.037, 0.040)), right, 0.014, _OAK),
-        _Board(post, _tapered(post, (0.037, 0.040), (0.030, 0.028)), right, 0.014, _OAK),
-        _Board(front, _tapered(front, (0.026, 0.026), (0.038, 0.038)), right, 0.014, _OAK),
-        _Board(stretcher, _tapered(stretcher, (0.018, 0.026), (0.018, 0.026)), right, 0.011, _DARK),
+        _Board(lower, _taper(lower, (0.026, 0.028), (0.037, 0.040)), right, 0.014, _OAK_COLOUR),
+        _Board(post, _taper(post, (0.037, 0.040), (0.030, 0.028)), right, 0.014, _OAK_COLOUR),
+        _Board(front, _taper(front, (0.026, 0.026), (0.038, 0.038)), right, 0.014, _OAK_COLOUR),
+        _Board(stretcher, _taper(stretcher, (0.018, 0.026), (0.018, 0.026)), right, 0.011, _STAINED_COLOUR),
     ]
 
 
@@ -122,12 +122,12 @@ def _arm(side: float) -> list[_Board]:
         (side * 0.272, 1.085, 0.45),
         count=14,
     )
-    half = _tapered(rest, (0.032, 0.026), (0.046, 0.024))
+    half = _taper(rest, (0.032, 0.026), (0.046, 0.024))
     brace = _curve((side * 0.215, 0.965, 0.0), (side * 0.218, 0.99, 0.10), (side * 0.245, 1.09, 0.17))
     right = (1.0, 0.0, 0.0)
     return [
-        _Board(rest, half, right, 0.018, _DARK),
-        _Board(brace, _tapered(brace, (0.020, 0.022), (0.020, 0.020)), right, 0.013, _OAK),
+        _Board(rest, half, right, 0.018, _STAINED_COLOUR),
+        _Board(brace, _taper(brace, (0.020, 0.022), (0.020, 0.020)), right, 0.013, _OAK_COLOUR),
     ]
 
 
@@ -137,12 +137,14 @@ def _seat() -> list[_Board]:
     boards = []
     for z, thick in ((0.0, 0.026), (0.485, 0.026)):
         rail = _curve((-0.22, 0.775, z), (0.0, 0.775, z), (0.22, 0.775, z), count=4)
-        boards.append(_Board(rail, _tapered(rail, (thick, 0.042), (thick, 0.042)), forward, 0.012, _OAK))
+        boards.append(_Board(rail, _taper(rail, (thick, 0.042), (thick, 0.042)), forward, 0.012, _OAK_COLOUR))
     for side in (-1.0, 1.0):
         rail = _curve((side * 0.218, 0.775, 0.0), (side * 0.226, 0.775, 0.25), (side * 0.228, 0.775, 0.485))
-        boards.append(_Board(rail, _tapered(rail, (0.026, 0.042), (0.026, 0.042)), right, 0.012, _OAK))
+        boards.append(_Board(rail, _taper(rail, (0.026, 0.042), (0.026, 0.042)), right, 0.012, _OAK_COLOUR))
     cushion = _curve((0.0, 0.842, 0.062), (0.0, 0.858, 0.25), (0.0, 0.842, 0.505), count=6)
-    boards.append(_Board(cushion, _tapered(cushion, (0.222, 0.046), (0.247, 0.044)), right, 0.040, _FABRIC))
+    boards.append(
+        _Board(cushion, _taper(cushion, (0.222, 0.046), (0.247, 0.044)), right, 0.040, _FABRIC_COLOUR)
+    )
     return boards
 
 
@@ -151,14 +153,14 @@ def _back() -> list[_Board]:
     forward, right = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
     crest = _curve((-0.225, 1.655, -0.078), (0.0, 1.755, -0.125), (0.225, 1.655, -0.078), count=16)
     bulge = np.sin(np.linspace(0, np.pi, 16))[:, None]
-    half = _tapered(crest, (0.024, 0.042), (0.024, 0.042)) + bulge * [0, 0.022]
-    boards = [_Board(crest, half, forward, 0.016, _DARK)]
+    half = _taper(crest, (0.024, 0.042), (0.024, 0.042)) + bulge * [0, 0.022]
+    boards = [_Board(crest, half, forward, 0.016, _STAINED_COLOUR)]
     lower = _curve((-0.215, 0.96, 0.0), (0.0, 0.96, -0.022), (0.215, 0.96, 0.0), count=8)
-    boards.append(_Board(lower, _tapered(lower, (0.020, 0.032), (0.020, 0.032)), forward, 0.012, _OAK))
+    boards.append(_Board(lower, _taper(lower, (0.020, 0.032), (0.020, 0.032)), forward, 0.012, _OAK_COLOUR))
     for x, half in ((-0.118, 0.027), (0.0, 0.050), (0.118, 0.027)):
         bow = -0.02 * (1 - (x / 0.215) ** 2)
         slat = _curve((x, 0.95, bow / 2), (x * 1.02, 1.3, bow - 0.012), (x * 1.03, 1.67, -0.085 + bow))
-        boards.append(_Board(slat, _tapered(slat, (half, 0.017), (half, 0.017)), right, 0.010, _OAK))
+        boards.append(_Board(slat, _taper(slat, (half, 0.017), (half, 0.017)), right, 0.010, _OAK_COLOUR))
     return boards
 
 
@@ -212,7 +214,7 @@ def _boxes(boards: list[_Board]) -> Float:
 
 @njit(cache=True, nogil=True)
 def _distance(points, pieces, starts, boxes, wood):
-    """Signed distance of ``points`` (N, 3) to all boards, at most _BAND, and (N,) the nearest board.
+    """Signed distance of ``points`` (N, 3) to all boards, at most _MAX_DISTANCE, and (N,) the nearest board.
 
     Wooden boards are joined with a fillet (I. Quilez's polynomial smooth minimum), the cushion without.
     """
@@ -220,10 +222,10 @@ def _distance(points, pieces, starts, boxes, wood):
     nearest = np.zeros(points.shape[0], np.int64)
     for i in range(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        joined, soft, closest = _BAND, _BAND, _BAND
+        joined, soft, closest = _MAX_DISTANCE, _MAX_DISTANCE, _MAX_DISTANCE
         for b in range(boxes.shape[0]):
             # A board that is not nearer than this changes nothing.
-            bound = min(_BAND, max(joined + _FILLET, closest)) if wood[b] else soft
+            bound = min(_MAX_DISTANCE, max(joined + _FILLET_WIDTH, closest)) if wood[b] else soft
             if x < boxes[b, 0] - bound or x > boxes[b, 3] + bound:
                 continue
             if y < boxes[b, 1] - bound or y > boxes[b, 4] + bound:
@@ -241,8 +243,8 @@ def _distance(points, pieces, starts, boxes, wood):
             if not wood[b]:
                 soft = d
                 continue
-            h = max(_FILLET - abs(joined - d), 0.0) / _FILLET
-            joined = min(joined, d) - h * h * _FILLET / 4
+            h = max(_FILLET_WIDTH - abs(joined - d), 0.0) / _FILLET_WIDTH
+            joined = min(joined, d) - h * h * _FILLET_WIDTH / 4
         distance[i] = min(joined, soft)
     return distance, nearest
 
@@ -271,10 +273,10 @@ def _nearer(x, y, z, pieces, s, bound):
     return min(bound, outside + min(max(qu, qv), 0.0) - r)
 
 
-def _coloured(vertices: Float, nearest: Int, boards: list[_Board]) -> UInt8:
+def _vertex_colours(vertices: Float, nearest: Int, boards: list[_Board]) -> UInt8:
     """(V, 3) each board's colour with a quiet grain along the wood."""
     colours = np.array([board.colour for board in boards], np.float64)[nearest]
-    wood = np.array([board.colour != _FABRIC for board in boards])[nearest]
+    wood = np.array([board.colour != _FABRIC_COLOUR for board in boards])[nearest]
     x, y, z = vertices.T
     grain = 0.05 * np.sin(41 * x + 9 * np.sin(3 * y) + nearest) + 0.04 * np.sin(57 * z + 7 * np.sin(4 * y))
     shaded = colours * (1 + np.where(wood, grain, 0.0))[:, None]

@@ -17,7 +17,7 @@ Field = Callable[[Float], Float]
 """(N, 3) points to (N,) signed distances in metres, negative inside."""
 
 _CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
-_ON_SURFACE = 1e-9
+_SURFACE_TOLERANCE = 1e-9
 """Of a cell: a vertex that is so near to the surface stays; a step of it would take six values."""
 _EDGES = np.array([[a, b] for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1])
 
@@ -36,17 +36,17 @@ def surface_of(field: Field, low: Float, high: Float, cell: float) -> tuple[Floa
     shape = grid.shape[:3]
     values = field(grid.reshape(-1, 3)).reshape(shape)
     inside = values < 0
-    cells = np.argwhere(_crossed(inside))
+    cells = np.argwhere(_crossed_cells(inside))
     number = np.full(tuple(s - 1 for s in shape), -1, np.int64)
     number[tuple(cells.T)] = np.arange(len(cells))
     vertices = low + cell * _cell_points(values, cells)
     for _ in range(3):
-        vertices = _onto_surface(field, vertices, cell)
+        vertices = _project_to_surface(field, vertices, cell)
     quads = np.concatenate([_quads(inside, number, axis) for axis in range(3)])
     return vertices, _triangles(vertices, quads)
 
 
-def _crossed(inside: Bool) -> Bool:
+def _crossed_cells(inside: Bool) -> Bool:
     """True for each cell with corners on both sides of the surface."""
     views = [
         inside[i : inside.shape[0] - 1 + i, j : inside.shape[1] - 1 + j, k : inside.shape[2] - 1 + k]
@@ -69,16 +69,16 @@ def _cell_points(values: Float, cells: Int) -> Float:
     return np.asarray(cells + mean)
 
 
-def _onto_surface(field: Field, points: Float, cell: float) -> Float:
+def _project_to_surface(field: Field, points: Float, cell: float) -> Float:
     """One Newton step along the gradient, at most half a cell long, of what is not on the surface yet."""
     values = field(points)
-    off = np.abs(values) > _ON_SURFACE * cell
+    off = np.abs(values) > _SURFACE_TOLERANCE * cell
     moved = points.copy()
-    moved[off] = _stepped(field, points[off], values[off], cell)
+    moved[off] = _newton_step(field, points[off], values[off], cell)
     return moved
 
 
-def _stepped(field: Field, points: Float, values: Float, cell: float) -> Float:
+def _newton_step(field: Field, points: Float, values: Float, cell: float) -> Float:
     """(N, 3) points with these values, one Newton step further."""
     h = 1e-4 * cell
     offsets = h * np.concatenate([np.eye(3), -np.eye(3)])

@@ -9,15 +9,15 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int32
 from enliven.meshes import Mesh
 
-_CREAM = (233, 226, 208)
+_ENAMEL_COLOUR = (233, 226, 208)
 """sRGB, 0..255, of the enamel: base, bars and the outside of the shade."""
-_STEEL = (158, 164, 170)
+_SPRING_COLOUR = (158, 164, 170)
 """sRGB, 0..255, of the springs."""
-_DARK = (74, 78, 86)
+_PIN_COLOUR = (74, 78, 86)
 """sRGB, 0..255, of the pins."""
-_INSIDE = (250, 236, 200)
+_SHADE_INSIDE_COLOUR = (250, 236, 200)
 """sRGB, 0..255, of the inside of the shade."""
-_BULB = (255, 221, 130)
+_BULB_COLOUR = (255, 221, 130)
 """sRGB, 0..255, of the bulb."""
 _FOOT = np.array([-0.11, 0.44, 0.0])
 """Metres, the joint of the lower arm on the post."""
@@ -25,11 +25,11 @@ _ELBOW = np.array([-0.17, 1.40, 0.0])
 """Metres, the joint of both arms, at a person's shoulder."""
 _HEAD = np.array([-0.80, 1.51, 0.0])
 """Metres, the joint of the shade."""
-_LOOKS = np.array([-0.8, -0.6, 0.0])
+_SHADE_DIRECTION = np.array([-0.8, -0.6, 0.0])
 """Unit direction in which the shade opens."""
-_PIN = np.array([0.0, 0.0, 1.0])
+_PIN_AXIS = np.array([0.0, 0.0, 1.0])
 """Along the pins about which everything turns."""
-_HOOKED = 0.48
+_SPRING_END = 0.48
 """Where along an arm its springs end."""
 
 
@@ -87,24 +87,24 @@ def _base(cell: float) -> _Shell:
     ]
     profile += [(0.026, 0.448), (0.0, 0.450)]
     at = np.array([_FOOT[0], 0.0, _FOOT[2]])
-    return _painted(_revolved(np.array(profile), at, np.array([0.0, 1.0, 0.0]), cell), _CREAM)
+    return _paint(_revolve(np.array(profile), at, np.array([0.0, 1.0, 0.0]), cell), _ENAMEL_COLOUR)
 
 
 def _arm(start: Float, end: Float, cell: float) -> list[_Shell]:
     """Two parallel bars, a spring on either side near the arm's lower end, and the pin that holds both."""
     along = (end - start) / np.linalg.norm(end - start)
-    apart = np.cross(_PIN, along)
+    apart = np.cross(_PIN_AXIS, along)
     bars = [_bar(start + s * 0.030 * apart, end + s * 0.030 * apart, cell) for s in (-1.0, 1.0)]
-    hook = start + (_HOOKED * (end - start)) + 0.030 * apart
+    hook = start + (_SPRING_END * (end - start)) + 0.030 * apart
     pin = [(0.0, -0.050), (0.008, -0.048), (0.008, 0.048), (0.0, 0.050)]
-    held = _painted(_revolved(np.array(pin), hook, _PIN, cell), _DARK)
-    springs = (_spring(start, hook, s * 0.042 * _PIN) for s in (-1.0, 1.0))
+    held = _paint(_revolve(np.array(pin), hook, _PIN_AXIS, cell), _PIN_COLOUR)
+    springs = (_spring(start, hook, s * 0.042 * _PIN_AXIS) for s in (-1.0, 1.0))
     return [*bars, held, *springs]
 
 
 def _bar(start: Float, end: Float, cell: float) -> _Shell:
     """A round bar."""
-    return _painted(_tube(start, end, np.array([[0.0, 0.013], [1.0, 0.013]]), cell), _CREAM)
+    return _paint(_tube(start, end, np.array([[0.0, 0.013], [1.0, 0.013]]), cell), _ENAMEL_COLOUR)
 
 
 def _spring(start: Float, end: Float, beside: Float) -> _Shell:
@@ -117,16 +117,20 @@ def _spring(start: Float, end: Float, beside: Float) -> _Shell:
     inside = np.clip(np.minimum(t - 0.14, 0.86 - t) / 0.02, 0.0, 1.0)
     wound = coil - 0.0045 + 0.0045 * np.abs(np.cos(np.pi * t * length / pitch + 0.5 * angle)) ** 0.7
     radius = 0.005 + inside * (wound - 0.005)
-    return _painted(_rings(start + beside, end + beside, t[:, 0], radius), _STEEL)
+    return _paint(_rings(start + beside, end + beside, t[:, 0], radius), _SPRING_COLOUR)
 
 
 def _joints(cell: float) -> list[_Shell]:
     """The pins about which the arms turn, with plates beside the bars at the elbow."""
     pin = [(0.0, -0.036), (0.030, -0.036), (0.036, -0.030), (0.036, 0.030), (0.030, 0.036), (0.0, 0.036)]
     plate = [(0.0, -0.006), (0.058, -0.006), (0.062, 0.0), (0.058, 0.006), (0.0, 0.006)]
-    shells = [_painted(_revolved(np.array(pin), at, _PIN, cell), _DARK) for at in (_FOOT, _ELBOW, _HEAD)]
+    shells = [
+        _paint(_revolve(np.array(pin), at, _PIN_AXIS, cell), _PIN_COLOUR) for at in (_FOOT, _ELBOW, _HEAD)
+    ]
     for side in (-0.024, 0.024):
-        shells.append(_painted(_revolved(np.array(plate), _ELBOW + side * _PIN, _PIN, cell), _CREAM))
+        shells.append(
+            _paint(_revolve(np.array(plate), _ELBOW + side * _PIN_AXIS, _PIN_AXIS, cell), _ENAMEL_COLOUR)
+        )
     return shells
 
 
@@ -135,17 +139,17 @@ def _top(cell: float) -> list[_Shell]:
     outer = [(0.0, -0.052), (0.040, -0.052), (0.050, -0.042), (0.052, 0.060), (0.066, 0.086), (0.110, 0.130)]
     outer += [(0.150, 0.190), (0.172, 0.262), (0.178, 0.300)]
     inner = [(0.172, 0.300), (0.165, 0.262), (0.143, 0.194), (0.104, 0.138), (0.060, 0.096), (0.030, 0.090)]
-    outer, inner = _rounded(outer), [*_rounded(inner), (0.0, 0.090)]
-    shade = _revolved(np.array(outer + inner), _HEAD, _LOOKS, cell)
-    inside = _within(shade[0], np.array(inner))
-    painted = np.where(inside[:, None], _INSIDE, _CREAM).astype(np.float64)
+    outer, inner = _round_profile(outer), [*_round_profile(inner), (0.0, 0.090)]
+    shade = _revolve(np.array(outer + inner), _HEAD, _SHADE_DIRECTION, cell)
+    inside = _inner_side(shade[0], np.array(inner))
+    painted = np.where(inside[:, None], _SHADE_INSIDE_COLOUR, _ENAMEL_COLOUR).astype(np.float64)
     bulb = [(0.0, 0.070), (0.020, 0.074), (0.024, 0.110), (0.044, 0.150), (0.052, 0.180), (0.044, 0.210)]
     bulb += [(0.024, 0.228), (0.0, 0.232)]
-    light = _revolved(np.array(_rounded(bulb)), _HEAD, _LOOKS, cell)
-    return [_Shell(*shade, painted), _painted(light, _BULB)]
+    light = _revolve(np.array(_round_profile(bulb)), _HEAD, _SHADE_DIRECTION, cell)
+    return [_Shell(*shade, painted), _paint(light, _BULB_COLOUR)]
 
 
-def _rounded(profile: list[tuple[float, float]]) -> list[tuple[float, float]]:
+def _round_profile(profile: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """The profile with its corners cut twice (Chaikin); its ends stay."""
     points = np.array(profile)
     for _ in range(2):
@@ -154,20 +158,20 @@ def _rounded(profile: list[tuple[float, float]]) -> list[tuple[float, float]]:
     return [(float(r), float(h)) for r, h in points]
 
 
-def _within(vertices: Float, inner: Float) -> Bool:
+def _inner_side(vertices: Float, inner: Float) -> Bool:
     """(V,) whether a point of the shade lies on its inner side."""
-    along = (vertices - _HEAD) @ _LOOKS
-    radius = np.linalg.norm(vertices - _HEAD - along[:, None] * _LOOKS, axis=1)
+    along = (vertices - _HEAD) @ _SHADE_DIRECTION
+    radius = np.linalg.norm(vertices - _HEAD - along[:, None] * _SHADE_DIRECTION, axis=1)
     middle = np.interp(along, inner[::-1, 1], inner[::-1, 0] + 0.003, left=-1.0, right=-1.0)
     return np.asarray((radius < middle) & (along > inner[-1, 1] - 1e-6))
 
 
-def _painted(surface: tuple[Float, Int32], colour: tuple[int, int, int]) -> _Shell:
+def _paint(surface: tuple[Float, Int32], colour: tuple[int, int, int]) -> _Shell:
     vertices, faces = surface
     return _Shell(vertices, faces, np.broadcast_to(np.array(colour, np.float64), vertices.shape))
 
 
-def _revolved(profile: Float, at: Float, axis: Float, cell: float) -> tuple[Float, Int32]:
+def _revolve(profile: Float, at: Float, axis: Float, cell: float) -> tuple[Float, Int32]:
     """A closed surface of revolution.
 
     Args:
@@ -183,7 +187,7 @@ def _revolved(profile: Float, at: Float, axis: Float, cell: float) -> tuple[Floa
     curve = np.concatenate(points)[1:-1]
     around = max(12, int(np.ceil(2 * np.pi * profile[:, 0].max() / cell)))
     radius = np.broadcast_to(curve[:, :1], (len(curve), around))
-    return _wrapped(at, axis, curve[:, 1], radius, float(profile[0, 1]), float(profile[-1, 1]))
+    return _wrap_rings(at, axis, curve[:, 1], radius, float(profile[0, 1]), float(profile[-1, 1]))
 
 
 def _tube(start: Float, end: Float, radii: Float, cell: float) -> tuple[Float, Int32]:
@@ -198,10 +202,10 @@ def _rings(start: Float, end: Float, t: Float, radius: Float) -> tuple[Float, In
     """A tube of rings at the fractions ``t`` (R,), with ``radius`` (R, K) at K angles."""
     way, length = (end - start) / np.linalg.norm(end - start), float(np.linalg.norm(end - start))
     cap = 0.3 * float(radius[0].min())
-    return _wrapped(start, way, t * length, radius, -cap, length + cap)
+    return _wrap_rings(start, way, t * length, radius, -cap, length + cap)
 
 
-def _wrapped(
+def _wrap_rings(
     at: Float, axis: Float, heights: Float, radius: Float, first: float, last: float
 ) -> tuple[Float, Int32]:
     """Rings about an axis, joined, and closed by a point at each end.
@@ -212,7 +216,7 @@ def _wrapped(
     """
     rings, around = radius.shape
     axis = axis / np.linalg.norm(axis)
-    u = np.cross(axis, _PIN if abs(axis @ _PIN) < 0.9 else np.array([1.0, 0.0, 0.0]))
+    u = np.cross(axis, _PIN_AXIS if abs(axis @ _PIN_AXIS) < 0.9 else np.array([1.0, 0.0, 0.0]))
     u /= np.linalg.norm(u)
     angle = np.arange(around) / around * 2 * np.pi
     spoke = np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * np.cross(axis, u)

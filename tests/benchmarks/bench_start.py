@@ -20,8 +20,8 @@ from figure import Figure
 
 from enliven.wire.ports import free_ports
 from enliven.wire.sockets import Endpoint
+from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.timeline import Timeline
 

@@ -37,7 +37,7 @@ from enliven.samples import cactus_project, load_sample
 from enliven.wire import CUES, POSE, Done
 from enliven.wire.ports import free_ports
 from enliven.wire.sockets import Endpoint
-from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.timeline import RULER
 from enliven_viewer.studio.workspace import Workspace
@@ -92,7 +92,7 @@ def _scrub() -> Figure:
     workspace = Workspace(Editor(project=project))
     workspace.editor.solving.settle(project, names[2])
     surfaces, puppet = workspace.puppets.stage.surfaces, project.puppet(names[2])
-    while not surfaces.prepared(puppet):
+    while not surfaces.is_prepared(puppet):
         time.sleep(TURN)
     timeline, layout, took = workspace.timeline, workspace.timeline.layout, list[float]()
     timeline.press(layout.x(0.0), RULER / 2)
@@ -101,7 +101,7 @@ def _scrub() -> Figure:
         began = time.thread_time()
         timeline.drag(x)
         timeline.layout.lanes()
-        assert len(workspace.editor.standing) == 3
+        assert len(workspace.editor.stage_characters) == 3
         took.append(1e3 * (time.thread_time() - began))
     return Figure("window.scrub_ms", statistics.median(took[SCRUBS // 4 :]), "ms")
 

@@ -32,8 +32,8 @@ def figures() -> Iterator[Figure]:
     """Yields window.record_overhead, the fraction of a frame's time that recording takes."""
     with tempfile.TemporaryDirectory() as folder:
         session = PerformSession(Editor(project=Project().with_takes(*library())), Path(folder))
-        session.room, session.recording.count_in = "Perform", False
-        session.connect_nearby("--loop", "--possess-at", "0.5")
+        session.active_workspace, session.recording.count_in = "Perform", False
+        session.connect_local("--loop", "--possess-at", "0.5")
         try:
             _run(session, lambda: session.holders)
             extra = list[float]()
@@ -56,7 +56,7 @@ def _pictures(session: PerformSession) -> list[float]:
         session.editor.playing = True
         session.editor.advance(1 / RATE)
         session.advance(1 / RATE)
-        assert session.editor.standing is not None
+        assert session.editor.stage_characters is not None
         took.append(time.thread_time() - before)
         time.sleep(max(began + 1 / RATE - time.monotonic(), 0.0))
     return took

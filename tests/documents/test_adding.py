@@ -69,7 +69,7 @@ def test_a_tool_is_one_class_and_one_line(tmp_path, monkeypatch):
     bone = Skeleton(("a", "b"), np.array([-1, 0]), np.array([[0, 0.5, 0], [0, 1.5, 0.0]]))
     workspace.store.new(Project().with_characters(still_shape("bone", bone)))
     play([Key("1"), Wait(1.0), Key("f9"), Click(JointPlace("bone", 1))], HeadlessStage(workspace))
-    assert abs(workspace.editor.posed("bone").handles[:, 1] - [0.0, 1.0]).max() < 1e-9
+    assert abs(workspace.editor.stage_character("bone").handles[:, 1] - [0.0, 1.0]).max() < 1e-9
     assert workspace.editor.history.names == ("to the floor",)
     workspace.editor.history.undo()
-    assert workspace.editor.posed("bone").handles[0, 1] == 0.5
+    assert workspace.editor.stage_character("bone").handles[0, 1] == 0.5

@@ -10,7 +10,7 @@ from enliven.frames import BodyFrame, DepthFrame
 from enliven.person import Body
 from enliven.rotation import from_rotation_vector
 from enliven_edge.camera_preview import CameraPreview, nearness
-from enliven_viewer.studio.perform import seen, width_of
+from enliven_viewer.studio.perform import project_bodies, width_of
 from enliven_viewer.studio.picture import picture_of
 
 LENS = Intrinsics(320, 240, 290.0, 290.0, 150.0, 118.0)
@@ -55,7 +55,7 @@ def test_preview_joints_lie_on_the_image(mirrored) -> None:
         body = Body(
             1, np.stack([2 * place[0, 3] - body.joints[:, 0], *body.joints.T[1:]], 1), body.confidence
         )
-    (skeleton,) = seen([body], preview)
+    (skeleton,) = project_bodies([body], preview)
     picture = np.frombuffer(preview.nearness, np.uint8).reshape(preview.height, preview.width)
     places = np.round(skeleton.places * preview.height - 0.5).astype(int)
     assert (picture[places[:, 1], places[:, 0]] > 0).all()

@@ -26,7 +26,7 @@ from enliven_edge.tracking.health.health import HealthMonitor, HealthSettings
 from enliven_edge.tracking.settings import OutputSettings, SmoothingSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
-from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 
 STEP = 33_333_333
 

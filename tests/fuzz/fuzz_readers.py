@@ -36,7 +36,7 @@ from enliven.wire.posecode import PoseCodec
 from enliven_edge.importing.bags.reader import BagReader
 from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
-from enliven_viewer.render.materials import paint_keys, painted
+from enliven_viewer.render.materials import paint_keys, paint_surface
 from enliven_viewer.render.surface import split_creases
 
 
@@ -81,7 +81,7 @@ def _control(data: bytes, folder: Path) -> None:
             character = convert_characters.message_to_character(body)
             PoseCodec(character)
             surface = split_creases(character.vertices, character.faces, keys=paint_keys(character))
-            assert len(painted(character, surface).rows) == len(surface.source)
+            assert len(paint_surface(character, surface).rows) == len(surface.source)
 
 
 def _recording(data: bytes, folder: Path) -> None:

@@ -45,7 +45,7 @@ class RealEdge:
                 performers[:] = [body.id for body in value.bodies]
 
         document, feed = Document(), EdgeFeed(EdgeClient([self.address], "film"))
-        feed.heard = heard
+        feed.on_message = heard
         with contextlib.closing(feed):
             while time.monotonic() < end:
                 feed.poll(document)

@@ -18,7 +18,17 @@ LABELLED = {
     *("text_unformatted", "text_wrapped", "text_disabled"),
 }
 """Those functions with a visible first argument, not only an ID."""
-TELLING = {"add_text", "say", "complain", "tell", "caption", "fitting", "_wrapped", "_centred", "_tell"}
+TELLING = {
+    "add_text",
+    "say",
+    "complain",
+    "tell",
+    "caption",
+    "fitting",
+    "_draw_wrapped_text",
+    "_centred",
+    "_show_notes",
+}
 """Methods and functions that draw or announce all their text arguments."""
 ERRORS = {"InputError", "ResourceError", "FileChangedError"}
 """Errors that the window shows. The location of the error is not translated."""

@@ -10,7 +10,7 @@ from enliven.examples.puppet_examples import missing
 from enliven.examples.puppet_motion import state_of
 from enliven.modeling.puppet import change_key_pose
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.examples.edits import turned_a_quarter, with_guessed_joints, with_points
+from enliven_viewer.studio.examples.example_edits import turn_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -33,7 +33,7 @@ def test_a_cactus_that_lies_on_its_back_is_stood_up_and_directs_traffic(tmp_path
     workspace.open(TRAFFIC)
     editor, name, take = workspace.editor, "cactus", TRAFFIC.stem
     for axis in ("x", "y"):
-        assert editor.edit("stand", lambda project, axis=axis: turned_a_quarter(project, name, axis))
+        assert editor.edit("stand", lambda project, axis=axis: turn_quarter(project, name, axis))
     mesh = editor.project.puppets[name].mesh
     wide, tall, deep = np.ptp(mesh.vertices, axis=0)
     assert tall > wide > deep, "it stands, and its arms are at its sides"

@@ -16,11 +16,11 @@ from patience import PATIENCE
 from enliven.health import Severity
 from enliven.wire import Endpoint, Smooth, characters, requests, scans, streams, topics
 from enliven.wire.envelope import pack_control, pack_stream
-from enliven_viewer.link import one_edge
+from enliven_viewer.link import edge_connection
 from enliven_viewer.link import requests as link_requests
-from enliven_viewer.link.bounded import BoundedQueue, NewestValues
+from enliven_viewer.link.bounded_containers import BoundedQueue, NewestValues
+from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.playback import Document
 
 from ..shared.test_logs_escaped import EVIL, is_safe
@@ -103,9 +103,14 @@ def test_names_that_the_edge_does_not_list_are_kept_for_a_few_only(
         feed.poll(document)
     edge.until(lambda: edge.link.edges[0].health().malformed > 1000)
     own = edge.link.edges[0]
-    assert len(own._unknown) <= one_edge._MOST_UNKNOWN and len(own._sequences) <= one_edge._MOST_UNKNOWN
-    assert max((len(each) for each in own.latest.values()), default=0) <= one_edge._MOST_UNKNOWN
-    assert len(document.timeline._cues) <= one_edge._MOST_UNKNOWN
+    assert (
+        len(own._unknown) <= edge_connection._MAX_UNKNOWN_CHARACTERS
+        and len(own._sequences) <= edge_connection._MAX_UNKNOWN_CHARACTERS
+    )
+    assert (
+        max((len(each) for each in own.latest.values()), default=0) <= edge_connection._MAX_UNKNOWN_CHARACTERS
+    )
+    assert len(document.timeline._cues) <= edge_connection._MAX_UNKNOWN_CHARACTERS
 
 
 def test_poses_of_noise_that_wait_for_their_character_are_bounded(edge: HostileEdge) -> None:
@@ -114,12 +119,12 @@ def test_poses_of_noise_that_wait_for_their_character_are_bounded(edge: HostileE
         if number % 20 == 0:
             edge.turn()
     edge.until(lambda: edge.link.edges[0]._sequences.get("chair") == 299)
-    assert one_edge._UNREAD_BYTES / 2 < held_bytes(edge) < 1.2 * one_edge._UNREAD_BYTES
+    assert edge_connection._MAX_UNREAD_BYTES / 2 < held_bytes(edge) < 1.2 * edge_connection._MAX_UNREAD_BYTES
 
 
 def test_pieces_of_a_scan_without_end_are_bounded(edge: HostileEdge, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("_KEPT_BYTES", "_NEWEST_BYTES"):
-        monkeypatch.setattr(one_edge, name, 1_000_000)
+    for name in ("_MAX_STORED_BYTES", "_MAX_NEWEST_BYTES"):
+        monkeypatch.setattr(edge_connection, name, 1_000_000)
     for number in range(200):
         piece = scans.ScanPieceMessage(1, (number, 0, 0), 8, 0.01, NOISE[:18_000], NOISE[:3000])
         edge.pub.send(pack_stream(piece))
@@ -136,7 +141,7 @@ def test_replies_to_nothing_are_not_decoded_and_end_the_connection(
     monkeypatch.setattr(
         link_requests, "unpack_control", lambda data, topic: decoded.append(len(data)) or real(data, topic)
     )
-    monkeypatch.setattr(link_requests, "_REOPENED_AFTER", 0.2)
+    monkeypatch.setattr(link_requests, "_RECONNECT_DELAY_S", 0.2)
     big = pack_control(requests.Reply(99_999, requests.Welcome(edge.status, [], [NOISE] * 4)))
     (viewer,) = edge.viewers
     for _ in range(8):
@@ -174,7 +179,7 @@ def test_a_poll_ends_in_bounded_time_under_a_flood(edge: HostileEdge) -> None:
         start = time.thread_time()
         edge.link.poll()
         longest.append(time.thread_time() - start)
-    assert sorted(longest)[-3] < 4 * (one_edge._POLL_WITHIN + link_requests._POLL_WITHIN)
+    assert sorted(longest)[-3] < 4 * (edge_connection._POLL_BUDGET_S + link_requests._POLL_BUDGET_S)
 
 
 def test_a_character_that_was_not_asked_for_or_does_not_fit_is_not_kept(
@@ -188,8 +193,8 @@ def test_a_character_that_was_not_asked_for_or_does_not_fit_is_not_kept(
         )
 
     edge.names = ["chair", "lamp", "sofa"]
-    sizes = one_edge._bytes_of(character("x"))
-    monkeypatch.setattr(one_edge, "_CHARACTER_BYTES", 2 * sizes)
+    sizes = edge_connection._bytes_of(character("x"))
+    monkeypatch.setattr(edge_connection, "_MAX_CHARACTER_BYTES", 2 * sizes)
     edge.status = msgspec.structs.replace(edge.status, revision=2)
     edge.answer = lambda body: character(body["character"]) if body["type"] == "GetState" else None
     notices: list[str] = []

@@ -38,7 +38,7 @@ from enliven.wire import (
 from enliven_edge import character_upload
 from enliven_edge.character_upload import MAX_REVISION_JUMP
 from enliven_edge.stage.stage_capacity import StageSettings
-from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 
 from ..edge.matching.rigs_for_stage import person
 from ..shared.test_logs_escaped import EVIL, is_safe

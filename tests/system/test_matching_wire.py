@@ -20,10 +20,10 @@ from enliven_edge.stage.rig.rig_actor import RigActor
 from enliven_edge.stage.rig.settings import MatchingSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.live.match_cards import cards_of
-from enliven_viewer.live.stage import LiveStage
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.render.overlay.match_lines import match_rows

@@ -25,7 +25,7 @@ from enliven_edge.network.publisher import Publisher
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
-from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 
 pytestmark = pytest.mark.system
 FRAMES = 42

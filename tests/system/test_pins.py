@@ -44,33 +44,37 @@ def locked(kind: str, where: dict[str, str]) -> dict[str, str]:
 @pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
 def test_all_that_is_needed_has_a_pin(where) -> None:
     pins = lock.pins()
-    asked = [*lock.wanted("dev"), *lock.wanted("peers")]
-    assert [name for name in sorted(lock.needed(asked, where)) if not lock.pinned(pins, name, where)] == []
+    asked = [*lock.requested_packages("dev"), *lock.requested_packages("peers")]
+    assert [
+        name for name in sorted(lock.required_packages(asked, where)) if not lock.parse_pin(pins, name, where)
+    ] == []
     for requirement in map(Requirement, asked):
         if requirement.marker is None or requirement.marker.evaluate(where):
-            pin = lock.pinned(pins, lock.canonicalize_name(requirement.name), where)
+            pin = lock.parse_pin(pins, lock.canonicalize_name(requirement.name), where)
             assert next(iter(pin.specifier)).version in requirement.specifier
 
 
 @pytest.mark.parametrize("kind", ["run", "dev"])
 @pytest.mark.parametrize("where", EVERYWHERE.values(), ids=EVERYWHERE)
 def test_lock_file_installs_exactly_the_needed_packages(kind, where) -> None:
-    pins, names = lock.pins(), lock.needed(lock.wanted(kind), where)
+    pins, names = lock.pins(), lock.required_packages(lock.requested_packages(kind), where)
     if where["python_version"] in WITHOUT_WHEEL.get(where["platform_machine"], ()):
         names.discard("pocketsphinx")
         assert set(locked(kind, where)) - {"pocketsphinx"} == names
     else:
-        wanted = {name: next(iter(lock.pinned(pins, name, where).specifier)).version for name in names}
+        wanted = {name: next(iter(lock.parse_pin(pins, name, where).specifier)).version for name in names}
         assert locked(kind, where) == wanted
 
 
 def test_installed_versions_match_the_pins() -> None:
     here = {key: str(value) for key, value in default_environment().items()}
     pins = lock.pins()
-    for name in lock.needed(lock.wanted("dev"), here):
-        assert version(name) in lock.pinned(pins, name, here).specifier, name
-    for name in lock.needed(lock.wanted("peers"), here) - set(lock.absent(pins)):
-        assert version(name) in lock.pinned(pins, name, here).specifier, name
+    for name in lock.required_packages(lock.requested_packages("dev"), here):
+        assert version(name) in lock.parse_pin(pins, name, here).specifier, name
+    for name in lock.required_packages(lock.requested_packages("peers"), here) - set(
+        lock.missing_packages(pins)
+    ):
+        assert version(name) in lock.parse_pin(pins, name, here).specifier, name
 
 
 @pytest.mark.parametrize("kind", ["run", "dev"])
@@ -101,8 +105,8 @@ def test_a_wheel_fits_where_its_tag_says(tag, places) -> None:
 
 
 def test_the_page_on_licences_names_every_library_that_a_wheel_bundles() -> None:
-    bundled = set(audit.bundled(audit.site_packages()))
-    assert len(bundled) > 10 and bundled - audit.documented() == set()
+    bundled = set(audit.bundled_libraries(audit.site_packages()))
+    assert len(bundled) > 10 and bundled - audit.documented_libraries() == set()
 
 
 @pytest.mark.parametrize(
@@ -119,7 +123,7 @@ def test_the_page_on_licences_names_every_library_that_a_wheel_bundles() -> None
 def test_a_bundled_library_is_known_by_its_name(file, name, tmp_path) -> None:
     (tmp_path / "some.libs").mkdir()
     (tmp_path / "some.libs" / file).touch()
-    assert list(audit.bundled(tmp_path)) == [name]
+    assert list(audit.bundled_libraries(tmp_path)) == [name]
 
 
 @pytest.mark.parametrize(
@@ -135,7 +139,9 @@ def test_a_bundled_library_is_known_by_its_name(file, name, tmp_path) -> None:
     ],
 )
 def test_a_copyleft_package_is_objected_to(licence, objected) -> None:
-    assert bool(audit.objections([{"Name": "some", "Version": "1", "License": licence}])) is objected
+    assert (
+        bool(audit.find_licence_problems([{"Name": "some", "Version": "1", "License": licence}])) is objected
+    )
 
 
 def test_a_release_that_could_not_be_looked_up_does_not_pass() -> None:
@@ -156,13 +162,13 @@ def test_a_release_that_could_not_be_looked_up_does_not_pass() -> None:
 def test_pip_audit_without_an_answer_does_not_pass(monkeypatch, capsys) -> None:
     monkeypatch.setattr(audit, "tool", lambda name: "false")
     (sentence,) = audit.vulnerabilities()
-    count = len(audit.pinned())
+    count = len(audit.read_pins())
     assert f"{count} releases were not checked (pip-audit failed" in sentence and "numpy" in sentence
     assert f"0 of {count} releases" in capsys.readouterr().out
 
 
 def test_audit_without_a_network_reports_its_omissions(monkeypatch, capsys) -> None:
-    for part in ("licences", "bundled", "telemetry"):
+    for part in ("licences", "bundled_libraries", "telemetry"):
         monkeypatch.setattr(audit, part, lambda *_: [])
     monkeypatch.setattr(audit, "vulnerabilities", lambda: ["numpy was not checked"])
     for arguments, code in (([], 1), (["--offline"], 0)):

@@ -26,8 +26,8 @@ from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage import Stage
 from enliven_edge.tracking import Tracker
+from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.playback.document import Document
 
 OLD = Path(__file__).parent / "references" / "two_characters.mcap"

@@ -14,7 +14,7 @@ from patience import until
 from enliven.recording import Recording
 from enliven.wire.ports import free_ports
 from enliven_edge.sensors.attached_cameras import attached
-from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "edge" / "sensors"))
 from troubled import picture

@@ -27,7 +27,7 @@ from enliven.wire import CUES, POSE, Answer, Done, Endpoint, Refused, StageMessa
 from enliven_edge.commands.scan import scan
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 from enliven_viewer.commands.stage import stage as command
-from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.scene import scene_of

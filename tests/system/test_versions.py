@@ -192,7 +192,7 @@ def test_preferences_of_a_later_version_are_kept(tmp_path):
     before = path.read_bytes()
     workspace = Workspace.new(Editor(), tmp_path)
     workspace.preferences.resize(2)
-    workspace.preferences.opened(tmp_path / "a.enliven")
+    workspace.preferences.remember_file(tmp_path / "a.enliven")
     assert workspace.preferences.text_size > 1.0, "choices hold until the program ends"
     assert path.read_bytes() == before and [file.name for file in tmp_path.iterdir()] == [path.name]
     shown = [f"{toast.text}. {toast.mend}" for toast in workspace.editor.toasts.shown]
@@ -210,7 +210,7 @@ def test_entries_of_a_later_program_stay_in_preferences(tmp_path):
     stored = json.loads(path.read_text())
     assert stored["theme"] == "dusk" and stored["brush"] == {"size": 3} and stored["text_size"] == 1.5
     assert stored["keys"] == {"later.action": ["f9"], "view.all": ["f8"]} and stored["version"] == 1
-    kept.paint(theme="light")
+    kept.set_colours(theme="light")
     kept.resize(-1)
     stored = json.loads(path.read_text())
     assert stored["theme"] == "light" and stored["text_size"] == 1.3 and stored["brush"] == {"size": 3}

@@ -25,7 +25,7 @@ from enliven.wire.topics import BODIES, CUES, POSE
 from enliven_edge.network.control_socket import Command
 from enliven_edge.network.publisher import Publisher
 from enliven_viewer.link.clock import ClockEstimate
-from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 
 
 def unique() -> str:
@@ -169,7 +169,7 @@ def test_unanswered_command_ends_with_a_notice(
     link: EdgeClient, publisher: Publisher, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     joined(link, publisher)
-    monkeypatch.setattr("enliven_viewer.link.one_edge._COMMAND_WITHIN", 0.1)
+    monkeypatch.setattr("enliven_viewer.link.edge_connection._COMMAND_TIMEOUT_S", 0.1)
     replies: list[Any] = []
     link.ask(requests.Possess("chair"), replies.append)
     until(link, lambda: replies)
@@ -207,7 +207,7 @@ def test_silence_and_end_of_the_edge_are_reported(
 ) -> None:
     joined(link, publisher)
     assert link.health[publisher.endpoint].state == "connected"
-    monkeypatch.setattr("enliven_viewer.link.one_edge.SILENT_AFTER", 0.1)
+    monkeypatch.setattr("enliven_viewer.link.edge_connection.SILENT_AFTER", 0.1)
     until(link, lambda: link.health[publisher.endpoint].state == "stale")
     assert "silent" in link.health[publisher.endpoint].text
     publisher.set_status(phase="ended")
@@ -382,24 +382,24 @@ SECOND = 1_000_000_000
 def test_the_clock_is_found_between_its_bounds() -> None:
     """Random delays, one direction slow: the truth stays within the bounds, and is estimated closely."""
     rng, offset, clock = np.random.default_rng(0), 5 * SECOND, ClockEstimate()
-    assert clock.offset_ns == 0 and not clock.known
+    assert clock.offset_ns == 0 and not clock.is_known
     now = 0
     for _ in range(60):
         there, back = (int(d) for d in rng.uniform(1e5, [4e7, 1.6e7]))
-        clock.answered(now, now + there + offset, now + there + back)
+        clock.add_ping(now, now + there + offset, now + there + back)
         now += SECOND
-        clock.heard(now + offset, now + int(rng.uniform(1e5, 1.6e7)))
+        clock.add_heartbeat(now + offset, now + int(rng.uniform(1e5, 1.6e7)))
         assert max(clock._lower) <= offset <= min(clock._upper)
     assert abs(clock.offset_ns - offset) < 2_000_000
 
 
 def test_one_machine_has_one_clock_and_a_clock_that_is_set_is_noticed() -> None:
     clock = ClockEstimate()
-    clock.answered(0, 30_000_000, 32_000_000)
+    clock.add_ping(0, 30_000_000, 32_000_000)
     assert clock.offset_ns == 0, "nothing says that the clocks differ"
-    clock.answered(SECOND, SECOND + 60 * SECOND, SECOND + 2_000_000)
+    clock.add_ping(SECOND, SECOND + 60 * SECOND, SECOND + 2_000_000)
     assert abs(clock.offset_ns - 60 * SECOND) <= 2_000_000
-    clock.heard(SECOND + 90 * SECOND, SECOND + 3_000_000)
-    assert not clock.known, "bounds that exclude each other are forgotten"
-    clock.answered(5, 3, 4)
-    assert not clock.known, "an answer before its question says nothing"
+    clock.add_heartbeat(SECOND + 90 * SECOND, SECOND + 3_000_000)
+    assert not clock.is_known, "bounds that exclude each other are forgotten"
+    clock.add_ping(5, 3, 4)
+    assert not clock.is_known, "an answer before its question says nothing"

@@ -33,8 +33,8 @@ from enliven_edge.settings import WireSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.stage.tick import Tick
 from enliven_edge.tracking.tracker import Tracker
+from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
 

@@ -18,7 +18,7 @@ from imgui_bundle import imgui
 from PIL import Image
 from window_session import Feed
 
-from enliven_viewer.live.stage import LiveStage
+from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import Document
 from enliven_viewer.settings import RenderSettings, WindowStart
 from enliven_viewer.studio.editor.editor import Editor
@@ -91,7 +91,7 @@ def main() -> None:
     feed = Feed(empty=True)
     render = RenderSettings() if large else RenderSettings(shadow_size=64, contact_size=32, samples=1)
     workspace = Workspace.new(Editor(StudioSettings(render=render, width=640, height=480)), folder)
-    workspace.perform.room = "Play"
+    workspace.perform.active_workspace = "Play"
     workspace.perform.live = LiveStage(feed, Document())
     opening = WindowStart("enliven", full_screen=True, escape_ends=True, audience=True)
     window = StudioWindow(workspace, opening=opening)

@@ -71,7 +71,7 @@ def acting_stage(folder: Path, width: int = 1280, height: int = 720) -> Workspac
 def ready_for(workspace: Workspace, action: Action) -> None:
     """Selects what an action needs, and makes undo, redo and paste possible."""
     editor = workspace.editor
-    workspace.perform.room = (action.rooms or ("Animate",))[0]
+    workspace.perform.active_workspace = (action.workspaces or ("Animate",))[0]
     workspace.input.take("choose")
     workspace.outliner.renaming = ""
     editor.go_to(0)
@@ -121,7 +121,7 @@ def two_takes(project: Project) -> Project:
 
 def pixel_on(workspace: Workspace, name: str) -> tuple[float, float]:
     """Returns a pixel on the surface of a character."""
-    posed, tool = workspace.editor.posed(name), workspace.input.tools["choose"]
+    posed, tool = workspace.editor.stage_character(name), workspace.input.tools["choose"]
     middles = posed.vertices[posed.character.mesh.faces].mean(1)
     for x, y in workspace.editor.lens.pixels_of(middles[:: max(len(middles) // 60, 1)]):
         hit = tool.character_at(Pointer((x, y)))

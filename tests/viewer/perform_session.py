@@ -83,8 +83,13 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
             if time.monotonic() > end:
                 toasts = [toast.text for toast in editor.toasts.shown]
                 edge = perform.live and perform.live.document.edge.message
-                state = [perform.connected, perform.recording.phase, perform.standing, perform.holders, edge]
-                state += [perform.room, perform.meant, workspace.asking, workspace.actions.recent]
+                state = [perform.connected, perform.recording.phase, perform.stage_ids, perform.holders, edge]
+                state += [
+                    perform.active_workspace,
+                    perform.target,
+                    workspace.asking,
+                    workspace.actions.recent,
+                ]
                 state.append(imgui.get_io().want_text_input)
                 report["missing"] = [what, perform.sender.states, toasts, state]
                 raise TimeoutError(what)
@@ -118,7 +123,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     close_by(ctx, window, until, shot)
     click("waits arm")
     retry = lambda: None if perform.sender.states.get("arm") else click("put")  # noqa: E731
-    until(lambda: "arm" in perform.standing, "the arm on the stage", retry)
+    until(lambda: "arm" in perform.stage_ids, "the arm on the stage", retry)
     tall = np.ptp(perform.live.document.characters["arm"].vertices[:, 1])
     editor.edit("scale arm", lambda project: scale_character(project, "arm", 1.25))
     began = time.monotonic()
@@ -147,7 +152,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     report["kept"] = [len(editor.project.takes) - before[1], [t.text for t in editor.toasts.shown]]
     shot("gone")
     edge.start()
-    until(lambda: perform.connected and perform.holders and "arm" in perform.standing, "all of it again")
+    until(lambda: perform.connected and perform.holders and "arm" in perform.stage_ids, "all of it again")
     report["undone both"] = editor.history.names[-2:]
     until(lambda: recording(0.8), "a third recording")
     perform.recording.record()
@@ -193,7 +198,7 @@ def layered(
     """Steps into the selected arm, records, and records over it during playback; it is cut in between."""
     editor, perform = window.workspace.editor, window.workspace.perform
     editor.choose("arm")
-    until(lambda: perform.sender.states.get("arm") == "on the stage" and perform.meant == "arm", "the arm")
+    until(lambda: perform.sender.states.get("arm") == "on the stage" and perform.target == "arm", "the arm")
     live, counts, shown = perform.live, [], list[object]()
     assert live is not None
     live.choose_parts(PARTS.index("legs"))
@@ -228,7 +233,7 @@ def each_action(
     steps += [(beside, by_menu), (record, by_key), (beside, by_key), (record, by_menu)]
     steps.append((workspace.actions[TAKE_OFF], by_menu))
     for action, way in steps:
-        workspace.perform.room = (action.rooms or ("Play",))[-1]
+        workspace.perform.active_workspace = (action.workspaces or ("Play",))[-1]
         workspace.actions.recent.clear()
         workspace.editor.select(character="arm")
         if "own_size" in action.id:

@@ -19,7 +19,7 @@ from PIL import Image
 
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.scan.words import advice_of
+from enliven_viewer.studio.scan.scan_advice import advice_of
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -42,7 +42,13 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         end = time.monotonic() + PATIENCE
         while not done():
             if time.monotonic() > end:
-                state = [scan.said.phase, scan.said.note, scan.said.mend, scan.said.tracking, scan.said.fused]
+                state = [
+                    scan.message.phase,
+                    scan.message.note,
+                    scan.message.mend,
+                    scan.message.tracking,
+                    scan.message.fused,
+                ]
                 report["missing"] = [what, state, [toast.text for toast in editor.toasts.shown]]
                 raise TimeoutError(what)
             ctx.yield_()
@@ -114,34 +120,34 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     workspace.actions.do("scan.open")
     shot("before")
     words = ("--recording", recording, "--loop", "--speed", "0.7")
-    perform.connect_nearby(*words)
-    until(lambda: perform.connected and perform.standing, "the stage")
+    perform.connect_local(*words)
+    until(lambda: perform.connected and perform.stage_ids, "the stage")
     shot("ready")
     click("scan size")
     ctx.yield_(2)
     click("scan room")
     report["size"] = scan.size
     press("scan start", lambda: scan.active)
-    until(lambda: scan.said.fused > 3 and scan.surface, "a surface")
+    until(lambda: scan.message.fused > 3 and scan.surface, "a surface")
     shot("begun")
     first = len(scan.surface[0].faces)
-    until(lambda: scan.said.fused > 16 and scan.said.view, "more of it")
+    until(lambda: scan.message.fused > 16 and scan.message.view, "more of it")
     report["grown"] = [first, len(scan.surface[0].faces)]
-    report["words"] = advice_of(scan.said).text
+    report["words"] = advice_of(scan.message).text
     shot("growing")
-    press("scan pause", lambda: scan.said.phase == "paused")
+    press("scan pause", lambda: scan.message.phase == "paused")
     shot("paused")
-    before = scan.said.fused
-    press("scan undo", lambda: scan.said.fused < before)
-    report["undone"] = [before, scan.said.fused]
+    before = scan.message.fused
+    press("scan undo", lambda: scan.message.fused < before)
+    report["undone"] = [before, scan.message.fused]
     drag_the_box()
-    press("scan pause", lambda: scan.said.phase == "scanning")
-    until(lambda: scan.said.fused > 26, "the rest")
+    press("scan pause", lambda: scan.message.phase == "scanning")
+    until(lambda: scan.message.fused > 26, "the rest")
     shot("round")
-    press("scan done", lambda: scan.said.phase in ("finishing", "done"))
+    press("scan done", lambda: scan.message.phase in ("finishing", "done"))
     shot("making")
     until(lambda: "scan" in editor.project.characters, "the character")
-    until(lambda: "scan" in perform.standing and not scan.shown, "it on the stage")
+    until(lambda: "scan" in perform.stage_ids and not scan.shown, "it on the stage")
     ctx.yield_(20)
     character = editor.project.characters["scan"]
     report["scanned"] = [len(character.mesh.faces), np.ptp(character.mesh.vertices, axis=0).round(2).tolist()]
@@ -156,12 +162,14 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     report["undone edit"] = sorted(editor.project.characters)
     ctx.key_press(int(imgui.Key.mod_ctrl) | int(imgui.Key.mod_shift) | int(imgui.Key.z))
     ctx.yield_()
-    fused = scan.said.fused
+    fused = scan.message.fused
     workspace.actions.do("scan.again")
-    until(lambda: scan.said.phase == "scanning" and scan.said.fused > fused + 5, "more of the same thing")
+    until(
+        lambda: scan.message.phase == "scanning" and scan.message.fused > fused + 5, "more of the same thing"
+    )
     workspace.actions.do("scan.done")
     until(lambda: editor.history.undo_name == "add to the scan scan", "the second making")
-    report["again"] = [sorted(editor.project.characters), scan.said.fused > fused + 5]
+    report["again"] = [sorted(editor.project.characters), scan.message.fused > fused + 5]
     report["places"] = list(places)
     report["done"] = True
     workspace.store.forget()

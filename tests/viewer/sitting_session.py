@@ -47,7 +47,13 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
         end, asked = time.monotonic() + PATIENCE, 0.0
         while not done():
             if time.monotonic() > end:
-                state = [scan.said.phase, scan.said.note, voice.status, physics.words, perform.standing]
+                state = [
+                    scan.message.phase,
+                    scan.message.note,
+                    voice.status,
+                    physics.words,
+                    perform.stage_ids,
+                ]
                 state += [perform.connected, perform.holders, perform.performers]
                 report["missing"] = [what, state, [toast.text for toast in editor.toasts.shown]]
                 raise TimeoutError(what)
@@ -77,7 +83,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
         # A single press, with or without a person in view: the window acts as soon as it can.
         until(lambda: not perform.performers, "a moment in which nobody is in view")
         click("possess")
-        report["waits"] = perform.stepping_in.words
+        report["waits"] = perform.possession_requests.words
         shot("7 waits for somebody")
         until(lambda: "scan" in {holder.character for holder in perform.holders}, "who holds the scan")
         report["held"] = [holder.words for holder in perform.holders]
@@ -86,7 +92,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     def record() -> None:
         until(lambda: perform.performers, "the performer who moves")
         click("record")
-        until(lambda: perform.recording.counted, "the count-in")
+        until(lambda: perform.recording.beat, "the count-in")
         shot("9 counting in", at_once=True)
         until(lambda: perform.recording.recorder.seconds > 3.0, "a recording")
         shot("10 recording")
@@ -102,16 +108,16 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
         editor.scrub(0.0)
         ctx.key_press(int(imgui.Key.space))
         until(lambda: editor.playing and editor.time > 1.0, "what was recorded, as it plays")
-        positions = [editor.posed("scan").pose.positions]
+        positions = [editor.stage_character("scan").pose.positions]
         shot("12 plays")
-        positions.append(editor.posed("scan").pose.positions)
+        positions.append(editor.stage_character("scan").pose.positions)
         report["moves"] = float(np.abs(positions[1] - positions[0]).max())
         ctx.key_press(int(imgui.Key.space))
         click("room Perform")
 
     click("room Perform")
     shot("1 no stage")
-    perform.connect_nearby("--recording", depth, "--loop", "--settings", settings)
+    perform.connect_local("--recording", depth, "--loop", "--settings", settings)
     until(lambda: perform.connected and voice.state and physics.state, "the stage")
     until(lambda: perform.performers, "a performer")
     report["phrases"] = len(voice.phrases)
@@ -129,15 +135,19 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, depth: str, s
     until(lambda: not perform.performers, "the camera that is carried about")
     scan.size = "room"  # with larger voxels a busy machine keeps up with the camera
     until(lambda: scan.active, "a scan", lambda: workspace.actions.do("scan.start"))
-    until(lambda: scan.said.fused > FUSED and scan.surface, "a surface")
+    until(lambda: scan.message.fused > FUSED and scan.surface, "a surface")
     shot("5 scanning")
     until(
-        lambda: scan.said.phase in ("finishing", "done"), "the end", lambda: workspace.actions.do("scan.done")
+        lambda: scan.message.phase in ("finishing", "done"),
+        "the end",
+        lambda: workspace.actions.do("scan.done"),
     )
-    until(lambda: "scan" in editor.project.characters and "scan" in perform.standing, "the scan on the stage")
+    until(
+        lambda: "scan" in editor.project.characters and "scan" in perform.stage_ids, "the scan on the stage"
+    )
     shot("6 scan stands")
     click("remove chair")
-    until(lambda: "chair" not in perform.standing, "a stage with the scan alone")
+    until(lambda: "chair" not in perform.stage_ids, "a stage with the scan alone")
     editor.choose("scan")
     report["before"] = physics.words
     possess()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven_viewer.render.looks import LOOKS, to_key
+from enliven_viewer.render.stage_look import LOOKS, to_key
 from enliven_viewer.settings import RenderSettings
 
 

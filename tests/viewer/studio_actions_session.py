@@ -68,7 +68,7 @@ def tried(ctx: imgui.test_engine.TestContext, workspace: Workspace) -> None:
                 report[name].append(action.id)
             else:
                 report["refused"][f"{name} {action.id}"] = action.why_not() or str(workspace.actions.recent)
-            report["complaints"] += [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+            report["complaints"] += [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
             if workspace.outliner.renaming:
                 workspace.outliner.renaming = ""
                 ctx.yield_(3)  # the field releases the keys
@@ -76,7 +76,7 @@ def tried(ctx: imgui.test_engine.TestContext, workspace: Workspace) -> None:
                 workspace.cancel()
                 ctx.yield_()
             workspace.ended = False
-            workspace.editor.beside.finish()
+            workspace.editor.background.finish()
 
 
 def drawn_seldom() -> Callable[[], None]:
@@ -117,7 +117,7 @@ def palette(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     press(ctx, "ctrl+k")
     ctx.key_chars("pup")
     ctx.yield_(2)
-    report["found"] = [action.id for action in workspace.finding.found][:4]
+    report["found"] = [action.id for action in workspace.finding.matches][:4]
     picture(ctx, "palette")
     ctx.key_press(imgui.Key.enter)
     report["palette does"] = workspace.input.tool.name

@@ -53,7 +53,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     report["saved as"] = [title(), workspace.asking]
     workspace.store.save(Path("other.enliven"))
     save(ctx, int(imgui.Key.mod_shift) | int(imgui.Key.s), "squid")
-    report["warns"] = [workspace.asking, bool(workspace.browser and workspace.browser.said)]
+    report["warns"] = [workspace.asking, bool(workspace.browser and workspace.browser.refusal)]
     ctx.key_press(imgui.Key.enter)
     ctx.yield_(3)
     report["replaced"] = [title(), workspace.asking]
@@ -61,7 +61,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.yield_(3)
     report["dropped"] = sorted(workspace.editor.project.characters)
     choose_clip(ctx, window)
-    report["told"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+    report["told"] = [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
     report["recent"] = [Path(name).name for name in workspace.preferences.recent]
     film(ctx, window)
     ctx.menu_click(menu_path("File/Open recent/recent 1"))
@@ -119,7 +119,7 @@ def film(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.key_press(imgui.Key.enter)
     end = time.monotonic() + 100
     ctx.yield_(2)
-    while workspace.editor.beside.busy and time.monotonic() < end:
+    while workspace.editor.background.busy and time.monotonic() < end:
         ctx.yield_()
     report["film"] = [path.name for path in Path().glob("*.mp4")]
     report["film told"] = [toast.text for toast in workspace.editor.toasts.shown]

@@ -49,7 +49,7 @@ def main() -> None:
             workspace.store.forget()
             window.close()
         elif state["since"] == 0:
-            workspace.preferences.speak("de" if state["at"] >= len(shown) else "en")
+            workspace.preferences.set_language("de" if state["at"] >= len(shown) else "en")
             show(workspace, shown[state["at"] % len(shown)])
             workspace.widgets.clear()
 

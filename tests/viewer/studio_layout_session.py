@@ -40,7 +40,7 @@ report: dict[str, dict] = {}
 
 def enter(workspace: Workspace, room: str, *, chosen: str | None = None, tool: str = "choose") -> None:
     """Shows a workspace with a character and a tool."""
-    workspace.perform.room, workspace.scan.shown = room, False
+    workspace.perform.active_workspace, workspace.scan.shown = room, False
     workspace.input.take(tool)
     workspace.editor.choose(chosen)
 
@@ -112,7 +112,7 @@ def main() -> None:
         area = window.places.viewport
         character = [
             point
-            for posed in workspace.editor.seen
+            for posed in workspace.editor.visible_characters
             for point in workspace.editor.lens.pixels_of(np.asarray(posed.extent, float))
         ] or [np.zeros(2)]
         low, high = np.min(character, axis=0), np.max(character, axis=0)

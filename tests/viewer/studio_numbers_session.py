@@ -23,7 +23,7 @@ report: dict[str, object] = {"done": False, "complaints": []}
 def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     """Types a position as a sum, a height in centimetres, and a text that is not a number."""
     workspace = window.workspace
-    editor, figures = workspace.editor, workspace.figures
+    editor, figures = workspace.editor, workspace.selection_transform
     ctx.yield_(4)
     editor.choose("post")
     ctx.yield_(4)
@@ -33,7 +33,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
         ctx.yield_(3)
     report["place"], report["tall"] = float(figures.place[0]), float(figures.height)
     report["steps"] = list(editor.history.names)
-    report["complaints"] = [toast.text for toast in editor.toasts.shown if toast.bad]
+    report["complaints"] = [toast.text for toast in editor.toasts.shown if toast.is_error]
     report["done"] = True
     workspace.store.forget()
     window.close()

@@ -59,7 +59,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.item_drag_and_drop(ROW.format("character star"), ROW.format("character post"))
     ctx.yield_(2)
     report["order"] = list(editor.project.characters)
-    report["complaints"] = [toast.text for toast in editor.toasts.shown if toast.bad]
+    report["complaints"] = [toast.text for toast in editor.toasts.shown if toast.is_error]
     report["done"] = True
     workspace.store.forget()
     window.close()

@@ -68,7 +68,7 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     yield look
     yield Do(lambda d: (d.puppets.drag(0, np.array([0.3, 0.45, 0.0])), d.puppets.drop()))
     yield Wait(0.5)
-    yield Do(lambda d: d.puppets.crossing.wait())
+    yield Do(lambda d: d.puppets.self_intersection.wait())
     yield Wait(0.1)
     yield snap("warned")
     report["warning"] = tool.warning
@@ -82,7 +82,7 @@ def work(window: StudioWindow, wanted: list[str]) -> Iterator[Action]:
     yield Wait(0.2)
     report["playing"] = workspace.editor.playing
     yield Wait(0.1)
-    report["bad"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+    report["bad"] = [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
     report["done"] = True
 
 

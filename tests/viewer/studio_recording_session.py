@@ -109,7 +109,9 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
 
     press("room Perform")
     ctx.item_input_value("perform/##address", ":".join(["127.0.0.1", *edge.ports]))
-    until(lambda: perform.holders and perform.performers and perform.standing, "somebody who holds the chair")
+    until(
+        lambda: perform.holders and perform.performers and perform.stage_ids, "somebody who holds the chair"
+    )
     before = places(())
     report["places"] = [
         before,
@@ -121,7 +123,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     report["places"] += characters_come(ctx, window, until, places)
     press("record", HELD)
     report["record"] = recording.phase
-    until(lambda: recording.counted == 2, "the second beat")
+    until(lambda: recording.beat == 2, "the second beat")
     press("record", HELD)
     report["cancel"] = recording.phase
     recording.count_in = False
@@ -133,7 +135,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, edge: RealEdg
     report["stop"] = [recording.phase, sorted(workspace.editor.project.characters)]
     press("play", HELD)
     report["play"] = workspace.editor.playing
-    report["again"] = [bool(recording.recorded), workspace.widgets.get("record") == before[1]]
+    report["again"] = [bool(recording.last_recording), workspace.widgets.get("record") == before[1]]
     close(ctx, window, press, until, shot, folder)
     report["done"] = True
 
@@ -149,17 +151,17 @@ def characters_come(ctx, window, until, places) -> list[object]:
     report["lines"] = [workspace.widgets["waits arm"]]
     perform.put()
     seen.append(places(()))
-    until(lambda: "arm" in perform.standing, "the arm on the stage")
+    until(lambda: "arm" in perform.stage_ids, "the arm on the stage")
     seen.append(places(()))
     report["lines"].append(workspace.widgets["stands arm"])
     visitor = project_of_mesh(workspace.editor.project.shapes["arm"].mesh, "visitor")
     perform.stage.put(visitor, "visitor", fit=True)
-    until(lambda: "visitor" in perform.standing, "what a visitor brings")
+    until(lambda: "visitor" in perform.stage_ids, "what a visitor brings")
     seen.append(places(()))
     report["lines"].append(workspace.widgets["stands arm"])
     for name in ("visitor", "arm"):
         perform.take_off(name)
-    until(lambda: perform.standing == ("chair",), "the chair alone")
+    until(lambda: perform.stage_ids == ("chair",), "the chair alone")
     workspace.editor.edit("remove", lambda project: project.without("arm"))
     return [*seen, places(())]
 

@@ -63,7 +63,7 @@ class Steps:
         workspace.starting = True
         self.show("start page")
         yield lambda: self.count < 20
-        workspace.starting, workspace.perform.room = False, "Perform"
+        workspace.starting, workspace.perform.active_workspace = False, "Perform"
         self.show("no stage")
         end = time.monotonic() + PATIENCE_S
         yield lambda: search.cameras is None and time.monotonic() < end

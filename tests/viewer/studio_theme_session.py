@@ -38,7 +38,7 @@ def main() -> None:
             window.close()
         elif state["since"] == 0:
             theme, room = steps[state["at"]]
-            workspace.preferences.paint(theme)
+            workspace.preferences.set_colours(theme)
             enter(workspace, room, chosen=None if room == "Perform" else "limb")
 
     def after(window: StudioWindow) -> None:

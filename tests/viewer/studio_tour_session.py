@@ -47,7 +47,11 @@ def until(workspace: Workspace, done: Callable[[], object], what: str) -> Iterat
                 what,
                 tour and [tour.number, tour.text, tour.ticked],
                 [toast.text for toast in workspace.editor.toasts.shown],
-                [workspace.perform.room, workspace.perform.standing, workspace.perform.recording.phase],
+                [
+                    workspace.perform.active_workspace,
+                    workspace.perform.stage_ids,
+                    workspace.perform.recording.phase,
+                ],
             ]
             yield Do(lambda _: wanted.append("stuck"))
             yield Wait(0.1)
@@ -228,7 +232,7 @@ def work(workspace: Workspace, how: str) -> Iterator[Action]:
     yield Click(Widget("leave"))
     yield Wait(0.2)
     report["left the stage"] = workspace.perform.live is None
-    report["toasts"] = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+    report["toasts"] = [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
     report["done"] = True
 
 

@@ -13,7 +13,7 @@ from imgui_bundle import imgui
 
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.person.body import Body
-from enliven_viewer.live.stage import LiveStage
+from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import Document, EdgeState
 from enliven_viewer.playback.timeline import NS
 from enliven_viewer.settings import RenderSettings, WindowStart
@@ -60,7 +60,7 @@ def main() -> None:
     settings = StudioSettings(render=render, width=640, height=480)
     workspace = Workspace.new(Editor(settings), Path(sys.argv[1]))
     live = workspace.perform.live = LiveStage(feed, Document())
-    workspace.perform.room = "Play"
+    workspace.perform.active_workspace = "Play"
     window = StudioWindow(workspace, opening=WindowStart(bare="bare" in sys.argv, escape_ends=True))
 
     def after(window: StudioWindow) -> None:

@@ -20,48 +20,48 @@ LANGUAGES: dict[str, str] = {"en": "English", "de": "Deutsch"}
 """The name of each language in that language, by its code."""
 
 
-class _InUse:
+class _ActiveCatalogue:
     """The catalogue in use."""
 
     language = "en"
     catalogue: gettext.NullTranslations = gettext.NullTranslations()
 
 
-def speak(language: str) -> None:
+def set_language(language: str) -> None:
     """Switches to a language; to English if the catalogue is missing."""
     path = CATALOGUES / f"{language}.po"
     if language not in LANGUAGES or not path.exists():
-        _InUse.language, _InUse.catalogue = "en", gettext.NullTranslations()
+        _ActiveCatalogue.language, _ActiveCatalogue.catalogue = "en", gettext.NullTranslations()
         return
-    _InUse.catalogue = gettext.GNUTranslations(io.BytesIO(polib.pofile(str(path)).to_binary()))
-    _InUse.language = language
+    _ActiveCatalogue.catalogue = gettext.GNUTranslations(io.BytesIO(polib.pofile(str(path)).to_binary()))
+    _ActiveCatalogue.language = language
 
 
 def language_in_use() -> str:
     """Returns the code of the language in use."""
-    return _InUse.language
+    return _ActiveCatalogue.language
 
 
-class Later(str):
+class LazyText(str):
     """An English text with its inserted values. :func:`tr` translates it when it is drawn."""
 
     pattern: str
     values: tuple[object, ...]
 
 
-def later(text: str, *values: object) -> Later:
+def later(text: str, *values: object) -> LazyText:
     """Returns an English text that keeps its pattern and values, for example a history step or a state."""
-    message = Later(text.format(*values) if values else text)
+    message = LazyText(text.format(*values) if values else text)
     message.pattern, message.values = text, values
     return message
 
 
 def tr(text: str, *values: object) -> str:
     """Returns a text in the language in use, with values inserted for ``{0}``, ``{1}``, ..."""
-    if isinstance(text, Later):
+    if isinstance(text, LazyText):
         return tr(text.pattern, *(values or text.values))
-    translated = _InUse.catalogue.gettext(text) if text else ""
-    texts = (tr(value) if isinstance(value, Later) else value for value in values)
+    translated = _ActiveCatalogue.catalogue.gettext(text) if text else ""
+    texts = (tr(value) if isinstance(value, LazyText) else value for value in values)
     return translated.format(*texts) if values else translated
 
 
@@ -70,7 +70,7 @@ def tr_n(one: str, many: str, count: int, *values: object) -> str:
 
     The values are ``{1}`` and on.
     """
-    return _InUse.catalogue.ngettext(one, many, count).format(count, *values)
+    return _ActiveCatalogue.catalogue.ngettext(one, many, count).format(count, *values)
 
 
 def labelled(text: str, name: str) -> str:

@@ -183,7 +183,7 @@ class WindowStart:
     audience: bool = False
 
 
-def sized(settings: ViewerSettings, size: str | None) -> ViewerSettings:
+def with_size(settings: ViewerSettings, size: str | None) -> ViewerSettings:
     """Returns the settings with a size such as "1280x720".
 
     Raises:

@@ -17,8 +17,8 @@ Colour = Sequence[float]
 """sRGB and opacity, 0..1 each."""
 Paint = Sequence[int]
 """sRGB, 0..255 each, of an object in the 3D view."""
-Four = tuple[float, float, float, float]
-Three = tuple[int, int, int]
+Rgba = tuple[float, float, float, float]
+Rgb = tuple[int, int, int]
 ThemeName = Literal["dark", "light"]
 ColourSetName = Literal["usual", "okabe-ito"]
 Look = Literal["studio", "bright", "night", "white", "dawn", "garden"]
@@ -33,41 +33,41 @@ class Theme:
     """
 
     look: Literal["studio", "bright"]
-    ink: Four
-    quiet: Four
-    faint: Four
-    accent: Four
-    good: Four
-    wait: Four
-    bad: Four
-    glass: Four
-    panel: Four
-    raised: Four
-    pressed: Four
-    dark: Four
-    popup: Four
-    dimmed: Four
-    line: Four
-    track: Four
-    stroke: Four
-    cut: Four
-    chain: Four
-    mark: Four
-    shadow: Four
-    bone: Three
-    faded: Three
-    chosen: Three
-    hovered: Three
-    chained: Three
-    root: Three
-    axes: tuple[Three, Three, Three]
-    held_axis: Three
-    warning: Three
-    ghost: Three
-    before: Three
-    after: Three
-    glance_far: Three
-    glance_near: Three
+    ink: Rgba
+    quiet: Rgba
+    faint: Rgba
+    accent: Rgba
+    good: Rgba
+    wait: Rgba
+    bad: Rgba
+    glass: Rgba
+    panel: Rgba
+    raised: Rgba
+    pressed: Rgba
+    dark: Rgba
+    popup: Rgba
+    dimmed: Rgba
+    line: Rgba
+    track: Rgba
+    stroke: Rgba
+    cut: Rgba
+    chain: Rgba
+    mark: Rgba
+    shadow: Rgba
+    bone: Rgb
+    faded: Rgb
+    chosen: Rgb
+    hovered: Rgb
+    chained: Rgb
+    root: Rgb
+    axes: tuple[Rgb, Rgb, Rgb]
+    held_axis: Rgb
+    warning: Rgb
+    ghost: Rgb
+    before: Rgb
+    after: Rgb
+    glance_far: Rgb
+    glance_near: Rgb
 
 
 THEMES: dict[ThemeName, Theme] = {
@@ -164,16 +164,16 @@ class ColourSet:
         contact: a foot on the floor, on the timeline; ``flight``: both feet in the air.
     """
 
-    limbs: tuple[Three, ...]
-    performers: tuple[Three, ...]
-    lanes: tuple[Three, ...]
-    points: tuple[Three, ...]
-    characters: tuple[Three, ...]
-    contact: Three
-    flight: Three
+    limbs: tuple[Rgb, ...]
+    performers: tuple[Rgb, ...]
+    lanes: tuple[Rgb, ...]
+    points: tuple[Rgb, ...]
+    characters: tuple[Rgb, ...]
+    contact: Rgb
+    flight: Rgb
 
 
-class _Safe:
+class _ColourBlindPalette:
     """The colours of Okabe and Ito, and a grey."""
 
     orange, sky, green, yellow = (230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66)
@@ -221,22 +221,48 @@ COLOUR_SETS: dict[ColourSetName, ColourSet] = {
         flight=(117, 148, 219),
     ),
     "okabe-ito": ColourSet(
-        limbs=(_Safe.sky, _Safe.orange, _Safe.green, _Safe.yellow, _Safe.purple, _Safe.vermilion),
-        performers=(_Safe.sky, _Safe.yellow, _Safe.purple, _Safe.vermilion),
-        lanes=(_Safe.orange, _Safe.sky, _Safe.vermilion, _Safe.purple, _Safe.yellow, _Safe.green),
-        points=(
-            _Safe.orange,
-            _Safe.sky,
-            _Safe.grey,
-            _Safe.blue,
-            _Safe.vermilion,
-            _Safe.purple,
-            _Safe.yellow,
-            _Safe.green,
+        limbs=(
+            _ColourBlindPalette.sky,
+            _ColourBlindPalette.orange,
+            _ColourBlindPalette.green,
+            _ColourBlindPalette.yellow,
+            _ColourBlindPalette.purple,
+            _ColourBlindPalette.vermilion,
         ),
-        characters=(_Safe.orange, _Safe.sky, _Safe.vermilion, _Safe.purple, _Safe.yellow, _Safe.green),
-        contact=_Safe.yellow,
-        flight=_Safe.sky,
+        performers=(
+            _ColourBlindPalette.sky,
+            _ColourBlindPalette.yellow,
+            _ColourBlindPalette.purple,
+            _ColourBlindPalette.vermilion,
+        ),
+        lanes=(
+            _ColourBlindPalette.orange,
+            _ColourBlindPalette.sky,
+            _ColourBlindPalette.vermilion,
+            _ColourBlindPalette.purple,
+            _ColourBlindPalette.yellow,
+            _ColourBlindPalette.green,
+        ),
+        points=(
+            _ColourBlindPalette.orange,
+            _ColourBlindPalette.sky,
+            _ColourBlindPalette.grey,
+            _ColourBlindPalette.blue,
+            _ColourBlindPalette.vermilion,
+            _ColourBlindPalette.purple,
+            _ColourBlindPalette.yellow,
+            _ColourBlindPalette.green,
+        ),
+        characters=(
+            _ColourBlindPalette.orange,
+            _ColourBlindPalette.sky,
+            _ColourBlindPalette.vermilion,
+            _ColourBlindPalette.purple,
+            _ColourBlindPalette.yellow,
+            _ColourBlindPalette.green,
+        ),
+        contact=_ColourBlindPalette.yellow,
+        flight=_ColourBlindPalette.sky,
     ),
 }
 """The usual palette, and that of M. Okabe and K. Ito, "Color Universal Design" (2008), which people with any
@@ -244,14 +270,14 @@ kind of colour vision can distinguish. The order maximises the difference betwee
 """
 
 
-class _InUse:
+class _ActiveTheme:
     """The theme and the palette in use, which every colour reads."""
 
     theme: ThemeName = "dark"
     colours: ColourSetName = "usual"
 
 
-class _Shown(Sequence[Any]):
+class _ThemeColour(Sequence[Any]):
     """A colour, or several colours, by name: evaluates to the numbers of the theme in use.
 
     Args:
@@ -265,8 +291,8 @@ class _Shown(Sequence[Any]):
         self._is_set = name in ColourSet.__dataclass_fields__
 
     @property
-    def _now(self) -> Sequence[Any]:
-        source = COLOUR_SETS[_InUse.colours] if self._is_set else THEMES[_InUse.theme]
+    def _values(self) -> Sequence[Any]:
+        source = COLOUR_SETS[_ActiveTheme.colours] if self._is_set else THEMES[_ActiveTheme.theme]
         value: Sequence[Any] = getattr(source, self.name)
         if not self._as_light:
             return value
@@ -276,127 +302,127 @@ class _Shown(Sequence[Any]):
         return shares if is_sequence else shares[0]
 
     def __getitem__(self, at: Any) -> Any:
-        return self._now[at]
+        return self._values[at]
 
     def __len__(self) -> int:
-        return len(self._now)
+        return len(self._values)
 
 
-INK: Colour = _Shown("ink")
+INK: Colour = _ThemeColour("ink")
 """Text."""
-QUIET: Colour = _Shown("quiet")
+QUIET: Colour = _ThemeColour("quiet")
 """Secondary text."""
-FAINT: Colour = _Shown("faint")
+FAINT: Colour = _ThemeColour("faint")
 """Text of unavailable actions, and bones that no limb of the performer drives."""
-ACCENT: Colour = _Shown("accent")
+ACCENT: Colour = _ThemeColour("accent")
 """Active or live objects: amber, or umber on light panels."""
-GOOD: Colour = _Shown("good")
+GOOD: Colour = _ThemeColour("good")
 """Bluish green: all is well. With red-green colour blindness it is still distinct from the next two."""
-WAIT: Colour = _Shown("wait")
+WAIT: Colour = _ThemeColour("wait")
 """Yellow: a warning, or waiting."""
-BAD: Colour = _Shown("bad")
+BAD: Colour = _ThemeColour("bad")
 """Vermilion: an error."""
-GLASS: Colour = _Shown("glass")
+GLASS: Colour = _ThemeColour("glass")
 """Translucent panels over the view: the stage is visible through them, and text stays readable."""
 
-PANEL: Colour = _Shown("panel")
+PANEL: Colour = _ThemeColour("panel")
 """Panels: less prominent than the stage, so that the work draws the attention."""
-RAISED: Colour = _Shown("raised")
+RAISED: Colour = _ThemeColour("raised")
 """Buttons, fields and boxes on a panel."""
-PRESSED: Colour = _Shown("pressed")
+PRESSED: Colour = _ThemeColour("pressed")
 """A button or field under the pointer or pressed."""
-DARK: Colour = _Shown("dark")
+DARK: Colour = _ThemeColour("dark")
 """Views and lanes within a panel: darker than the panel."""
-POPUP: Colour = _Shown("popup")
+POPUP: Colour = _ThemeColour("popup")
 """Menus, dialogues and tooltips."""
-DIMMED: Colour = _Shown("dimmed")
+DIMMED: Colour = _ThemeColour("dimmed")
 """Overlay that dims the window behind a dialogue."""
-LINE: Colour = _Shown("line")
+LINE: Colour = _ThemeColour("line")
 """Separators between parts: barely visible."""
-TRACK: Colour = _Shown("track")
+TRACK: Colour = _ThemeColour("track")
 """The part of the timeline that has not been played yet."""
-STROKE: Colour = _Shown("stroke")
+STROKE: Colour = _ThemeColour("stroke")
 """A stroke being sketched."""
-CUT: Colour = _Shown("cut")
+CUT: Colour = _ThemeColour("cut")
 """A cutting stroke, and the places that it cuts."""
-CHAIN: Colour = _Shown("chain")
+CHAIN: Colour = _ThemeColour("chain")
 """A chain of joints, in overlays and lists."""
-MARK: Colour = _Shown("mark")
+MARK: Colour = _ThemeColour("mark")
 """Rings and outlines over the view: maximum contrast to the stage."""
-SHADOW: Colour = _Shown("shadow")
+SHADOW: Colour = _ThemeColour("shadow")
 """Behind marks and labels directly on the view: the opposite of MARK."""
 ON_COLOUR: Colour = (0.055, 0.062, 0.078, 1.0)
 """Text on bars and buttons in palette colours, which are bright in both themes."""
-ON_FILL: Colour = _Shown("dark")
+ON_FILL: Colour = _ThemeColour("dark")
 """Text on buttons and bars filled with ACCENT, GOOD, WAIT or BAD: dark on bright, light on dark."""
 UNTINTED: Colour = (1.0, 1.0, 1.0, 1.0)
 """Tint that leaves images unchanged."""
 CLEAR: Colour = (0.0, 0.0, 0.0, 0.0)
 """Fully transparent."""
 
-BONE: Paint = _Shown("bone")
+BONE: Paint = _ThemeColour("bone")
 """Bones of the selected shape."""
-FADED: Paint = _Shown("faded")
+FADED: Paint = _ThemeColour("faded")
 """Bones of other shapes: dimmer."""
-CHOSEN: Paint = _Shown("chosen")
+CHOSEN: Paint = _ThemeColour("chosen")
 """The selected joint: the colour of active objects."""
-HOVERED: Paint = _Shown("hovered")
+HOVERED: Paint = _ThemeColour("hovered")
 """The joint under the pointer: between plain and selected."""
-CHAINED: Paint = _Shown("chained")
+CHAINED: Paint = _ThemeColour("chained")
 """A chain of joints, as in overlays."""
-ROOT: Paint = _Shown("root")
+ROOT: Paint = _ThemeColour("root")
 """The root joint, which moves the whole shape."""
-AXES: Sequence[Paint] = _Shown("axes")
+AXES: Sequence[Paint] = _ThemeColour("axes")
 """The x, y and z axes of the gizmo: red, green and blue, as in every 3D program."""
-HELD_AXIS: Paint = _Shown("held_axis")
+HELD_AXIS: Paint = _ThemeColour("held_axis")
 """The part of the gizmo under the pointer."""
-WARNING: Paint = _Shown("warning")
+WARNING: Paint = _ThemeColour("warning")
 """Self-intersecting faces."""
-GHOST: Paint = _Shown("ghost")
+GHOST: Paint = _ThemeColour("ghost")
 """The outline of the previous key pose."""
-BEFORE: Paint = _Shown("before")
+BEFORE: Paint = _ThemeColour("before")
 """Past poses of a character: blue, distinct from AFTER even with red-green colour blindness."""
-AFTER: Paint = _Shown("after")
+AFTER: Paint = _ThemeColour("after")
 """Future poses of a character: orange."""
-GLANCE_FAR: Paint = _Shown("glance_far")
+GLANCE_FAR: Paint = _ThemeColour("glance_far")
 """The far or unknown part of a depth image: like the background of panels."""
-GLANCE_NEAR: Paint = _Shown("glance_near")
+GLANCE_NEAR: Paint = _ThemeColour("glance_near")
 """The nearest part of a depth image: distinct from the colour of a performer's skeleton."""
 PLAIN_SURFACE: Paint = (205, 208, 214)
 """A mesh without colours while it is painted or scanned: so light that every paint colour is visible on
 it.
 """
 
-LIMBS: Sequence[Sequence[float]] = _Shown("limbs", as_light=3)
+LIMBS: Sequence[Sequence[float]] = _ThemeColour("limbs", as_light=3)
 """sRGB 0..1 of the performer's limbs by number."""
-PERFORMERS: Sequence[Paint] = _Shown("performers")
+PERFORMERS: Sequence[Paint] = _ThemeColour("performers")
 """sRGB of performers by number."""
-LANES: Sequence[Colour] = _Shown("lanes", as_light=4)
+LANES: Sequence[Colour] = _ThemeColour("lanes", as_light=4)
 """Bars of the timeline, one colour per take."""
-POINTS: Sequence[Paint] = _Shown("points")
+POINTS: Sequence[Paint] = _ThemeColour("points")
 """sRGB of control points, in turn."""
-DEFAULT_COLOURS: Sequence[Paint] = _Shown("characters")
+DEFAULT_COLOURS: Sequence[Paint] = _ThemeColour("characters")
 """sRGB of meshes without their own colours."""
-CONTACT: Colour = _Shown("contact", as_light=4)
+CONTACT: Colour = _ThemeColour("contact", as_light=4)
 """Bars of the timeline: a foot on the floor."""
-FLIGHT: Colour = _Shown("flight", as_light=4)
+FLIGHT: Colour = _ThemeColour("flight", as_light=4)
 """Bars of the timeline: both feet in the air."""
 
 
 def use_theme(name: str, colours: str) -> None:
     """Switches to a theme and a palette; an unknown name selects the first of its kind."""
-    _InUse.theme = next((theme for theme in THEMES if theme == name), "dark")
-    _InUse.colours = next((palette for palette in COLOUR_SETS if palette == colours), "usual")
+    _ActiveTheme.theme = next((theme for theme in THEMES if theme == name), "dark")
+    _ActiveTheme.colours = next((palette for palette in COLOUR_SETS if palette == colours), "usual")
 
 
 def theme_in_use() -> tuple[ThemeName, ColourSetName]:
     """Returns the names of the theme and of the palette in use."""
-    return _InUse.theme, _InUse.colours
+    return _ActiveTheme.theme, _ActiveTheme.colours
 
 
 def is_light() -> bool:
     """Returns whether the theme in use has dark text on light panels."""
-    return THEMES[_InUse.theme].look == "bright"
+    return THEMES[_ActiveTheme.theme].look == "bright"
 
 
 def look_in_theme(look: Look) -> Look:
@@ -404,7 +430,7 @@ def look_in_theme(look: Look) -> Look:
 
     In the light theme the look "studio" becomes bright.
     """
-    return THEMES[_InUse.theme].look if look == "studio" else look
+    return THEMES[_ActiveTheme.theme].look if look == "studio" else look
 
 
 def performer_colour(number: int) -> Colour:

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import glfw
 
-Place = tuple[int, int, int, int]
+WindowRectangle = tuple[int, int, int, int]
 """x, y, width and height of a window."""
 
 
@@ -20,7 +20,7 @@ def is_minimised(window: Any) -> bool:
     return bool(glfw.get_window_attrib(window, glfw.ICONIFIED))
 
 
-def toggle_full_screen(window: Any, before: Place | None) -> Place | None:
+def toggle_full_screen(window: Any, before: WindowRectangle | None) -> WindowRectangle | None:
     """Fills the monitor, or restores ``before``. Returns the window's place to restore later, or None."""
     if before is not None:
         glfw.set_window_monitor(window, cast(Any, None), *before, glfw.DONT_CARE)

@@ -240,9 +240,9 @@ def _posed(workspace: Workspace) -> Actions:
         wanted = meant.get(_role(point.joint))
         if wanted is None or np.linalg.norm((key.places[number] - wanted)[:2]) < 0.03:
             continue
-        standing = workspace.puppets.stage.standing_of(CACTUS)
+        standing = workspace.puppets.stage.find(CACTUS)
         assert standing is not None
-        yield Drag((OnPuppet(CACTUS, point=number), _spot(standing.out(wanted[None])[0])), 0.8)
+        yield Drag((OnPuppet(CACTUS, point=number), _spot(standing.to_world(wanted[None])[0])), 0.8)
     assert isinstance(take, Clip)
     yield Wait(0.4)
 

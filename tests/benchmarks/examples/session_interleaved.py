@@ -106,7 +106,7 @@ def _sitting(workspace: Workspace, edge: RealEdge) -> Actions:
     yield Click(Widget("remove chair"))
     yield Say("Put the creature on the stage")
     yield Key("ctrl+enter")
-    yield from until(lambda: perform.standing == ("creature",), "the creature alone on the stage")
+    yield from until(lambda: perform.stage_ids == ("creature",), "the creature alone on the stage")
     yield Wait(0.5)
     yield Say("Arms like its arms: that chooses them")
     yield from recorded(workspace, "creature", "4")
@@ -136,7 +136,9 @@ def joined(workspace: Workspace, edge: RealEdge) -> Actions:
     yield Wait(0.4)
     yield Click(Widget("address"))
     yield from typed(edge.address)
-    yield from until(lambda: perform.performers and "chair" in perform.standing, "a performer, and the chair")
+    yield from until(
+        lambda: perform.performers and "chair" in perform.stage_ids, "a performer, and the chair"
+    )
     yield Wait(0.5)
 
 
@@ -187,7 +189,7 @@ def _remodelled(workspace: Workspace) -> Actions:
 def aside(shape: str, joint: str, editor: Editor) -> bool:
     """Returns True if the bone that ends at a joint is level on the screen, so that a stroke across it
     crosses nothing else."""
-    standing = editor.posed(shape)
+    standing = editor.stage_character(shape)
     number = standing.character.handles.index(joint)
     ends = np.array([standing.on_bone(number, along) for along in (0.0, 1.0)])
     right, down = np.abs(np.diff(editor.lens.project(ends)[0], axis=0)[0])
@@ -198,7 +200,7 @@ def across(shape: str, joint: str, editor: Editor) -> tuple[Place, Place]:
     """Returns a short stroke perpendicular to the bone that ends at a joint, at its current position on the
     screen."""
     middle = OnBone(shape, joint, 0.6)
-    standing = editor.posed(shape)
+    standing = editor.stage_character(shape)
     number = standing.character.handles.index(joint)
     ends = np.array([standing.on_bone(number, along) for along in (0.0, 1.0)])
     along = np.diff(editor.lens.project(ends)[0], axis=0)[0]

@@ -156,7 +156,7 @@ def _over(*places: Float) -> tuple[Near, ...]:
 
 def seat_top(editor: Editor) -> Float:
     """Returns (3,) the top of the middle of the seat at its current position, metres."""
-    vertices = editor.posed("chair").vertices
+    vertices = editor.stage_character("chair").vertices
     middle = (vertices.min(0) + vertices.max(0)) / 2
     around = np.abs(vertices[:, [0, 2]] - middle[[0, 2]]).max(1) < _MIDDLE
     return np.array([middle[0], vertices[around, 1].max(), middle[2]])
@@ -169,11 +169,11 @@ def chair(editor: Editor) -> GraphShape:
 
 def extent(editor: Editor, name: str) -> tuple[Float, Float]:
     """Returns the corners, (3,) and (3,) metres, of a character's current bounding box."""
-    vertices = editor.posed(name).vertices
+    vertices = editor.stage_character(name).vertices
     return vertices.min(0), vertices.max(0)
 
 
 def lowest(editor: Editor, name: str) -> Float:
     """Returns (3,) the middle of a character's current contact area with the floor, metres."""
-    vertices = editor.posed(name).vertices
+    vertices = editor.stage_character(name).vertices
     return np.asarray(vertices[vertices[:, 1] < vertices[:, 1].min() + _NEAR].mean(0))

@@ -61,8 +61,8 @@ from enliven_synthesis.sensor import (
 )
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.render import FilmCamera
-from enliven_viewer.studio.picture import GrowingPicture, Viewport
-from enliven_viewer.studio.scan import GrowingMesh
+from enliven_viewer.studio.picture import ScanPreview, Viewport
+from enliven_viewer.studio.scan import ScanPreviewMesh
 from enliven_viewer.studio.viewport import Lens, Overlay, Selection
 
 OUT = Path(__file__).parents[3] / "out" / "scanning"
@@ -184,16 +184,16 @@ class Growth:
     """The preview surface as a window builds it from an edge's messages, and its placement."""
 
     def __init__(self) -> None:
-        self._sent, self._mesh = SurfacePreview(_NO_NUMBER), GrowingMesh()
+        self._sent, self._mesh = SurfacePreview(_NO_NUMBER), ScanPreviewMesh()
         self._pieces: dict[str, object] = {}
         self.stage_from_scan = np.eye(4)
         self.told: Float | None = None
 
-    def look(self, scanner: Scanner) -> GrowingPicture | None:
+    def look(self, scanner: Scanner) -> ScanPreview | None:
         """Adds the newest pieces of the surface."""
         for piece in self._sent.changes(scanner.volumes[0], 10**9):
             self._pieces[str(piece.place)] = piece
-        self._mesh.take(self._pieces, _NO_NUMBER)
+        self._mesh.update(self._pieces, _NO_NUMBER)
         if self.told is not None:
             self.stage_from_scan = self.told
             return self._mesh.picture
@@ -267,7 +267,7 @@ class Filming:
         seen = np.full(len(mesh.vertices), 255, np.uint8)
         colours = mesh.colours if mesh.colours is not None else np.full((len(seen), 3), 200, np.uint8)
         normals, box = mesh.vertex_normals().astype(np.float32), mesh.bounds
-        shown = GrowingPicture(mesh.vertices.astype(np.float32), normals, colours, seen, mesh.faces)
+        shown = ScanPreview(mesh.vertices.astype(np.float32), normals, colours, seen, mesh.faces)
         count = round(_TURNED * RATE)
         for n in range(count):
             angle, turn = 2 * math.pi * n / count, np.eye(4)
@@ -277,7 +277,7 @@ class Filming:
             below = f"cut out: {len(mesh.faces)} triangles"
             yield self.studio.labelled(self.viewport.renderer, title, below)
 
-    def _draw(self, shown: GrowingPicture, stage: Float, box: tuple[Float, Float]) -> None:
+    def _draw(self, shown: ScanPreview, stage: Float, box: tuple[Float, Float]) -> None:
         aspect = SIZE[0] / SIZE[1]
         self.camera.follow(box, 1 / RATE, aspect)
         lens = Lens(self.camera.view(aspect), (float(SIZE[0]), float(SIZE[1])))

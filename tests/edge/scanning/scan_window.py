@@ -35,7 +35,7 @@ class Begun:
         self.scan, self.asked = scan, -ASKED_EVERY
 
     def __call__(self):
-        if self.scan.said.phase != "scanning" and time.monotonic() - self.asked > ASKED_EVERY:
+        if self.scan.message.phase != "scanning" and time.monotonic() - self.asked > ASKED_EVERY:
             self.asked = time.monotonic()
             self.scan.start()
-        return self.scan.said.phase == "scanning"
+        return self.scan.message.phase == "scanning"

@@ -30,7 +30,7 @@ from enliven_synthesis.sensor import (
     load_profile,
 )
 from enliven_viewer.studio.scan import advice_of
-from enliven_viewer.studio.scan.session import VOXELS
+from enliven_viewer.studio.scan.scan_session import VOXELS
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scan_window import Begun, Window
@@ -83,10 +83,10 @@ def scanned(tmp_path_factory):
         edge.followers.append(window)
         scan = window.scan
         edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
-        scan.way, scan.name = "laid", "chair"
+        scan.mode, scan.name = "laid", "chair"
         patch.setitem(VOXELS, "thing", SETTINGS.volume.voxel)
         edge.until(Begun(scan), "the beginning")
-        edge.show(frames, lambda: messages.append((scan.said, advice_of(scan.said).text)))
+        edge.show(frames, lambda: messages.append((scan.message, advice_of(scan.message).text)))
         scanner = edge.edge.scans._scan._run.scanner
         grown, place = scan.surface
         stood = grown.vertices @ place[:3, :3].T + place[:3, 3]

@@ -32,12 +32,14 @@ def test_full_turn_creates_a_character_with_named_ends(tmp_path):
         edge.followers.append(window)
         scan = window.scan
         edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
-        scan.way, scan.name = "person", "me"
+        scan.mode, scan.name = "person", "me"
         edge.until(Begun(scan), "the beginning")
-        words = [advice_of(scan.said).text]
-        edge.show(images, lambda: messages.append((scan.said, advice_of(scan.said).text)))
-        assert scan.said.phase == "scanning", "they stood still for less than a second of the camera's clock"
-        edge.until(lambda: scan.said.missing == 0.0, "all sides in the window")
+        words = [advice_of(scan.message).text]
+        edge.show(images, lambda: messages.append((scan.message, advice_of(scan.message).text)))
+        assert scan.message.phase == "scanning", (
+            "they stood still for less than a second of the camera's clock"
+        )
+        edge.until(lambda: scan.message.missing == 0.0, "all sides in the window")
         edge.show(images[-1:])
         scanner = edge.edge.scans._scan._run.scanner
         edge.until(lambda: "me" in window.editor.project.characters, "the character, without a key")

@@ -6,7 +6,7 @@ import math
 
 from enliven.errors import InputError
 from enliven.modeling.edits import rename_character
-from enliven_viewer.studio.places import places_in
+from enliven_viewer.studio.panel_layout import lay_out_panels
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import Point
 from enliven_viewer.studio.workspace import Workspace
@@ -28,7 +28,7 @@ class HeadlessStage:
 
     def __init__(self, workspace: Workspace) -> None:
         self.workspace, self.at = workspace, (0.0, 0.0)
-        area = places_in(workspace.editor.settings.width, workspace.editor.settings.height).viewport
+        area = lay_out_panels(workspace.editor.settings.width, workspace.editor.settings.height).viewport
         workspace.editor.size = (area.width, area.height)
         workspace.editor.frame_all(at_once=True)
         self._shift = False

@@ -181,7 +181,7 @@ def where(place: Place, stage: SessionStage) -> Point:
         return _on_performer(place, stage)
     if isinstance(place, SourceJoint):
         source = source_of(stage.workspace)
-        posed = source.posed()
+        posed = source.posed_skeleton()
         if posed is None:
             raise InputError("no take is shown", where="session")
         pixel = source.lens.project(posed.handles)[0][place.joint]
@@ -207,14 +207,14 @@ def _in_world(place: JointPlace | OnBone | OnPuppet | Spot, workspace: Workspace
         return np.array([place.x, place.y, place.z])
     if isinstance(place, OnPuppet):
         return _on_puppet(place, workspace)
-    posed = workspace.editor.posed(place.shape)
+    posed = workspace.editor.stage_character(place.shape)
     joint = posed.character.handles.index(place.joint) if isinstance(place.joint, str) else place.joint
     return posed.on_bone(joint, 1.0 if isinstance(place, JointPlace) else place.along)
 
 
 def _on_puppet(place: OnPuppet, workspace: Workspace) -> np.ndarray:
     """(3,) metres."""
-    standing = workspace.editor.posed(place.puppet)
+    standing = workspace.editor.stage_character(place.puppet)
     if place.point is None:
         return np.asarray(standing.vertices[place.vertex])
     names = standing.character.handles

@@ -130,7 +130,7 @@ def test_missing_edge_is_reported_and_leaves_no_file(gl, box, tmp_path) -> None:
 
 
 def test_an_edge_that_is_killed_ends_the_film(gl, box, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("enliven_viewer.film.film._QUIET_END", 0.2)
+    monkeypatch.setattr("enliven_viewer.film.film._SILENCE_TIMEOUT_S", 0.2)
     assert filmed(Vanishing(box, 12), tmp_path / "film.mp4").pictures == 12
     assert len(decoded(tmp_path / "film.mp4")) == 12
 

@@ -9,7 +9,7 @@ import pytest
 from enliven import cli
 from enliven.commands import run as run_command
 from enliven.film import FilmWriter
-from enliven_viewer.film.film_strip import WAITING, FilmStrip
+from enliven_viewer.film.film_strip import MAX_QUEUED_IMAGES, FilmStrip
 from enliven_viewer.film.sheet import Tiles
 from enliven_viewer.render.gl.targets import upright
 
@@ -59,7 +59,7 @@ class Full:
 def test_encoder_errors_are_raised():
     full = Full()
     with pytest.raises(OSError, match="no space left"), FilmStrip(full, Tiles(3, 64)) as strip:
-        for n in range(3 + 2 * WAITING):
+        for n in range(3 + 2 * MAX_QUEUED_IMAGES):
             strip.add(n / 30, raw(n))
     assert full.threads != {threading.current_thread().name}
 

@@ -11,7 +11,7 @@ from enliven.cli import run
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.meshes.files import save_mesh
 from enliven.meshes.mesh import Mesh
-from enliven_viewer.film.graph_picture import BRIDGE, HEADER, SIDES, fitted, graph_rows, view_of
+from enliven_viewer.film.graph_picture import BRIDGE, HEADER, SIDES, fit_graph, graph_rows, view_of
 from enliven_viewer.render.materials import linear_from_srgb
 
 SIZE = 320
@@ -43,7 +43,7 @@ def test_the_bridge_is_red_where_it_is(balls, tmp_path, capsys):
     height = SIZE * 5 // 4
     assert pixels.shape[1] == 3 * SIZE
     graph = DeformationGraph.build(balls, 40)
-    shown, nodes, _ = fitted(character_from(balls, graph, "balls"), graph)
+    shown, nodes, _ = fit_graph(character_from(balls, graph, "balls"), graph)
     box = (shown.vertices.min(0).astype(float), shown.vertices.max(0).astype(float))
     middle = nodes[graph.edges[graph.bridges][0]].mean(0)
     for number, turn in enumerate(SIDES):

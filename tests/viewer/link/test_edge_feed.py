@@ -15,8 +15,8 @@ from enliven.wire.convert import bodies_to_message, cues_to_message
 from enliven.wire.requests import Possess
 from enliven.wire.sockets import Endpoint
 from enliven_edge.network.publisher import Publisher
+from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
-from enliven_viewer.link.edges import EdgeClient
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.timeline import NS
 
@@ -39,7 +39,7 @@ def until(condition, *steps, seconds: float = PATIENCE) -> None:
 
 def test_silent_and_dead_edges_are_not_live(publisher, box, monkeypatch) -> None:
     monkeypatch.setattr("enliven_viewer.link.topic_health.RATE_OVER", 0.3)
-    for module in ("topic_health", "one_edge"):
+    for module in ("topic_health", "edge_connection"):
         monkeypatch.setattr(f"enliven_viewer.link.{module}.SILENT_AFTER", 0.6)
     publisher.set_character(box)
     feed, document, count = EdgeFeed(EdgeClient([publisher.endpoint])), Document(), iter(range(10**6))
@@ -107,7 +107,7 @@ def test_document_without_an_edge_names_the_address() -> None:
 
 def test_restart_is_reported_before_the_new_edges_messages(box, monkeypatch) -> None:
     """Its first message may be about performers, which does not state its process."""
-    monkeypatch.setattr("enliven_viewer.link.one_edge.SILENT_AFTER", 0.3)
+    monkeypatch.setattr("enliven_viewer.link.edge_connection.SILENT_AFTER", 0.3)
 
     def edge(pose_port: int = 0, control_port: int = 0) -> Publisher:
         return Publisher(name="again", host="127.0.0.1", pose_port=pose_port, control_port=control_port)
@@ -115,7 +115,7 @@ def test_restart_is_reported_before_the_new_edges_messages(box, monkeypatch) -> 
     first = edge()
     feed, document, heard = EdgeFeed(EdgeClient([first.endpoint])), Document(), list[object]()
     feed.restarted = lambda: heard.append("restarted")
-    feed.heard = lambda topic, value: heard.append(value.time_ns) if topic is BODIES else None
+    feed.on_message = lambda topic, value: heard.append(value.time_ns) if topic is BODIES else None
 
     def performer(time_ns: int) -> BodiesMessage:
         return bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], time_ns)
@@ -147,7 +147,7 @@ def test_messages_during_a_slow_frame_are_sorted_by_time(publisher, box) -> None
     """Ten seconds of poses and of performers: neither may look like a clock that started again."""
     publisher.set_character(box)
     feed, document, heard = EdgeFeed(EdgeClient([publisher.endpoint])), Document(), list[int]()
-    feed.heard = lambda topic, value: heard.append(getattr(value, "pose", value).time_ns)
+    feed.on_message = lambda topic, value: heard.append(getattr(value, "pose", value).time_ns)
 
     def turn() -> None:
         list(publisher.poll())

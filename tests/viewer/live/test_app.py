@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from enliven.errors import InputError, ResourceError
 from enliven_viewer.commands.view import _addresses, view
 from enliven_viewer.doctor import checks
-from enliven_viewer.settings import ViewerSettings, sized
+from enliven_viewer.settings import ViewerSettings, with_size
 
 SESSION = Path(__file__).parents[1] / "window_session.py"
 AUDIENCE = Path(__file__).parents[1] / "audience_session.py"
@@ -88,11 +88,14 @@ def test_help_has_worked_examples() -> None:
 @pytest.mark.parametrize("text", ["1280", "0x0", "axb", "99999x10", "-5x10"])
 def test_invalid_size_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="not a size"):
-        sized(ViewerSettings(), text)
+        with_size(ViewerSettings(), text)
 
 
 def test_sizes_and_addresses() -> None:
-    assert (sized(ViewerSettings(), "640 x 360").width, sized(ViewerSettings(), None).width) == (640, 1280)
+    assert (with_size(ViewerSettings(), "640 x 360").width, with_size(ViewerSettings(), None).width) == (
+        640,
+        1280,
+    )
     assert _addresses(["10.0.0.2"], None, None) == ["10.0.0.2:5580:5581"]
     assert _addresses(["10.0.0.2:7000"], None, None) == ["10.0.0.2:7000:7001"]
     assert _addresses(["10.0.0.2:7000"], 8000, 9000) == ["10.0.0.2:8000:9000"]

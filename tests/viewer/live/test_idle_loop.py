@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from enliven.person.body import Body
 from enliven_viewer.live.idle_loop import WORDS, IdleLoop, loss_of
+from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.live.performer_numbers import PerformerNumbers
-from enliven_viewer.live.stage import LiveStage
 from enliven_viewer.playback.document import Document, EdgeState
 from enliven_viewer.playback.timeline import NS
 from enliven_viewer.render.camera import OrbitCamera

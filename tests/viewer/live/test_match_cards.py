@@ -17,7 +17,7 @@ from enliven.person.body import Body
 from enliven.wire.matches import board_to_message, message_to_board
 from enliven.wire.streams import MatchesMessage
 from enliven_viewer.live.match_cards import cards_of, draw_cards
-from enliven_viewer.live.view_report import ViewReporter, hidden, look_of, turn_to_bones
+from enliven_viewer.live.view_report import ViewReporter, is_end_on, look_of, turn_to_bones
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.render.capsules import capsules_of
@@ -190,14 +190,14 @@ def test_camera_is_sent_to_the_edge_only_when_it_moves() -> None:
 
 def test_chains_pointing_at_the_eye_are_detected() -> None:
     camera = front()
-    assert not hidden(scene(), camera.view(1.5))
+    assert not is_end_on(scene(), camera.view(1.5))
     camera.face(np.pi / 2, 0.05)
     camera.advance(10.0)
-    assert hidden(scene(), camera.view(1.5))
-    assert not hidden(scene(replace(BOARD, state="playing")), camera.view(1.5))
+    assert is_end_on(scene(), camera.view(1.5))
+    assert not is_end_on(scene(replace(BOARD, state="playing")), camera.view(1.5))
     turn_to_bones(camera, scene())
     camera.advance(10.0)
-    assert not hidden(scene(), camera.view(1.5))
+    assert not is_end_on(scene(), camera.view(1.5))
 
 
 def test_the_camera_turns_to_where_bones_are_seen() -> None:

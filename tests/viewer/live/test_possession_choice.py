@@ -43,7 +43,9 @@ def test_smoothing_is_requested_for_the_chosen_performer_and_ends_at_off() -> No
 
 
 def test_every_key_of_possession_means_one_thing_in_its_workspace() -> None:
-    keys = [(action.key, room) for action in PERFORM_ACTIONS if action.key for room in action.rooms or ROOMS]
+    keys = [
+        (action.key, room) for action in PERFORM_ACTIONS if action.key for room in action.workspaces or ROOMS
+    ]
     assert len(set(keys)) == len(keys)
     assert {key for key, room in keys if room == "Play"} >= {*"pjerbknmvlgs123456789", "comma", "period"}
 

@@ -200,7 +200,9 @@ def test_unchanged_scene_costs_nothing() -> None:
 def test_viewer_without_puppets_loads_no_solver() -> None:
     """It is a third of everything that a viewer loads before its first frame."""
     heavy = {"enliven.deformation.arap.solver", "scipy.sparse.linalg"}
-    look = f"import sys, enliven_viewer.film, enliven_viewer.live.stage; print(*{heavy} & set(sys.modules))"
+    look = (
+        f"import sys, enliven_viewer.film, enliven_viewer.live.live_stage; print(*{heavy} & set(sys.modules))"
+    )
     shown = subprocess.run(
         [sys.executable, "-c", look], capture_output=True, text=True, timeout=300, check=True
     )

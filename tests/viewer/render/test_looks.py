@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.camera import CameraView, look_at, perspective
-from enliven_viewer.render.looks import LOOKS
+from enliven_viewer.render.stage_look import LOOKS
 from enliven_viewer.settings import LookName, RenderSettings, ViewerSettings
 
 SMALL = RenderSettings(shadow_size=64, contact_size=32, samples=1)

@@ -20,7 +20,7 @@ from enliven.errors import InputError
 from enliven.meshes import MeshMaterials, Texture
 from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.camera import CameraView, look_at, perspective
-from enliven_viewer.render.materials import linear_from_srgb, material_of, paint_keys, painted
+from enliven_viewer.render.materials import linear_from_srgb, material_of, paint_keys, paint_surface
 from enliven_viewer.render.surface import split_creases
 from enliven_viewer.settings import RenderSettings
 
@@ -225,7 +225,7 @@ def test_a_seam_of_texture_coordinates_is_not_seen_in_the_light() -> None:
     assert len(cut.source) == len(uncut.source) + 2
     normal_of = dict(zip(uncut.source.tolist(), uncut.normals, strict=True))
     np.testing.assert_allclose(cut.normals, [normal_of[v] for v in cut.source.tolist()], atol=1e-6)
-    np.testing.assert_allclose(painted(tube, cut).rows[cut.faces][:, :, 0], u, atol=1e-6)
+    np.testing.assert_allclose(paint_surface(tube, cut).rows[cut.faces][:, :, 0], u, atol=1e-6)
 
 
 def test_materials_that_differ_in_numbers_are_drawn_in_one_call() -> None:
@@ -233,10 +233,10 @@ def test_materials_that_differ_in_numbers_are_drawn_in_one_call() -> None:
     definitions = tuple(json.dumps({"pbrMetallicRoughness": {"roughnessFactor": k / 9}}) for k in range(9))
     of = np.array([3, -1], np.int32)
     both = replace(plain_board, materials=replace(plain_board.materials, definitions=definitions, of=of))
-    paint = painted(both, split_creases(both.vertices, both.faces, keys=paint_keys(both)))
+    paint = paint_surface(both, split_creases(both.vertices, both.faces, keys=paint_keys(both)))
     assert sorted((start, count) for _, start, count in paint.parts) == [(0, 1), (1, 1)]
     all_named = replace(both, materials=replace(both.materials, of=np.array([3, 7], np.int32)))
-    paint = painted(all_named, split_creases(both.vertices, both.faces, keys=paint_keys(all_named)))
+    paint = paint_surface(all_named, split_creases(both.vertices, both.faces, keys=paint_keys(all_named)))
     assert [count for _, _, count in paint.parts] == [2]
     np.testing.assert_allclose(sorted(set(paint.rows[:, 9].tolist())), [3 / 9, 7 / 9], atol=1e-6)
 

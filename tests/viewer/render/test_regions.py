@@ -14,9 +14,9 @@ from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render import renderer as renderer_module
 from enliven_viewer.render.camera import CameraView, look_at, perspective
 from enliven_viewer.render.capsules import capsule_template
+from enliven_viewer.render.drawn_regions import visible_region
 from enliven_viewer.render.gl.region import full_region, regions_around
 from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
-from enliven_viewer.render.region import visible_region
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 from enliven_viewer.render.surface import neighbours_in_turn

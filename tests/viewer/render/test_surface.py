@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_viewer.render.surface import clustered_faces, is_closed, split_creases
+from enliven_viewer.render.surface import cluster_faces, is_closed, split_creases
 
 
 def ball(rows: int = 12, columns: int = 24) -> tuple[np.ndarray, np.ndarray]:
@@ -79,14 +79,14 @@ def test_only_an_outward_closed_mesh_is_closed(make_box) -> None:
 
 def test_clusters_are_fewer_faces_of_the_same_vertices() -> None:
     vertices, faces = ball()
-    coarse = clustered_faces(vertices, faces, 0.6)
+    coarse = cluster_faces(vertices, faces, 0.6)
     assert 0 < len(coarse) < len(faces) / 2
     assert set(np.unique(coarse)) <= set(range(len(vertices)))
 
 
 def test_a_mesh_smaller_than_a_cluster_keeps_its_faces(make_box) -> None:
     vertices, faces = make_box((0.1, 0.1, 0.1), (0.2, 0.2, 0.2))
-    assert np.array_equal(clustered_faces(vertices, faces, 10.0), faces)
+    assert np.array_equal(cluster_faces(vertices, faces, 10.0), faces)
 
 
 def slow_groups(vertices: np.ndarray, faces: np.ndarray, crease: float) -> set[frozenset[int]]:

@@ -7,7 +7,7 @@ import pytest
 
 from enliven.person.body import Body
 from enliven.wire import BODIES, HOLDS, POSE, HoldMessage
-from enliven_viewer.link.received import ReceivedBodies, ReceivedPose
+from enliven_viewer.link.received_data import ReceivedBodies, ReceivedPose
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 
 STEP = 33_333_333
@@ -19,7 +19,7 @@ def frame(step: int) -> ReceivedBodies:
 
 def hear(recorder: LiveRecorder, *steps: int) -> None:
     for step in steps:
-        recorder.heard(BODIES, frame(step))
+        recorder.record(BODIES, frame(step))
 
 
 @pytest.mark.parametrize("later", [0, 500], ids=["from 0", "hours on"])
@@ -52,7 +52,7 @@ def test_restart_while_recording_keeps_only_the_earlier_part() -> None:
 def test_a_hold_from_before_the_recording_is_kept_with_the_frames_since() -> None:
     recorder = LiveRecorder()
     hear(recorder, 0, 1)
-    recorder.heard(HOLDS, HoldMessage("chair", 1 * STEP, "alone", body=1, holders=[1]))
+    recorder.record(HOLDS, HoldMessage("chair", 1 * STEP, "alone", body=1, holders=[1]))
     hear(recorder, 2, 3)
     recorder.begin("take 1")
     hear(recorder, 4)
@@ -64,13 +64,13 @@ def test_a_hold_from_before_the_recording_is_kept_with_the_frames_since() -> Non
 def test_topic_bursts_after_a_slow_frame_do_not_end_the_recording(box) -> None:
     """Three seconds of performers, and then of poses, arrive in one frame."""
     recorder = LiveRecorder()
-    recorder.heard(HOLDS, HoldMessage("box", 0, "alone", body=1, holders=[1]))
+    recorder.record(HOLDS, HoldMessage("box", 0, "alone", body=1, holders=[1]))
     hear(recorder, 0)
     recorder.begin("take 1")
     hear(recorder, *range(1, 91))
     for step in range(1, 91):
         pose = box.rest_pose(step * STEP)
-        recorder.heard(POSE, ReceivedPose(pose, "edge", step, 0, 0, 0, 0, box, 1))
+        recorder.record(POSE, ReceivedPose(pose, "edge", step, 0, 0, 0, 0, box, 1))
     hear(recorder, 91)
     assert not recorder.cut and recorder.holders.now
     kept = recorder.end()

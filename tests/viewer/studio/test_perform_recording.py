@@ -90,7 +90,7 @@ def session(tmp_path: Path):
     )
     assert edge.stdout is not None
     connected = PerformSession(Editor(), tmp_path)
-    connected.room, connected.count_in = "Perform", False
+    connected.active_workspace, connected.count_in = "Perform", False
     connected.connect(":".join(["127.0.0.1", *edge.stdout.readline().split()]))
     until(connected, lambda: connected.holders)
     yield connected
@@ -125,7 +125,7 @@ def test_a_span_is_recorded_and_no_more_and_again_where_it_loops(session: Perfor
 
 
 def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSession) -> None:
-    heard = session.live.feed.heard
+    heard = session.live.feed.on_message
 
     def called(word: str) -> None:
         heard(CALLS, CallMessage(word, "left pedal"))
@@ -180,12 +180,12 @@ def test_waiting_samples_are_put_on_the_stage(session: PerformSession, tmp_path:
     later = Workspace.new(Editor(), tmp_path / "own")
     later.editor.edit("a chair", lambda project: make_puppet(project, load_sample("lamp"), "chair"))
     assert later.actions.do("sample.chair")
-    assert later.editor.selection.character == "chair 2" and later.perform.room == "Perform"
+    assert later.editor.selection.character == "chair 2" and later.perform.active_workspace == "Perform"
     assert later.editor.project.graph("chair 2").mesh is not None, "nothing has to be prepared"
     assert session.client is not None
     later.perform.connect(str(session.client.edges[0].endpoint))
-    until(later.perform, lambda: "chair 2" in later.perform.standing)
-    assert later.perform.meant == "chair 2", "Possess means it"
+    until(later.perform, lambda: "chair 2" in later.perform.stage_ids)
+    assert later.perform.target == "chair 2", "Possess means it"
     assert later.actions.do("sample.chair")
-    until(later.perform, lambda: "chair 3" in later.perform.standing)
+    until(later.perform, lambda: "chair 3" in later.perform.stage_ids)
     later.perform.disconnect()

@@ -13,7 +13,7 @@ from made_acting_stage import CHAIN, LIMB, POST, STAR, TIP, acting_stage
 
 from enliven.document.project import same
 from enliven.errors import InputError
-from enliven_viewer.studio.actions import Action, ActionTable, Finding, spoken
+from enliven_viewer.studio.actions import Action, ActionTable, PaletteSearch, key_label
 from enliven_viewer.studio.actions.search import likeness
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
@@ -119,11 +119,11 @@ def test_the_start_of_words_and_letters_in_a_row_are_likelier(stage: Workspace) 
 def test_last_action_is_offered_first(stage: Workspace) -> None:
     stage.actions.do("view.bones")
     stage.actions.do("view.bones")
-    finding = Finding(stage.actions)
-    assert finding.found[0].id == "view.bones" and len(finding.found) == len(list(stage.actions))
+    finding = PaletteSearch(stage.actions)
+    assert finding.matches[0].id == "view.bones" and len(finding.matches) == len(list(stage.actions))
     finding.step(-1)
-    assert finding.marked == len(finding.found) - 1
-    assert finding.chosen() is None, "the last lacks a stage"
+    assert finding.marked == len(finding.matches) - 1
+    assert finding.highlighted_action() is None, "the last lacks a stage"
     finding.type("undo")
     assert finding.marked == 0
 
@@ -138,14 +138,14 @@ def table(folder: Path, done: list[str]) -> ActionTable:
     for name, own in keys.items():
         rooms = ROOMS.get(name, ())
         deed = lambda name=name: done.append(name)  # noqa: E731
-        actions.add(Action(name, "Menu", name.upper(), own, deed, rooms=rooms))
+        actions.add(Action(name, "Menu", name.upper(), own, deed, workspaces=rooms))
     return actions
 
 
 keys = st.sampled_from(["x", "ctrl+y", "z", "f5", "shift+left"])
 deeds = st.one_of(
-    st.tuples(st.just("give"), st.sampled_from("abcdef"), keys),
-    st.tuples(st.just("free"), st.sampled_from("abcdef"), st.just("")),
+    st.tuples(st.just("set_shortcut"), st.sampled_from("abcdef"), keys),
+    st.tuples(st.just("clear_shortcuts"), st.sampled_from("abcdef"), st.just("")),
     st.just(("own_keys", "", "")),
 )
 
@@ -156,32 +156,34 @@ def test_a_key_does_one_action_at_most_and_changed_keys_are_kept(tmp_path_factor
     actions = table(folder, done)
     for name, action, key in todo:
         getattr(actions, name)(*(part for part in (action, key) if part))
-        if name == "give":
-            assert all(actions.holder(key, room).id == action for room in ROOMS.get(action, ("",)))
+        if name == "set_shortcut":
+            assert all(actions.action_with_keys(key, room).id == action for room in ROOMS.get(action, ("",)))
         elif name == "own_keys":
-            assert not actions.changed and actions.holder("x").id == "a"
+            assert not actions.changed and actions.action_with_keys("x").id == "a"
     reopened = table(folder, done)
     assert [reopened.keys_of(action) for action in reopened] == [
         actions.keys_of(action) for action in actions
     ]
     for room in ("", "Here", "There"):
-        in_room = [action for action in actions if (room in action.rooms if room else not action.rooms)]
+        in_room = [
+            action for action in actions if (room in action.workspaces if room else not action.workspaces)
+        ]
         room_keys = [key for action in in_room for key in actions.keys_of(action)]
         assert len(room_keys) == len(set(room_keys)), "a key has one meaning in a workspace"
-        reopened.room = lambda room=room: room
+        reopened.workspace = lambda room=room: room
         for key in room_keys:
             done.clear()
-            assert reopened.press(key, own=bool(room)) and done == [actions.holder(key, room).id]
+            assert reopened.press(key, own=bool(room)) and done == [actions.action_with_keys(key, room).id]
 
 
 def test_keys_of_a_workspace_are_free_in_the_others(tmp_path) -> None:
     done = list[str]()
     actions = table(tmp_path, done)
     for room in ("", "Here", "There"):
-        actions.room = lambda room=room: room
+        actions.workspace = lambda room=room: room
         assert actions.press("x", own=True) is bool(room) and actions.press("x")
     assert done == ["a", "d", "a", "f", "a"]
-    actions.give("e", "x")
+    actions.set_shortcut("e", "x")
     assert [actions.keys_of(actions[action_id]) for action_id in "adef"] == [("x",), (), ("x",), ()]
 
 
@@ -202,7 +204,7 @@ def test_a_damaged_file_of_preferences_is_put_aside(tmp_path) -> None:
 
 
 def test_keys_are_written_as_on_a_keyboard() -> None:
-    assert [spoken(key) for key in ("ctrl+shift+z", "delete", "ctrl+comma", "f1", "page_up")] == [
+    assert [key_label(key) for key in ("ctrl+shift+z", "delete", "ctrl+comma", "f1", "page_up")] == [
         "Ctrl+Shift+Z",
         "Del",
         "Ctrl+,",

@@ -36,9 +36,9 @@ def cage(workspace: Workspace) -> Cage:
 
 def test_custom_rig_plays_and_its_lane_is_dragged_and_muted(workspace: Workspace) -> None:
     assert workspace.editor.length == pytest.approx(3.0)
-    before = workspace.editor.posed("post").vertices
+    before = workspace.editor.stage_character("post").vertices
     workspace.editor.scrub(1.5)
-    way = workspace.editor.posed("post").vertices - before
+    way = workspace.editor.stage_character("post").vertices - before
     assert np.allclose(way, [0.3, 0.0, 0.0], atol=1e-6), "it is where the rig says"
     assert [bar.label for bar in workspace.timeline.layout.bars()] == ["post"]
     do(workspace, Drag((OnTimeline(0.5, 0), OnTimeline(1.1, 0))))
@@ -52,12 +52,12 @@ def test_custom_rig_plays_and_its_lane_is_dragged_and_muted(workspace: Workspace
 
 def test_a_corner_is_chosen_and_dragged_where_the_pointer_goes(workspace: Workspace) -> None:
     workspace.editor.scrub(1.5)
-    before = workspace.editor.posed("post").handles[1:2]
+    before = workspace.editor.stage_character("post").handles[1:2]
     corner = Spot(*before[0])
     do(workspace, Click(corner))
     assert workspace.editor.selection.handle == 1
     do(workspace, Key("r"), Drag((corner, Near(corner, 40, -25))))
-    places = np.concatenate([before, workspace.editor.posed("post").handles[1:2]])
+    places = np.concatenate([before, workspace.editor.stage_character("post").handles[1:2]])
     start, end = workspace.editor.lens.project(places)[0]
     assert np.abs(end - start - [40, -25]).max() < 2.0 and np.abs(cage(workspace).bent[1]).max() > 0.01
     assert not cage(workspace).bent[[0, 2, 3]].any() and workspace.editor.history.names == ("pose post",)
@@ -72,7 +72,7 @@ def test_custom_rig_is_moved_copied_mirrored_cut_and_exported(workspace: Workspa
     assert list(editor.project.characters) == ["post", "post 2", "post 3"], editor.toasts.shown
     workspace.asking = "export"
     workspace.chosen(tmp_path / "posts.glb")
-    editor.beside.finish()
+    editor.background.finish()
     assert "Wrote 3 shapes" in editor.toasts.shown[-1].text
     while editor.history.undo_name is not None:
         editor.undo()

@@ -25,7 +25,7 @@ def workspace_of(make_limb) -> Workspace:
 
 def seen(editor: Editor, name: str) -> float:
     """Returns a character's distance from the centre of the image, 1 at its edge."""
-    posed = editor.posed(name)
+    posed = editor.stage_character(name)
     aspect = editor.size[0] / editor.size[1]
     return float(np.abs(editor.camera.view(aspect).project(posed.vertices)).max())
 

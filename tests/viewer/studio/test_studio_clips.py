@@ -199,9 +199,9 @@ def test_zooming_keeps_the_time_under_the_pointer_and_never_leaves_the_project(n
         before = timeline.layout.time(x)
         timeline.zoom(turned, x)
         layout = timeline.layout
-        assert layout.start >= 0.0 and 0.2 < layout.shown <= 1.26 * layout.length
-        assert layout.start + layout.shown <= 1.26 * layout.length
-        if 0.0 < layout.start < 1.25 * layout.length - layout.shown - 1e-9:
+        assert layout.start >= 0.0 and 0.2 < layout.visible_s <= 1.26 * layout.length
+        assert layout.start + layout.visible_s <= 1.26 * layout.length
+        if 0.0 < layout.start < 1.25 * layout.length - layout.visible_s - 1e-9:
             assert layout.time(x) == pytest.approx(before)
         assert layout.time(layout.x(1.0)) == pytest.approx(1.0)
     timeline.pan(pixels)

@@ -83,7 +83,7 @@ def test_weight_and_speed_are_those_of_the_layer(speed: float, weight: float, of
 
 
 def at(curves: CurveInput, number: int, axis: int) -> tuple[float, float]:
-    group = curves.shown()
+    group = curves.shown_group()
     assert group is not None
     dot = next(each for each in group.dots if (each.number, each.axis) == (number, axis))
     return curves.timeline.layout.x(dot.time), curves.scale(group).y(dot.value)
@@ -93,7 +93,7 @@ def test_a_key_is_dragged_in_value_and_in_time_each_as_one_edit() -> None:
     editor, curves, name = desk("bones", keyed=True)
     before = editor.project
     x, y = at(curves, 1, 1)
-    scale = curves.scale(curves.shown())
+    scale = curves.scale(curves.shown_group())
     up = scale.height * 10.0 / (scale.high - scale.low)
     curves.press(x, y)
     for share in (0.5, 1.0):
@@ -120,7 +120,7 @@ def test_a_key_is_dragged_in_value_and_in_time_each_as_one_edit() -> None:
 
 def test_keys_are_added_by_a_double_click_eased_and_removed() -> None:
     editor, curves, name = desk("bones", keyed=True)
-    group = curves.shown()
+    group = curves.shown_group()
     assert group is not None and group.name == "keys"
     x, y = curves.timeline.layout.x(30 * KEY_STEP), curves.scale(group).y(33.0)
     curves.double(x, y)
@@ -137,7 +137,7 @@ def test_keys_are_added_by_a_double_click_eased_and_removed() -> None:
 
 def test_a_bone_without_keys_gets_its_first_by_a_double_click() -> None:
     editor, curves, name = desk("bones")
-    group = curves.shown()
+    group = curves.shown_group()
     assert group is not None and not group.dots
     curves.double(curves.timeline.layout.x(0.5), curves.scale(group).y(3.0))
     ((time, key),) = keys_of(editor.project, name, BONE)
@@ -149,7 +149,7 @@ def test_a_control_points_key_pose_is_dragged_on_its_curve() -> None:
     editor, curves, name = desk("points")
     curves.group = "place"
     curves.settle()
-    group = curves.shown()
+    group = curves.shown_group()
     assert group is not None and group.name == "place" and group.dots
     dot = group.dots[1]
     before = editor.project.puppet(name).poses[dot.number].places
@@ -188,7 +188,7 @@ def test_posing_sets_keys_while_that_is_on() -> None:
     editor.time, editor.keying = 0.7, True
     modeled = editor.project.shape(name).modeling
     tool = PoseTool(editor)
-    start = editor.lens.pixels_of(editor.posed(name).handles[[BONE]])[0]
+    start = editor.lens.pixels_of(editor.stage_character(name).handles[[BONE]])[0]
     assert tool.press(Pointer(start))
     tool.drag(Pointer((start[0] + 40, start[1] + 30)))
     tool.release(Pointer((start[0] + 40, start[1] + 30)))
@@ -222,7 +222,7 @@ def drag(tool, start, way) -> None:
 
 @rigs
 def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) -> None:
-    from enliven_viewer.studio.tools.carry import CarryTool
+    from enliven_viewer.studio.tools.move import MoveTool
 
     editor, curves, name = desk(rig, handle=None)
     editor.size = (800.0, 600.0)
@@ -231,7 +231,7 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     editor.time, editor.keying = 1.0, True
     before = vertices_of(editor.project, name, 1.0)
     x, y = editor.lens.pixels_of(before.mean(0)[None])[0]
-    drag(CarryTool(editor), (x, y), (90, -20))
+    drag(MoveTool(editor), (x, y), (90, -20))
     assert editor.history.names == ("set key", f"move {name}")
     (_, still), (time, key) = keys_of(editor.project, name, None)
     assert time == pytest.approx(1.0) and not any(still.metres) and np.abs(key.metres).max() > 0.05
@@ -240,13 +240,13 @@ def test_a_character_is_moved_over_the_stage_by_keys_while_that_is_on(rig: str) 
     np.testing.assert_allclose(start, vertices_of(WORLDS[rig][0], name, 0.0), atol=1e-6)
     if rig == "points":
         editor.solving.settle(editor.project, name)
-    seen = editor.posed(name).vertices  # a puppet's surface is solved in the background
+    seen = editor.stage_character(name).vertices  # a puppet's surface is solved in the background
     if rig != "points":
         np.testing.assert_allclose(seen, after, atol=1e-5)
     handles = rig_of(editor.chosen()).player(editor.project, editor.chosen())(1.0).handles
-    np.testing.assert_allclose(editor.posed(name).handles, handles, atol=1e-6)
+    np.testing.assert_allclose(editor.stage_character(name).handles, handles, atol=1e-6)
     curves.group = "moves"
-    group = curves.shown()
+    group = curves.shown_group()
     assert group is not None and group.name == "moves"
     x, y = at(curves, 1, 0)
     curves.press(x, y)
@@ -263,7 +263,7 @@ def test_weight_and_speed_have_keys_on_their_curves(rig: str) -> None:
     curves.settle()
     for group, number in (("weight", "weights"), ("speed", "speeds")):
         curves.group = group
-        shown = curves.shown()
+        shown = curves.shown_group()
         assert shown is not None and shown.name == group and not shown.dots
         for second, value in ((0.3, 0.8), (0.9, 0.5)):
             curves.double(curves.timeline.layout.x(second), curves.scale(shown).y(value))
@@ -300,7 +300,7 @@ def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> N
     assert not any(isinstance(mark, Disc) for mark in tool.overlay().marks), "no dots before it sets keys"
     editor.keying = True
     assert len(tool.overlay().marks) == len(editor.project.graph(name).positions)
-    nodes = np.array(editor.posed(name).nodes, float)
+    nodes = np.array(editor.stage_character(name).nodes, float)
     pixels = np.array(editor.lens.pixels_of(nodes))
     distances = np.linalg.norm(pixels[:, None] - pixels[None], axis=2) + 1e9 * np.eye(len(pixels))
     node = int(distances.min(1).argmax())  # one that is alone in the image
@@ -308,7 +308,7 @@ def test_a_dragged_dot_of_a_possessed_mesh_sets_a_key_that_bends_it_there() -> N
     assert editor.selection.handle == node and editor.history.names == (f"key {name}",)
     ((time, key),) = keys_of(editor.project, name, node)
     assert time == pytest.approx(0.6, abs=KEY_STEP) and np.abs(key.metres).max() > 0.01
-    moved = np.array(editor.posed(name).nodes, float)
+    moved = np.array(editor.stage_character(name).nodes, float)
     (pixel,) = editor.lens.pixels_of(moved[[node]])
     np.testing.assert_allclose(pixel, pixels[node] + (0, -40), atol=0.5)
     assert {"keys", "moves"} <= set(curves.groups()) and len(curves.groups()["moves"].dots) == 3

@@ -15,7 +15,7 @@ from in_a_window import in_a_window
 
 from enliven_viewer import theme
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.places import LEAST, MENU, PICTURE, TIMELINE, places_in
+from enliven_viewer.studio.panel_layout import LEAST, MENU, PICTURE, TIMELINE, lay_out_panels
 from enliven_viewer.studio.preferences import SIZES, Preferences
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -47,7 +47,7 @@ def test_on_a_screen_of_twice_the_density_all_is_twice_as_large_in_its_place(tmp
 def test_a_low_window_leaves_the_picture_its_height_before_the_timeline(
     width, height, puppet, curves
 ) -> None:
-    places = places_in(width, height, puppet=puppet, curves=curves)
+    places = lay_out_panels(width, height, puppet=puppet, curves=curves)
     assert LEAST <= places.timeline.height <= TIMELINE
     assert places.viewport.height >= PICTURE or places.timeline.height == LEAST
     parts = [places.viewport, *filter(None, (places.strip, places.curves)), places.timeline]

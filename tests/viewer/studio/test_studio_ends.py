@@ -20,7 +20,7 @@ from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.tools import Pointer
-from enliven_viewer.studio.tools.ends import END_NAMES, EndsTool
+from enliven_viewer.studio.tools.limb_ends import END_NAMES, LimbEndsTool
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 KNOWN = t_pose()
@@ -42,16 +42,16 @@ def workspace() -> Workspace:
 
 
 @pytest.fixture
-def tool(workspace) -> EndsTool:
+def tool(workspace) -> LimbEndsTool:
     workspace.input.take("ends")
     ends_tool = workspace.input.tool
-    assert isinstance(ends_tool, EndsTool)
+    assert isinstance(ends_tool, LimbEndsTool)
     assert not len(ends_tool.marks)
     ends_tool.wait()
     return ends_tool
 
 
-def drag(tool: EndsTool, start, end) -> None:
+def drag(tool: LimbEndsTool, start, end) -> None:
     """Drags the pointer from one pixel to another."""
     tool.press(Pointer(tuple(start)))
     tool.drag(Pointer(tuple(np.add(start, end) / 2)))
@@ -59,7 +59,7 @@ def drag(tool: EndsTool, start, end) -> None:
     tool.release(Pointer(tuple(end)))
 
 
-def pixels(tool: EndsTool, places) -> np.ndarray:
+def pixels(tool: LimbEndsTool, places) -> np.ndarray:
     """Returns the (N, 2) pixels of positions."""
     return tool.editor.lens.project(np.asarray(places))[0]
 

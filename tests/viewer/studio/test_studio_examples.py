@@ -25,24 +25,24 @@ from enliven.examples.puppet_motion import motion_of, state_of
 from enliven.modeling.edits import change_layers, rename_character
 from enliven.modeling.puppet import add_key_pose, add_point, make_puppet, play_take, set_symmetry
 from enliven_viewer.studio.examples.coverage import CoverageCache
-from enliven_viewer.studio.examples.edits import (
-    added_switch,
+from enliven_viewer.studio.examples.example_edits import (
+    add_switch,
     constraints_of,
-    duplicated,
+    duplicate_pose,
+    joint_words,
     layer_of,
-    mirrored_copy,
-    moved_switch,
-    removed_switch,
-    retimed,
-    spoken_joint,
-    turned_a_quarter,
+    mirror_pose,
+    move_switch,
+    remove_switch,
+    retime_pose,
+    turn_quarter,
     with_constraint,
     with_default_settings,
     with_guessed_joints,
     with_setting,
     without_constraint,
 )
-from enliven_viewer.studio.examples.solving import Solving
+from enliven_viewer.studio.examples.motion_solver import MotionSolver
 from enliven_viewer.studio.toasts import Toasts
 
 NAMES = ("head", "left", "right", "foot")
@@ -58,20 +58,20 @@ def posed(times: tuple[float, ...] = (0.0, 0.75, 2.25), take: str = "sway") -> P
     return project
 
 
-def solved(solving: Solving, project: Project):
+def solved(solving: MotionSolver, project: Project):
     return solving.settle(project, "star")
 
 
 def test_incomplete_puppets_are_not_solved() -> None:
-    solving = Solving(Toasts(5.0))
+    solving = MotionSolver(Toasts(5.0))
     for project in (project_with(*NAMES), project_with(*NAMES, take="sway"), posed((0.0,))):
-        shown = solving.shown(project, "star")
+        shown = solving.newest_solution(project, "star")
         assert shown[1].layers == () and solving.problem("star") is None and not solving.busy("star")
 
 
 def test_last_good_motion_stays_and_refusal_is_reported_once() -> None:
     toasts = Toasts(5.0)
-    solving, good = Solving(toasts), posed()
+    solving, good = MotionSolver(toasts), posed()
     assert solved(solving, good)[1] is good.puppets["star"]
     before = state_of(*solved(solving, good), 0.4).places
     still = (Velocity("left", 1, (0.0, 0.0, 0.0)), Velocity("left", 1, (1.0, 0.0, 0.0)))
@@ -82,17 +82,17 @@ def test_last_good_motion_stays_and_refusal_is_reported_once() -> None:
         assert solved(solving, bad)[1] is good.puppets["star"], "the last good one"
     problem = solving.problem("star")
     assert problem is not None and "left" in problem.what and "contradicts" in problem.what
-    assert [toast.bad for toast in toasts.shown] == [True]
+    assert [toast.is_error for toast in toasts.shown] == [True]
     np.testing.assert_array_equal(state_of(*solved(solving, bad), 0.4).places, before)
     assert solved(solving, good)[1] is good.puppets["star"] and solving.problem("star") is None
     solving.close()
 
 
 def test_retimed_layer_is_shown_without_solving() -> None:
-    solving, project = Solving(Toasts(5.0), patience=5.0), posed()
+    solving, project = MotionSolver(Toasts(5.0), patience=5.0), posed()
     solved(solving, project)
     moved = change_layers(project, "star", [0], offset=0.5, speed=2.0)
-    assert solving.shown(moved, "star")[1] is moved.puppets["star"]
+    assert solving.newest_solution(moved, "star")[1] is moved.puppets["star"]
     solving.close()
 
 
@@ -138,7 +138,7 @@ def test_unnamed_points_are_named_after_their_joint() -> None:
     project = add_point(project, "star", vertex("foot"))
     points = with_guessed_joints(project, "star", "walk").puppets["star"].points
     assert points[0].name == "head" and points[0].joint == "bone 3", "what is paired stays"
-    assert points[1].joint and points[1].name == spoken_joint(points[1].joint)
+    assert points[1].joint and points[1].name == joint_words(points[1].joint)
     assert not points[1].foot, "one foot alone is none"
     with pytest.raises(InputError, match="no take"):
         with_guessed_joints(project, "star", "")
@@ -155,7 +155,7 @@ def test_unnamed_points_are_named_after_their_joint() -> None:
     ],
 )
 def test_joints_as_people_call_them(joint: str, said: str) -> None:
-    assert spoken_joint(joint) == said
+    assert joint_words(joint) == said
 
 
 def test_settings_and_names_change_alone_and_come_back() -> None:
@@ -173,36 +173,36 @@ def test_settings_and_names_change_alone_and_come_back() -> None:
 
 def test_a_mesh_is_stood_up_before_it_has_points() -> None:
     project = make_puppet(Project(), star(), "star")
-    lying = turned_a_quarter(project, "star", "x")
+    lying = turn_quarter(project, "star", "x")
     assert np.ptp(lying.puppets["star"].mesh.vertices, 0)[1] == pytest.approx(np.ptp(star().vertices, 0)[2])
     for axis in ("x", "y"):
         turned = project
         for _ in range(4):
-            turned = turned_a_quarter(turned, "star", axis)
+            turned = turn_quarter(turned, "star", axis)
             assert turned.puppets["star"].mesh.vertices[:, 1].min() == pytest.approx(0.0, abs=1e-9)
         shape = turned.puppets["star"].mesh.vertices
         np.testing.assert_allclose(
             shape - shape.mean(0), star().vertices - star().vertices.mean(0), atol=1e-9
         )
     with pytest.raises(InputError, match="points already"):
-        turned_a_quarter(project_with("head"), "star", "x")
+        turn_quarter(project_with("head"), "star", "x")
 
 
 def test_key_poses_are_copied_mirrored_and_moved_to_frames() -> None:
     project = posed()
-    copied = duplicated(project, "star", 1, "sway", 0.2).puppets["star"].poses
+    copied = duplicate_pose(project, "star", 1, "sway", 0.2).puppets["star"].poses
     assert len(copied) == 4 and np.array_equal(copied[3].places, copied[1].places)
     both = set_symmetry(project_with(*TIPS), "star", SIDES)
     places = both.puppets["star"].rest + 0.1 * np.arange(15).reshape(5, 3)
-    both = mirrored_copy(add_key_pose(both, "star", "sway", 0.0, places), "star", 0, "sway", 0.2)
+    both = mirror_pose(add_key_pose(both, "star", "sway", 0.0, places), "star", 0, "sway", 0.2)
     image = both.puppets["star"].poses[1].places
     rest = both.puppets["star"].rest
     np.testing.assert_allclose((image - rest)[[0, 4, 3, 2, 1]], (places - rest) * [-1, 1, 1], atol=1e-9)
-    moved = retimed(project, "star", 1, 0.913).puppets["star"].poses[1].time
+    moved = retime_pose(project, "star", 1, 0.913).puppets["star"].poses[1].time
     assert moved == pytest.approx(27 / 30)
-    assert retimed(project, "star", 0, -5.0).puppets["star"].poses[0].time == 0.0
+    assert retime_pose(project, "star", 0, -5.0).puppets["star"].poses[0].time == 0.0
     with pytest.raises(InputError, match="already"):
-        retimed(project, "star", 1, 2.25)
+        retime_pose(project, "star", 1, 2.25)
 
 
 switch_lists = st.lists(st.integers(1, 119), min_size=0, max_size=8, unique=True).map(
@@ -220,13 +220,13 @@ def taking_turns(switches: tuple[Switch, ...]) -> bool:
 
 @given(switch_lists, st.integers(0, 130), st.data())
 def test_switches_alternate_after_any_edit(switches, frame, data) -> None:
-    added = added_switch(switches, frame, 120)
+    added = add_switch(switches, frame, 120)
     assert taking_turns(added) and added[-1].frame < 120
     if 0 < frame < 120 and frame not in {switch.frame for switch in switches}:
         assert frame in {switch.frame for switch in added}
     number = data.draw(st.integers(0, len(switches) - 1))
-    assert taking_turns(removed_switch(switches, number))
-    moved = moved_switch(switches, number, frame, 120)
+    assert taking_turns(remove_switch(switches, number))
+    moved = move_switch(switches, number, frame, 120)
     assert taking_turns(moved) and [switch.kind for switch in moved] == [switch.kind for switch in switches]
     assert moved[-1].frame < 120
 
@@ -331,7 +331,7 @@ def test_a_puppet_that_is_out_of_the_picture_is_brought_in_to_be_posed(tmp_path)
     editor.advance(10.0)
     workspace.edit_pose(0)
     editor.advance(10.0)
-    pixels = editor.lens.project(workspace.puppets.stage.standing_of("star").vertices)[0]
+    pixels = editor.lens.project(workspace.puppets.stage.find("star").vertices)[0]
     assert ((pixels >= 0) & (pixels <= editor.size)).all()
 
 

@@ -118,9 +118,9 @@ def test_puppets_are_exported_as_glb_with_their_error(tmp_path) -> None:
     before = workspace.editor.project
     workspace.ask("export")
     workspace.chosen(tmp_path / "star.glb")
-    assert workspace.editor.beside.busy
-    workspace.editor.beside.finish()
-    assert not workspace.editor.beside.busy and same(workspace.editor.project, before)
+    assert workspace.editor.background.busy
+    workspace.editor.background.finish()
+    assert not workspace.editor.background.busy and same(workspace.editor.project, before)
     assert "Wrote 1 shape to star.glb" in said(workspace) and "mm" in said(workspace)
     written = pygltflib.GLTF2().load(tmp_path / "star.glb")
     samplers = written.animations[0].samplers
@@ -136,10 +136,10 @@ def test_failed_export_is_reported_and_exports_are_queued(tmp_path) -> None:
     (tmp_path / "file").write_text("in the way")
     workspace.ask("export")
     workspace.chosen(tmp_path / "file" / "star.glb")
-    workspace.editor.beside.begin("second", lambda: "never", workspace.editor.toasts.say)
+    workspace.editor.background.begin("second", lambda: "never", workspace.editor.toasts.say)
     assert "still being made" in said(workspace)
-    workspace.editor.beside.finish()
-    assert any(toast.bad for toast in workspace.editor.toasts.shown) and "never" not in said(workspace)
+    workspace.editor.background.finish()
+    assert any(toast.is_error for toast in workspace.editor.toasts.shown) and "never" not in said(workspace)
 
 
 def test_puppet_without_motion_reports_its_missing_parts(tmp_path) -> None:

@@ -82,7 +82,7 @@ def test_puppet_lanes_are_hit_where_they_are_drawn(offset, speed, frames, width,
         if left >= LABELS and abs(right - left) > 12 and band in bare:
             handle = lanes.handle_at(left, middle(band))
             assert handle.kind == "switch"
-    mark = shown.held(lanes, row_of(lanes, "held"))[0][2]
+    mark = shown.constraint_marks(lanes, row_of(lanes, "held"))[0][2]
     if mark >= LABELS and row_of(lanes, "held") in bare:
         assert lanes.handle_at(mark, middle(row_of(lanes, "held"))).kind == "held"
     bar = row_of(lanes, "bar")
@@ -178,7 +178,7 @@ def test_delete_removes_the_constraint_and_then_means_the_puppet(tmp_path) -> No
     timeline = workspace.timeline
     lanes = timeline.layout
     row = row_of(lanes, "held")
-    x = timeline.rows.details.held(lanes, row)[0][2]
+    x = timeline.rows.details.constraint_marks(lanes, row)[0][2]
     timeline.press(x, middle(row))
     timeline.release(x)
     assert workspace.editor.time == pytest.approx(1.5)
@@ -192,7 +192,7 @@ def test_a_click_on_a_suggestion_begins_a_key_pose_there(tmp_path) -> None:
     timeline = workspace.timeline
     lanes = timeline.layout
     row = row_of(lanes, "poses")
-    second, x = timeline.rows.details.suggested(lanes, row)[0]
+    second, x = timeline.rows.details.suggested_marks(lanes, row)[0]
     timeline.press(x, middle(row))
     timeline.release(x)
     poses = workspace.editor.project.puppets["star"].poses
@@ -218,10 +218,10 @@ def test_a_scrub_ends_in_the_surface_that_its_time_has_whatever_came_before(tmp_
     timeline.press(layout.x(0.1), RULER / 2)
     for time in (0.4, 1.9, 0.2, 2.2, 1.1):
         timeline.drag(layout.x(time))
-        hasty = scrubbed.puppets.stage.standing[0].surface
+        hasty = scrubbed.puppets.stage.puppets[0].surface
     fresh.editor.scrub(1.1)
-    settled = fresh.puppets.stage.standing[0].surface
+    settled = fresh.puppets.stage.puppets[0].surface
     assert scrubbed.editor.scrubbing and np.abs(hasty - settled).max() > 1e-6, "it was solved in haste"
     timeline.release(layout.x(1.1))
     assert not scrubbed.editor.scrubbing
-    np.testing.assert_allclose(scrubbed.puppets.stage.standing[0].surface, settled, atol=1e-9)
+    np.testing.assert_allclose(scrubbed.puppets.stage.puppets[0].surface, settled, atol=1e-9)

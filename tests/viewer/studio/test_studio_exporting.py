@@ -103,7 +103,7 @@ def test_cancelled_export_keeps_only_the_older_file(workspace, tmp_path, gl, nam
 
 
 def test_work_is_cancelled_from_the_window_and_other_work_begins_at_once(workspace) -> None:
-    beside, wait, progress = workspace.editor.beside, threading.Event(), WorkProgress()
+    beside, wait, progress = workspace.editor.background, threading.Event(), WorkProgress()
     taken: list[str] = []
     beside.begin("Opening big.glb", lambda: (wait.wait(30.0), "late")[1], taken.append, progress)
     assert beside.progress is progress and beside.busy
@@ -119,22 +119,22 @@ def test_a_large_file_opens_in_the_background_and_can_be_cancelled(workspace, tm
     editor, path = workspace.editor, tmp_path / "model.glb"
     export(editor.project, path, [editor.project.characters["limb"]])
     write_project(tmp_path / "work.enliven", editor.project)
-    monkeypatch.setattr(workspace_module, "_LARGE_BYTES", 0)
+    monkeypatch.setattr(workspace_module, "_BACKGROUND_READ_BYTES", 0)
     before = set(editor.project.characters)
     workspace.open(path)
-    assert editor.beside.progress is not None and set(editor.project.characters) == before
-    editor.beside.finish()
+    assert editor.background.progress is not None and set(editor.project.characters) == before
+    editor.background.finish()
     assert len(editor.project.characters) == len(before) + 1 and "Opened model.glb" in said(workspace)
     workspace.open(path)
-    editor.beside.cancel()
-    editor.beside.finish()
+    editor.background.cancel()
+    editor.background.finish()
     assert len(editor.project.characters) == len(before) + 1
     workspace.store.forget()
     workspace.open(tmp_path / "work.enliven")
-    editor.beside.finish()
+    editor.background.finish()
     assert workspace.store.name == "work" and set(editor.project.characters) == before
     bad = tmp_path / "bad.glb"
     bad.write_bytes(b"glTF" + bytes(400))
     workspace.open(bad)
-    editor.beside.finish()
-    assert any(toast.bad for toast in editor.toasts.shown)
+    editor.background.finish()
+    assert any(toast.is_error for toast in editor.toasts.shown)

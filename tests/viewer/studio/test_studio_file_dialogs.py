@@ -50,9 +50,9 @@ def test_files_are_sorted_by_name_time_or_size(tmp_path: Path) -> None:
 
 def test_a_new_folder_is_made_and_listed(tmp_path: Path) -> None:
     browser = FileBrowser(tmp_path, (".enliven",), "work", saving=True)
-    browser.new = " dances "
+    browser.new_folder_name = " dances "
     browser.make_folder()
-    assert browser.folder == (tmp_path / "dances").resolve() and browser.new is None
+    assert browser.folder == (tmp_path / "dances").resolve() and browser.new_folder_name is None
     assert browser.name == "work" and browser.chosen() == browser.folder / "work.enliven"
     for name, words in (
         ("", "no folder"),
@@ -60,11 +60,11 @@ def test_a_new_folder_is_made_and_listed(tmp_path: Path) -> None:
         ("a/b", "no folder"),
         ("x" * 300, "cannot be made"),
     ):
-        browser.new = name
+        browser.new_folder_name = name
         with pytest.raises(Exception, match=words):
             browser.make_folder()
     (browser.folder / "twice").mkdir()
-    browser.new = "twice"
+    browser.new_folder_name = "twice"
     with pytest.raises(InputError, match="already"):
         browser.make_folder()
 

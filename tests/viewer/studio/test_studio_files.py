@@ -167,7 +167,7 @@ def test_shapes_go_out_as_glb_and_come_in_again(workspace: Workspace, tmp_path) 
     workspace.ask("export")
     assert workspace.asking == "export" and workspace.browser is not None
     workspace.chosen(tmp_path / "out.glb")
-    workspace.editor.beside.finish()
+    workspace.editor.background.finish()
     assert "Wrote 1 shape" in said(workspace)
     before = workspace.editor.project.shapes["limb"]
     workspace.open(tmp_path / "out.glb")
@@ -244,7 +244,7 @@ def test_file_is_replaced_only_after_confirmation(tmp_path) -> None:
     with pytest.raises(InputError, match="Save again"):
         browser.chosen()
     assert browser.chosen() == tmp_path / "old.enliven"
-    own = FileBrowser(tmp_path, (".enliven",), "old", saving=True, own=tmp_path / "old.enliven")
+    own = FileBrowser(tmp_path, (".enliven",), "old", saving=True, project_path=tmp_path / "old.enliven")
     assert own.chosen() == tmp_path / "old.enliven"
 
 
@@ -419,4 +419,4 @@ def test_opened_depth_is_tracked_in_the_background_into_a_take(workspace, tmp_pa
     (tmp_path / "short").mkdir()
     workspace.open(depth_recording(tmp_path / "short", 3))
     workspace.depth.finish()
-    assert any(toast.bad and "long enough" in toast.text for toast in editor.toasts.shown)
+    assert any(toast.is_error and "long enough" in toast.text for toast in editor.toasts.shown)

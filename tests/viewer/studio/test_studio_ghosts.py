@@ -27,10 +27,10 @@ from enliven_viewer.render.gl.context import offscreen_context
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.ghosts import Ghosts
-from enliven_viewer.studio.ghosts.ends import far_ends
-from enliven_viewer.studio.ghosts.moments import ghost_moments, key_moments
-from enliven_viewer.studio.ghosts.picture import smooth
-from enliven_viewer.studio.ghosts.sampling import smooth_normals
+from enliven_viewer.studio.ghosts.ghost_picture import smooth
+from enliven_viewer.studio.ghosts.ghost_times import ghost_moments, key_moments
+from enliven_viewer.studio.ghosts.motion_samples import smooth_normals
+from enliven_viewer.studio.ghosts.trail_points import far_ends
 from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.viewport import Overlay
 from enliven_viewer.theme import AFTER, BEFORE
@@ -236,7 +236,9 @@ def test_ghosts_are_seen_in_their_colours(rig: str) -> None:
     viewport = Viewport(offscreen_context(), (320, 240), RenderSettings())
     seen = []
     for shown in (None, ghosts.settle()):
-        viewport.draw(editor.standing, editor.lens, editor.selection, Overlay(), ghosts=shown, bones=False)
+        viewport.draw(
+            editor.stage_characters, editor.lens, editor.selection, Overlay(), ghosts=shown, bones=False
+        )
         seen.append(viewport.renderer.pixels().astype(int))
     changed = np.abs(seen[1] - seen[0]).max(2) > 12
     assert changed.sum() > 100

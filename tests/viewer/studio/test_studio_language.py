@@ -12,7 +12,16 @@ import pytest
 from in_a_window import in_a_window
 from untranslated_texts import untranslated
 
-from enliven_viewer.language import CATALOGUES, LANGUAGES, Texts, language_in_use, later, speak, tr, tr_n
+from enliven_viewer.language import (
+    CATALOGUES,
+    LANGUAGES,
+    Texts,
+    language_in_use,
+    later,
+    set_language,
+    tr,
+    tr_n,
+)
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -59,7 +68,7 @@ def test_translations_keep_values_keys_and_the_sentence_that_is_the_title(langua
 
 def test_the_script_finds_each_way_in_which_a_text_is_shown(script) -> None:
     module = """
-_MEANT = {"Play": "Only the picture"}
+_TAB_TIPS = {"Play": "Only the picture"}
 heading("A title")
 button(workspace, "Press me")
 choice(workspace, "Yes" if new else "Keep", "No")
@@ -73,7 +82,7 @@ class Tool:
     def other(self):
         return "not shown"
 """
-    assert {text.value for text in script.shown(ast.parse(module))} == {
+    assert {text.value for text in script.displayed_texts(ast.parse(module))} == {
         *("Only the picture", "A title", "Press me", "Yes", "Keep", "No", "Dark theme", "{0} of all"),
         *("Click it.", "No shape is chosen."),
     }
@@ -82,7 +91,7 @@ class Tool:
 def test_a_text_that_keeps_its_values_is_translated_where_it_is_drawn() -> None:
     step = later("delete {0}", later("{0} shapes", 2))
     assert step == "delete 2 shapes" and tr(step) == step
-    speak("de")
+    set_language("de")
     assert step == "delete 2 shapes" and tr(step) == "2 Figuren löschen"
     assert tr(later("Undone: {0}"), "x") == "Rückgängig: x"
 
@@ -128,26 +137,26 @@ def test_a_language_changes_at_once_and_is_kept(tmp_path) -> None:
     workspace = Workspace.new(Editor(), tmp_path)
     undo = workspace.actions["edit.undo"]
     assert tr(undo.label) == "Undo" and language_in_use() == "en"
-    workspace.preferences.speak("de")
+    workspace.preferences.set_language("de")
     assert tr(undo.label) == "Rückgängig" and undo.label == "Undo"
     assert workspace.actions.tip(undo).startswith("Rückgängig  (Ctrl+Z)")
     workspace.actions.do("edit.undo")
     assert workspace.editor.toasts.shown[-1].text == "Es gibt nichts mehr rückgängig zu machen"
-    speak("en")
+    set_language("en")
     assert Preferences(tmp_path).language == language_in_use() == "de"
-    workspace.preferences.speak("xx")
+    workspace.preferences.set_language("xx")
     assert language_in_use() == "en" and tr("Undo") == "Undo"
 
 
 def test_an_action_is_found_by_its_name_in_both_languages(tmp_path) -> None:
     workspace = Workspace.new(Editor(), tmp_path)
-    workspace.preferences.speak("de")
+    workspace.preferences.set_language("de")
     for typed in ("Rückgängig", "Undo", "rückg"):
         assert workspace.actions.find(typed)[0].id == "edit.undo", typed
     assert (
         workspace.actions.find("Verlauf")[0].id == workspace.actions.find("History")[0].id == "edit.history"
     )
-    workspace.preferences.speak("en")
+    workspace.preferences.set_language("en")
     assert workspace.actions.find("Undo")[0].id == "edit.undo"
 
 
@@ -161,7 +170,7 @@ def test_values_plurals_and_tables_follow_the_language() -> None:
         "1 bone of it",
         "2 bones of it",
     ]
-    speak("de")
+    set_language("de")
     assert names["dark"] == "Dunkel" and list(names.values()) == ["Dunkel"]
     assert tr("") == "" and tr("a name that nobody translates") == "a name that nobody translates"
 

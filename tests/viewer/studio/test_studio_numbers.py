@@ -69,7 +69,7 @@ def test_anything_else_is_refused_with_the_units(typed) -> None:
 
 
 def test_typed_position_size_and_rotation_are_applied(workspace) -> None:
-    editor, figures = workspace.editor, workspace.figures
+    editor, figures = workspace.editor, workspace.selection_transform
     for names in (("limb",), ("post",), ("limb", "post")):
         editor.choose_all(*names)
         figures.move_to(0, 1.25)
@@ -79,11 +79,11 @@ def test_typed_position_size_and_rotation_are_applied(workspace) -> None:
         figures.make_tall(0.8)
         assert figures.height == pytest.approx(0.8, abs=1e-4)
         assert np.allclose(figures.place[1], before[1], atol=1e-4), "it goes on standing where it stands"
-        earlier = [np.array(posed.vertices) for posed in editor.standing if posed.id in names]
+        earlier = [np.array(posed.vertices) for posed in editor.stage_characters if posed.id in names]
         place = figures.place
         figures.turn(1, 90.0)
         turn = from_rotation_vector(np.array([0.0, math.pi / 2, 0.0]))
-        after = [np.array(posed.vertices) for posed in editor.standing if posed.id in names]
+        after = [np.array(posed.vertices) for posed in editor.stage_characters if posed.id in names]
         for old, new in zip(earlier, after, strict=True):
             assert np.allclose(place + rotate(turn, old - place), new, atol=1e-4)
     with pytest.raises(InputError, match="tall"):
@@ -125,7 +125,7 @@ def test_a_drag_snaps_by_the_switch_or_while_ctrl_is_held(workspace) -> None:
         workspace.input.move((at[0] + 47.0, at[1] - 13.0), **held)
         workspace.input.release((at[0] + 47.0, at[1] - 13.0), **held)
         editor.choose("post")
-        place = workspace.figures.place
+        place = workspace.selection_transform.place
         editor.undo()
         return place / 0.1
 

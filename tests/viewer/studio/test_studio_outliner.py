@@ -85,15 +85,18 @@ def test_hidden_character_is_not_picked_or_framed_but_exported(workspace) -> Non
     editor, before = workspace.editor, len(exportable(workspace.editor.project))
     wide = np.ptp(np.array(editor.box()), axis=0)[0]
     workspace.outliner.hide("post", on=True)
-    assert "post" not in [posed.id for posed in editor.seen] and len(exportable(editor.project)) == before
+    assert (
+        "post" not in [posed.id for posed in editor.visible_characters]
+        and len(exportable(editor.project)) == before
+    )
     assert np.ptp(np.array(editor.box()), axis=0)[0] < wide
     workspace.actions.do("shape.show_all")
-    assert len(editor.seen) == 3 and editor.history.names[-1] == "show post"
+    assert len(editor.visible_characters) == 3 and editor.history.names[-1] == "show post"
     editor.choose("star")
     workspace.actions.do("shape.hide_others")
-    assert [posed.id for posed in editor.seen] == ["star"]
+    assert [posed.id for posed in editor.visible_characters] == ["star"]
     editor.undo()
-    assert len(editor.seen) == 3, "an eye is undone as every edit"
+    assert len(editor.visible_characters) == 3, "an eye is undone as every edit"
 
 
 def test_locked_character_is_not_picked_and_refuses_edits(workspace) -> None:
@@ -168,7 +171,7 @@ def test_renaming_changes_only_the_name(workspace) -> None:
     outliner.begin_rename(row(outliner, "take hello"))
     outliner.draft = "sway"
     outliner.end_rename(row(outliner, "take hello"), keep=True)
-    assert "hello" in editor.project.takes and editor.toasts.shown[-1].bad, "the name is another's"
+    assert "hello" in editor.project.takes and editor.toasts.shown[-1].is_error, "the name is another's"
     with pytest.raises(InputError, match="arm plays it"):
         delete_take(editor.project, "hello")
     assert "curl" not in delete_take(editor.project, "curl").takes

@@ -15,15 +15,15 @@ from enliven.motion.layers.evaluate import ShapePose, pose_from
 from enliven.rotation import IDENTITY
 from enliven_viewer.render.camera import OrbitCamera
 from enliven_viewer.studio.viewport.picking import Lens, bone_at, crossings, joint_at, surface_at
-from enliven_viewer.studio.viewport.standing import StandingCharacter
+from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 SIZE = (900.0, 600.0)
 
 
-def standing(shape: Shape, joints: np.ndarray) -> StandingCharacter:
+def standing(shape: Shape, joints: np.ndarray) -> StageCharacter:
     """Returns a shape without bone rotations, with joints at random positions."""
     pose = pose_from(shape, ShapePose(np.tile(IDENTITY, (len(joints), 1)), joints), 0.0)
-    return StandingCharacter(shape, None if shape.mesh is None else character_of(shape), pose, joints)
+    return StageCharacter(shape, None if shape.mesh is None else character_of(shape), pose, joints)
 
 
 def lens_of(azimuth: float, elevation: float) -> Lens:
@@ -35,7 +35,7 @@ def lens_of(azimuth: float, elevation: float) -> Lens:
 
 
 @st.composite
-def trees(draw: st.DrawFn) -> StandingCharacter:
+def trees(draw: st.DrawFn) -> StageCharacter:
     """Generates a random tree of joints at distinct positions, before every camera of :func:`lens_of`."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     count = int(rng.integers(2, 12))
@@ -50,7 +50,7 @@ lenses = st.builds(lens_of, st.floats(-3.0, 3.0), st.floats(0.05, 1.4))
 
 @given(trees(), lenses)
 @settings(max_examples=60, deadline=None)
-def test_every_joint_is_picked_at_its_pixel(posed: StandingCharacter, lens: Lens) -> None:
+def test_every_joint_is_picked_at_its_pixel(posed: StageCharacter, lens: Lens) -> None:
     pixels, depths = lens.project(posed.handles)
     for joint, pixel in enumerate(pixels):
         hit = joint_at([posed], lens, (float(pixel[0]), float(pixel[1])), 4.0)

@@ -64,7 +64,7 @@ def do(workspace: Workspace, *actions) -> Workspace:
 
 
 def vertices(workspace: Workspace) -> dict[str, np.ndarray]:
-    return {posed.id: posed.vertices for posed in workspace.editor.standing}
+    return {posed.id: posed.vertices for posed in workspace.editor.stage_characters}
 
 
 def test_click_selects_the_mesh_and_click_outside_deselects(workspace: Workspace) -> None:
@@ -103,7 +103,7 @@ def test_stroke_cuts_the_mesh_and_both_parts_keep_moving(workspace: Workspace) -
 def test_stroke_outside_the_mesh_is_refused(workspace: Workspace) -> None:
     before = workspace.editor.project
     do(workspace, Click(Spot(0.0, 0.7)), Key("c"), Drag((Pixel(0.05, 0.2), Pixel(0.1, 0.4))))
-    assert workspace.editor.project is before and workspace.editor.toasts.shown[-1].bad
+    assert workspace.editor.project is before and workspace.editor.toasts.shown[-1].is_error
 
 
 def test_shift_drag_merges_two_meshes(workspace: Workspace) -> None:
@@ -176,7 +176,7 @@ def test_recorded_take_contains_the_possessed_mesh(tmp_path, box) -> None:
 def test_possessed_meshes_go_out_as_glb(workspace: Workspace, tmp_path) -> None:
     workspace.asking = "export"
     workspace.chosen(tmp_path / "posts.glb")
-    workspace.editor.beside.finish()
+    workspace.editor.background.finish()
     assert (tmp_path / "posts.glb").stat().st_size > 1000 and "2 shapes" in workspace.editor.toasts.shown[
         -1
     ].text
@@ -198,7 +198,7 @@ def test_performers_reattach_after_a_cut_and_undo_reverts_it(tmp_path: Path) -> 
     assert stale(cut, cut.graph(name))
     editor.choose(name)
     opened.commands.motion.solve_again()
-    editor.beside.finish()
+    editor.background.finish()
     assert not stale(editor.project, editor.project.graph(name))
     assert editor.history.names[-1] == f"solve again {name}"
     editor.undo()
@@ -224,12 +224,12 @@ def test_performance_is_copied_onto_another_mesh_by_two_keys(workspace: Workspac
     before = editor.project
     play([Key("ctrl+shift+v")], stage)
     editor.edit("scale", lambda project: scale_character(project, "stool", 1.5))
-    editor.beside.finish()
+    editor.background.finish()
     assert editor.history.names[-1] == "scale" and "was changed" in editor.toasts.shown[-1].text
     editor.undo()
     assert same(editor.project, before)
     play([Key("ctrl+shift+v")], stage)
-    editor.beside.finish()
+    editor.background.finish()
     assert editor.history.names[-1] == f"give {performed} to stool"
     seen = [vertices_of(editor.project, "stool", time) for time in (0.0, 0.4)]
     assert np.abs(seen[1] - seen[0]).max() > 0.02

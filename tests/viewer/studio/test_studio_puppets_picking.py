@@ -16,8 +16,8 @@ from enliven.modeling.edits import move_character, turn_character
 from enliven.modeling.puppet import set_symmetry
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.puppets.manipulator import LENGTH, PARTS, Manipulator
-from enliven_viewer.studio.puppets.mirrored import mirrored_places, partner_vertex
+from enliven_viewer.studio.puppets.gizmo import LENGTH, PARTS, Gizmo
+from enliven_viewer.studio.puppets.symmetry import mirrored_places, partner_vertex
 from enliven_viewer.studio.viewport.picking import joint_at, surface_at
 from enliven_viewer.studio.viewport.ray import NEAREST, first_hit, vertex_hit
 
@@ -90,22 +90,22 @@ def test_a_puppet_is_picked_where_it_stands(name: str) -> None:
     editor = editor_with()
     turn = from_rotation_vector(np.array([0.0, 0.7, 0.0]))
     editor.edit("away", lambda p: turn_character(move_character(p, "star", [0.6, 0.2, -0.3]), "star", turn))
-    standing = editor.puppets.standing[0]
+    standing = editor.puppets.stage_puppets[0]
     middle = standing.vertices.mean(0)
     place = standing.vertices[vertex(name)] * 0.93 + middle * 0.07
-    hit = surface_at(editor.standing, editor.lens, pixel_of(editor, place))
+    hit = surface_at(editor.stage_characters, editor.lens, pixel_of(editor, place))
     assert hit is not None and hit.character == standing.id
     met = editor.lens.view.eye + hit.depth * editor.lens.ray(pixel_of(editor, place))
     assert np.linalg.norm(met - place) < 0.15
-    assert surface_at(editor.standing, editor.lens, (3.0, 3.0)) is None
+    assert surface_at(editor.stage_characters, editor.lens, (3.0, 3.0)) is None
 
 
 def test_into_the_mesh_and_out_again() -> None:
     editor = editor_with("head")
     turn = from_rotation_vector(np.array([0.3, 0.7, -0.2]))
     editor.edit("away", lambda p: turn_character(move_character(p, "star", [0.6, 0.2, -0.3]), "star", turn))
-    standing = editor.puppets.standing[0]
-    assert np.allclose(standing.into(standing.vertices), star().vertices)
+    standing = editor.puppets.stage_puppets[0]
+    assert np.allclose(standing.to_mesh(standing.vertices), star().vertices)
     assert np.allclose(standing.vertices, in_world(standing.character, standing.state, star().vertices))
     assert np.allclose(standing.handles[0], standing.vertices[vertex("head")])
     assert np.allclose(standing.solved, standing.vertices, atol=1e-6)
@@ -113,12 +113,12 @@ def test_into_the_mesh_and_out_again() -> None:
 
 def test_the_point_under_the_pointer_is_found_and_of_two_the_one_before() -> None:
     editor = editor_with("head", "left")
-    standing, lens = editor.puppets.standing[0], editor.lens
+    standing, lens = editor.puppets.stage_puppets[0], editor.lens
     x, y = pixel_of(editor, standing.handles[1])
     hit = joint_at([standing], lens, (x + 5, y - 5), 11.0)
     assert hit is not None and hit.handle == 1
     assert joint_at([standing], lens, (x + 15, y), 11.0) is None
-    assert joint_at([editor_with().puppets.standing[0]], lens, (x, y), 11.0) is None
+    assert joint_at([editor_with().puppets.stage_puppets[0]], lens, (x, y), 11.0) is None
 
 
 @pytest.mark.parametrize("part", PARTS)
@@ -126,7 +126,7 @@ def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None
     editor = editor_with()
     editor.camera.orbit(0.5, 0.4)
     editor.camera.advance(10.0)
-    tool = Manipulator(PLACE, editor.lens)
+    tool = Gizmo(PLACE, editor.lens)
     axes = np.eye(3)
     if part == "view":
         handle = PLACE
@@ -137,7 +137,7 @@ def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None
         handle = PLACE + (1 - axes[missing]) * 33 * tool.pixel
     start = pixel_of(editor, handle)
     assert tool.at(start) == part
-    way = tool.dragged(part, start, (start[0] + 31.0, start[1] - 23.0), snap=False)
+    way = tool.drag_offset(part, start, (start[0] + 31.0, start[1] - 23.0), snap=False)
     seen = pixel_of(editor, handle + way)
     if part == "view":
         assert way @ editor.lens.forward == pytest.approx(0.0, abs=1e-9)
@@ -149,7 +149,7 @@ def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None
         assert seen == pytest.approx((start[0] + 31.0, start[1] - 23.0), abs=1e-3), (
             "it stays under the pointer"
         )
-    assert not tool.dragged(part, start, start, snap=False).any()
+    assert not tool.drag_offset(part, start, start, snap=False).any()
 
 
 @settings(max_examples=30, deadline=None)
@@ -158,9 +158,9 @@ def test_a_drag_is_finite_from_every_side_and_snaps_to_steps(part, across, down,
     editor = seen()
     editor.camera.face(azimuth, elevation)
     editor.camera.advance(10.0)
-    tool = Manipulator(PLACE, editor.lens)
+    tool = Gizmo(PLACE, editor.lens)
     start = pixel_of(editor, PLACE)
-    way = tool.dragged(part, start, (start[0] + across, start[1] + down), snap=True)
+    way = tool.drag_offset(part, start, (start[0] + across, start[1] + down), snap=True)
     assume(way is not None)
     assert np.isfinite(way).all()
     assert np.abs(way / tool.step - np.round(way / tool.step)).max() < 1e-6
@@ -172,17 +172,17 @@ def test_beyond_the_horizon_of_a_plane_there_is_no_place() -> None:
     editor = editor_with()
     editor.camera.face(0.0, 0.2)
     editor.camera.advance(10.0)
-    tool = Manipulator(PLACE, editor.lens)
+    tool = Gizmo(PLACE, editor.lens)
     start = pixel_of(editor, PLACE)
-    assert tool.dragged("zx", start, (start[0], -5000.0), snap=False) is None
-    assert tool.dragged("zx", start, (start[0], start[1] + 20.0), snap=False) is not None
+    assert tool.drag_offset("zx", start, (start[0], -5000.0), snap=False) is None
+    assert tool.drag_offset("zx", start, (start[0], start[1] + 20.0), snap=False) is not None
 
 
 def test_gizmo_has_constant_size_on_screen() -> None:
     editor = editor_with()
     sizes = []
     for place in (PLACE, PLACE + editor.lens.forward * 1.5):
-        tool = Manipulator(place, editor.lens)
+        tool = Gizmo(place, editor.lens)
         up = editor.lens.up * LENGTH * tool.pixel
         sizes.append(np.linalg.norm(np.subtract(pixel_of(editor, place + up), pixel_of(editor, place))))
     assert sizes == pytest.approx([LENGTH, LENGTH], rel=1e-6)
@@ -190,7 +190,7 @@ def test_gizmo_has_constant_size_on_screen() -> None:
 
 def test_behind_the_eye_there_is_nothing_to_take() -> None:
     editor = editor_with()
-    tool = Manipulator(editor.lens.view.eye - editor.lens.forward, editor.lens)
+    tool = Gizmo(editor.lens.view.eye - editor.lens.forward, editor.lens)
     assert tool.at((320.0, 240.0)) == "" and tool.marks("") == ()
 
 

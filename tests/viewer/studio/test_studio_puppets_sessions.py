@@ -45,7 +45,7 @@ def two_poses(workspace: Workspace) -> None:
 
 
 def bad(workspace: Workspace) -> list[str]:
-    return [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+    return [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
 
 
 def test_clicks_put_control_points_and_a_drag_makes_a_key_pose(tmp_path) -> None:
@@ -86,7 +86,7 @@ def test_escape_goes_back_step_by_step_and_loses_nothing(tmp_path) -> None:
     play([Drag((start, Near(start, 0, -60)))], stage)
     kept = workspace.puppets.puppet.poses
     user_input = workspace.input
-    at = workspace.editor.lens.project(workspace.puppets.standing[0].handles)[0][1]
+    at = workspace.editor.lens.project(workspace.puppets.stage_puppets[0].handles)[0][1]
     user_input.press((at[0], at[1]))
     user_input.move((at[0] + 40, at[1]))
     assert workspace.puppets.dragging
@@ -154,7 +154,7 @@ def test_suggested_ends_are_clicked_nearly(tmp_path) -> None:
 def test_self_intersections_are_reported_except_at_rest(tmp_path) -> None:
     workspace, stage = studio(tmp_path, "head", "left", "right", "foot", "other", take="sway")
     play([Do(lambda d: d.puppets.begin_pose("sway", 0.5))], stage)
-    workspace.puppets.crossing.wait()
+    workspace.puppets.self_intersection.wait()
     assert workspace.input.tool.warning == ""
     places = workspace.puppets.puppet.rest.copy()
     places[1] = [0.3, 0.45, 0.0]
@@ -164,17 +164,17 @@ def test_self_intersections_are_reported_except_at_rest(tmp_path) -> None:
     workspace.puppets.drop()
     for _ in range(5):
         workspace.editor.advance(STEP)
-        workspace.puppets.crossing.wait()
-    assert "left" in workspace.input.tool.warning and len(workspace.puppets.crossing.faces) > 2
+        workspace.puppets.self_intersection.wait()
+    assert "left" in workspace.input.tool.warning and len(workspace.puppets.self_intersection.faces) > 2
     play([Key("w"), Key("o")], stage)
     assert (
         workspace.input.tool.warning == ""
-        and len(workspace.puppets.crossing.faces) == 0
+        and len(workspace.puppets.self_intersection.faces) == 0
         and not workspace.puppets.silhouette
     )
     play([Key("w"), Key("o"), Key("enter")], stage)
     assert workspace.puppets.warn and workspace.puppets.silhouette
-    assert workspace.input.tool.warning == "" and len(workspace.puppets.crossing.faces) == 0
+    assert workspace.input.tool.warning == "" and len(workspace.puppets.self_intersection.faces) == 0
 
 
 def test_a_puppet_is_moved_turned_copied_and_deleted_as_other_shapes(tmp_path) -> None:
@@ -230,7 +230,7 @@ def test_puppet_plays_its_key_poses_and_survives_saving(tmp_path) -> None:
     for _ in range(12):
         workspace.editor.playing = True
         workspace.editor.advance(0.1)
-        seen.append(workspace.puppets.standing[0].vertices[vertex("head")])
+        seen.append(workspace.puppets.stage_puppets[0].vertices[vertex("head")])
     assert np.ptp(np.array(seen)[:, 0]) > 0.05 and not bad(workspace)
     path = tmp_path / "star.enliven"
     write_project(path, workspace.editor.project)
@@ -244,9 +244,9 @@ def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:
     vertices = []
     for before in (0.0, 2.5):
         workspace.editor.scrub(before)
-        _ = workspace.puppets.standing
+        _ = workspace.puppets.stage_puppets
         workspace.editor.scrub(0.8)
-        vertices.append(workspace.puppets.standing[0].vertices)
+        vertices.append(workspace.puppets.stage_puppets[0].vertices)
     assert alike(vertices[0], vertices[1], SOLVED)
 
 
@@ -257,16 +257,16 @@ def test_large_mesh_is_prepared_in_the_background(tmp_path, monkeypatch) -> None
     assert len(mesh.vertices) > 30_000
     puppet = workspace.puppets.puppet.with_changes(mesh=mesh)
     workspace.editor.edit("finer", lambda p: p.with_characters(puppet))
-    assert np.array_equal(workspace.puppets.standing[0].surface, mesh.vertices)
+    assert np.array_equal(workspace.puppets.stage_puppets[0].surface, mesh.vertices)
     assert "takes a moment" in workspace.editor.toasts.shown[-1].text
     workspace.puppets.add_point(0)
     for _ in range(2000):
-        if workspace.puppets.stage.surfaces.prepared(workspace.puppets.puppet):
+        if workspace.puppets.stage.surfaces.is_prepared(workspace.puppets.puppet):
             break
         sleep(0.01)
     assert "can be dragged now" in workspace.editor.toasts.shown[-1].text
     workspace.puppets.drag(0, mesh.vertices[0] + [0.0, 0.2, 0.0])
-    assert np.allclose(workspace.puppets.standing[0].surface[0], mesh.vertices[0] + [0.0, 0.2, 0.0])
+    assert np.allclose(workspace.puppets.stage_puppets[0].surface[0], mesh.vertices[0] + [0.0, 0.2, 0.0])
 
 
 def test_without_a_puppet_the_tool_does_nothing(tmp_path) -> None:
@@ -287,7 +287,7 @@ def test_stroke_cuts_a_puppet_and_both_parts_keep_moving(tmp_path) -> None:
     play([Key("c"), Drag(stroke)], stage)
     assert len(workspace.editor.project.puppets) == 2, [toast.text for toast in workspace.editor.toasts.shown]
     assert not bad(workspace) and workspace.editor.selection.character in workspace.editor.project.puppets
-    assert len(workspace.puppets.standing) == 2
+    assert len(workspace.puppets.stage_puppets) == 2
     workspace.editor.undo()
     assert list(workspace.editor.project.puppets) == ["star"]
 
@@ -320,7 +320,7 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
         workspace.editor.edit("pose", lambda p, t=time, q=places: add_key_pose(p, "post", "sway", t, q))
     workspace.commands.puppets.bake()
     assert "Baking" in workspace.editor.toasts.shown[-1].text and "post" in workspace.editor.project.puppets
-    workspace.editor.beside.finish()
+    workspace.editor.background.finish()
     assert (
         workspace.editor.selection.character == "post"
         and "post" not in workspace.editor.project.puppets
@@ -330,12 +330,12 @@ def test_puppet_is_baked_in_the_background(tmp_path, make_limb) -> None:
     workspace.editor.choose("post")
     workspace.commands.puppets.bake()
     workspace.puppets.add_point(20)
-    workspace.editor.beside.finish()
+    workspace.editor.background.finish()
     assert "post" in workspace.editor.project.puppets and "changed while" in bad(workspace)[-1]
 
 
 def test_puppet_without_motion_cannot_be_baked(tmp_path) -> None:
     workspace, _ = studio(tmp_path, "head", take="sway")
     workspace.commands.puppets.bake()
-    workspace.editor.beside.finish()
+    workspace.editor.background.finish()
     assert bad(workspace) and "star" in workspace.editor.project.puppets

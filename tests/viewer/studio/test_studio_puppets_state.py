@@ -14,8 +14,8 @@ from tolerances import SOLVED, alike
 from enliven.document.project import same
 from enliven.modeling.puppet import add_key_pose, set_symmetry
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.puppets.mirrored import partner_point, partner_vertex
-from enliven_viewer.studio.puppets.posing import PuppetEditor
+from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
+from enliven_viewer.studio.puppets.symmetry import partner_point, partner_vertex
 
 
 def posing(*names: str, take: str = "sway") -> PuppetEditor:
@@ -48,7 +48,7 @@ def test_a_drag_is_one_edit_of_the_key_pose_and_is_seen_at_once() -> None:
     for share in (0.3, 0.6, 1.0):
         puppets.drag(1, before.rest[1] + share * (place - before.rest[1]))
         assert puppets.editor.project.puppets["star"] is before, "while it is dragged nothing is remembered"
-        assert np.array_equal(puppets.standing[0].vertices[before.points[1].vertex], puppets.places[1])
+        assert np.array_equal(puppets.stage_puppets[0].vertices[before.points[1].vertex], puppets.places[1])
     assert puppets.drop() and steps(puppets) == edits + 1
     assert np.allclose(puppet_of(puppets).poses[0].places[1], place) and puppets.posing
     puppets.editor.undo()
@@ -158,7 +158,7 @@ def test_drag_without_a_take_gives_advice_and_changes_nothing() -> None:
     puppets.drag(1, puppet_of(puppets).rest[1] + [0, 0.2, 0])
     assert not puppets.drop() and not puppets.posing and puppet_of(puppets).poses == ()
     assert "No take is shown" in puppets.editor.toasts.shown[-1].text
-    assert np.array_equal(puppets.standing[0].vertices, star().vertices), "it springs back"
+    assert np.array_equal(puppets.stage_puppets[0].vertices, star().vertices), "it springs back"
 
 
 def test_the_key_pose_is_left_when_it_plays_or_another_time_is_shown() -> None:
@@ -185,7 +185,7 @@ def test_a_vertex_that_no_face_uses_is_refused() -> None:
     puppets.editor.edit("loosen", lambda p: p.with_characters(p.puppets["star"].with_changes(mesh=loose)))
     before = puppets.editor.project
     assert not puppets.add_point(len(mesh.vertices)) and puppets.editor.project is before
-    assert "loose" in puppets.editor.toasts.shown[-1].text and puppets.editor.toasts.shown[-1].bad
+    assert "loose" in puppets.editor.toasts.shown[-1].text and puppets.editor.toasts.shown[-1].is_error
 
 
 def test_unsolvable_puppet_is_reported_and_repaired() -> None:
@@ -196,13 +196,13 @@ def test_unsolvable_puppet_is_reported_and_repaired() -> None:
     points = (*puppet.points, replace(puppet.points[0], name="loose", vertex=len(mesh.vertices)))
     wrong = puppet.with_changes(mesh=loose, points=points)
     puppets.editor.edit("as a file may have it", lambda p: p.with_characters(wrong))
-    assert np.array_equal(puppets.standing[0].surface, loose.vertices)
-    assert puppets.editor.toasts.shown[-1].bad, "it is told"
+    assert np.array_equal(puppets.stage_puppets[0].surface, loose.vertices)
+    assert puppets.editor.toasts.shown[-1].is_error, "it is told"
     puppets.editor.choose("star", 2)
     puppets.remove_point()
     puppets.begin_pose("sway", 0.5)
     puppets.drag(1, puppets.places[1] + [0.0, 0.2, 0.0])
-    assert np.allclose(puppets.standing[0].surface[vertex("left")], puppets.places[1])
+    assert np.allclose(puppets.stage_puppets[0].surface[vertex("left")], puppets.places[1])
 
 
 def test_a_new_point_is_on_the_surface_of_every_key_pose() -> None:
@@ -211,7 +211,7 @@ def test_a_new_point_is_on_the_surface_of_every_key_pose() -> None:
     puppets.drag(1, puppets.places[1] + [0.1, 0.3, 0.0])
     puppets.drop()
     puppets.accept()
-    settled = puppets.stage.surfaces.settled(puppet_of(puppets), [puppet_of(puppets).poses[0].places])
+    settled = puppets.stage.surfaces.settle_each(puppet_of(puppets), [puppet_of(puppets).poses[0].places])
     assert settled is not None
     assert puppets.add_point(vertex("right")) and puppets.point == 3
     assert alike(puppet_of(puppets).poses[0].places[3], settled[0][vertex("right")], SOLVED)
@@ -235,7 +235,7 @@ def test_the_last_point_gone_leaves_the_mesh_at_rest() -> None:
     puppets.drop()
     puppets.editor.choose("star", 0)
     puppets.remove_point()
-    assert np.array_equal(puppets.standing[0].surface, star().vertices)
+    assert np.array_equal(puppets.stage_puppets[0].surface, star().vertices)
 
 
 def test_with_symmetry_points_are_put_and_dragged_in_pairs() -> None:
@@ -271,9 +271,9 @@ def test_a_drag_a_thousand_sizes_away_stops_where_it_is_still_meant() -> None:
     puppets = posing("head", "left")
     puppets.begin_pose("sway", 0.5)
     puppets.drag(1, np.array([0.0, 1e4, 0.0]))
-    assert np.isfinite(puppets.standing[0].vertices).all() and np.linalg.norm(puppets.places[1]) < 100
+    assert np.isfinite(puppets.stage_puppets[0].vertices).all() and np.linalg.norm(puppets.places[1]) < 100
     puppets.drop()
-    assert not any(toast.bad for toast in puppets.editor.toasts.shown)
+    assert not any(toast.is_error for toast in puppets.editor.toasts.shown)
 
 
 @settings(max_examples=8, deadline=None)
@@ -312,10 +312,10 @@ def test_whatever_is_done_undo_brings_every_project_back(commands: list[str], se
             case "cancel" | "accept":
                 getattr(puppets, command)()
         puppets.editor.advance(0.04)
-        shown = puppets.standing[0]
+        shown = puppets.stage_puppets[0]
         assert shown.surface.shape == star().vertices.shape and np.isfinite(shown.vertices).all()
         # Two moments of one joint may look alike; the studio reports it, and it is not an error.
-        wrong = [t.text for t in puppets.editor.toasts.shown if t.bad and "the same pose" not in t.text]
+        wrong = [t.text for t in puppets.editor.toasts.shown if t.is_error and "the same pose" not in t.text]
         assert not wrong
         if puppets.editor.project is not seen[-1]:
             seen.append(puppets.editor.project)
@@ -330,10 +330,10 @@ def test_the_previous_key_pose_is_outlined_and_what_is_dragged_stays(tmp_path) -
     puppets.editor.edit("one", lambda p: add_key_pose(p, "star", "sway", 0.2, raised))
     puppets.begin_pose("sway", 1.0)
     puppets.drag(1, puppets.puppet.rest[1] + [0.0, -0.1, 0.1])
-    before = puppets.standing[0].surface
+    before = puppets.stage_puppets[0].surface
     puppets.stage.wait()
     ghost = puppets.stage.ghost
-    assert ghost is not None and np.array_equal(puppets.standing[0].surface, before)
+    assert ghost is not None and np.array_equal(puppets.stage_puppets[0].surface, before)
     assert np.allclose(ghost.surface[vertex("left")], raised[1])
     puppets.silhouette = False
     assert puppets.stage.ghost is None

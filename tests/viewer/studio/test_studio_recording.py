@@ -12,7 +12,7 @@ from swaying import swaying
 
 from enliven.formats.project import read_project, write_project
 from enliven.wire import BODIES
-from enliven_viewer.link.received import ReceivedBodies
+from enliven_viewer.link.received_data import ReceivedBodies
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.workspace.project_store import ProjectStore
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -48,7 +48,7 @@ def workspace(tmp_path: Path) -> Workspace:
     opened = Workspace.new(Editor(), tmp_path / "recovery")
     opened.store.save(tmp_path / "work.enliven")
     recording = opened.perform.recording
-    recording.recorder.heard(BODIES, frame(0))
+    recording.recorder.record(BODIES, frame(0))
     recording.recorder.begin("take 1")
     recording.phase = "recording"
     perform(opened, 30)
@@ -63,7 +63,7 @@ def perform(workspace: Workspace, until: int) -> None:
     recorder = workspace.perform.recording.recorder
     begun = recorder.so_far()
     for number in range(len(begun.frames) if begun else 0, until):
-        recorder.heard(BODIES, frame(number))
+        recorder.record(BODIES, frame(number))
 
 
 def seconds(path: Path) -> float:
@@ -150,7 +150,7 @@ def test_a_recovery_file_is_written_before_anything_has_moved(workspace: Workspa
     workspace.store.autosave_now()
     (kept,) = (tmp_path / "recovery").glob("recovery-*.enliven")
     assert read_project(kept).takes.keys() == workspace.editor.project.takes.keys()
-    assert not workspace.editor.toasts.shown or not workspace.editor.toasts.shown[-1].bad
+    assert not workspace.editor.toasts.shown or not workspace.editor.toasts.shown[-1].is_error
 
 
 def test_written_take_does_not_change_while_recording_continues(workspace: Workspace) -> None:

@@ -33,7 +33,7 @@ def films() -> ModuleType:
 def played(films: ModuleType, name: str, folder: Path) -> Workspace:
     workspace = Workspace.new(Editor(films.SIZE), folder)
     play(list(films.SESSIONS[name]()), HeadlessStage(workspace))
-    bad = [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+    bad = [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
     assert not bad, bad
     return workspace
 

@@ -34,7 +34,7 @@ def test_every_place_is_taken_once_and_in_order_however_many_a_picture_has(pictu
     at = (-1.0, -1.0)
     for picture in pictures:
         for x, y in picture:
-            path.tell(x + 0.4, y)  # ImGui counts in whole pixels
+            path.add(x + 0.4, y)  # ImGui counts in whole pixels
             sent.append((x, y))
         at = sent[-1] if sent else at
         while True:  # a position that repeats ends a frame early, and the rest comes with the next
@@ -49,10 +49,10 @@ def test_every_place_is_taken_once_and_in_order_however_many_a_picture_has(pictu
 def test_pointer_path_stops_at_button_changes_and_resets_on_jumps() -> None:
     path = PointerPath()
     for x in range(6):
-        path.tell(float(x), 0.0)
+        path.add(float(x), 0.0)
     assert path.take((2.0, 0.0)) == [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], "the button went down there"
     assert path.take((5.0, 0.0)) == [(3.0, 0.0), (4.0, 0.0), (5.0, 0.0)]
-    path.tell(7.0, 0.0)
+    path.add(7.0, 0.0)
     assert path.take((40.0, 40.0)) == [(40.0, 40.0)] and path.take((7.0, 0.0)) == [(7.0, 0.0)]
 
 

@@ -20,7 +20,7 @@ from enliven.takes import plays
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.panels.start import place_arrow, place_card
 from enliven_viewer.studio.start import TOUR, leg_to_cut, legs_of
-from enliven_viewer.studio.start.steps import ENDING
+from enliven_viewer.studio.start.tour_steps import ENDING
 from enliven_viewer.studio.workspace import SAMPLES
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -123,7 +123,7 @@ def test_a_step_goes_on_a_moment_after_its_deed_and_not_by_another(workspace: Wo
     workspace.watch_tour(5.0)
     workspace.watch_tour(0.1)
     assert tour.number == 1 and tour.target.widgets[0] == "recorded person"
-    workspace.perform.room = "Model"
+    workspace.perform.active_workspace = "Model"
     workspace.watch_tour(0.1)
     assert tour.target.widgets == ("room Perform",), "the way back to where the step goes on"
 
@@ -188,7 +188,7 @@ def limb_there(workspace: Workspace) -> np.ndarray:
     shape = shape_from_stroke(outline, id="limb")
     workspace.editor.edit("add", lambda project: project.with_characters(shape))
     HeadlessStage(workspace)
-    return workspace.editor.lens.project(workspace.editor.posed("limb").vertices)[0]
+    return workspace.editor.lens.project(workspace.editor.stage_character("limb").vertices)[0]
 
 
 @pytest.mark.parametrize("tool", ["cut", "carry"])
@@ -297,7 +297,7 @@ def test_sample_opens_next_to_the_others_and_is_undone(workspace: Workspace, nam
         assert not rig_of(puppet).lacking(project, puppet) and project.end_of(puppet) > 5.0
         hands = [rig_of(puppet).player(project, puppet)(time).handles[7] for time in (0.0, 3.0)]
         assert np.abs(hands[1] - hands[0]).max() > 0.3, "it dances"
-    assert not [toast.text for toast in workspace.editor.toasts.shown if toast.bad]
+    assert not [toast.text for toast in workspace.editor.toasts.shown if toast.is_error]
     workspace.actions.do("edit.undo")
     workspace.actions.do("edit.undo")
     assert not workspace.editor.project.characters

@@ -24,7 +24,7 @@ MOST = 6
 
 def spot(editor: Editor, chance: random.Random) -> Place:
     """Returns a position in the image on a visible object, or near it."""
-    visible = [posed for posed in editor.seen if len(posed.extent)]
+    visible = [posed for posed in editor.visible_characters if len(posed.extent)]
     at = np.array([chance.random(), chance.random()])
     if visible:
         extent = chance.choice(visible).extent

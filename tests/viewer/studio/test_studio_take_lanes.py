@@ -49,9 +49,11 @@ def test_a_lane_shows_the_take_that_is_heard_and_opens_to_all(stage: Workspace) 
 
 def test_takes_are_heard_by_turns_dropped_and_kept(stage: Workspace) -> None:
     editor, takes = stage.editor, stage.commands.takes
-    assert takes.heard == "take 1" and stage.actions.do("takes.next") and takes.heard == "take 2"
+    assert (
+        takes.audible_take == "take 1" and stage.actions.do("takes.next") and takes.audible_take == "take 2"
+    )
     editor.select(layer=1)
-    assert stage.actions.do("takes.before") and takes.heard == "take 1" and editor.selection.layer == 0
+    assert stage.actions.do("takes.before") and takes.audible_take == "take 1" and editor.selection.layer == 0
     assert stage.actions.do("takes.drop") and mine(stage.timeline.layout) == ["take 2"]
     assert takes.lacks() and not stage.actions.do("takes.drop")
     editor.undo()
@@ -122,4 +124,4 @@ def test_a_take_is_deleted_by_its_row_of_the_list(stage: Workspace) -> None:
     takes.delete_row("walk")
     assert "walk" not in editor.project.takes, "nothing plays it"
     takes.delete_row("sway")
-    assert "sway" in editor.project.takes and editor.toasts.shown[-1].bad, "a character plays it"
+    assert "sway" in editor.project.takes and editor.toasts.shown[-1].is_error, "a character plays it"

@@ -153,8 +153,8 @@ def test_a_theme_changes_at_once_and_is_kept(tmp_path) -> None:
     workspace = Workspace.new(Editor(), tmp_path)
     assert theme_in_use() == ("dark", "usual")
     dark, lane = tuple(theme.PANEL), tuple(theme.LANES[0])
-    assert workspace.actions.do("view.light_theme") and workspace.actions["view.light_theme"].on()
-    workspace.preferences.paint(colours="okabe-ito")
+    assert workspace.actions.do("view.light_theme") and workspace.actions["view.light_theme"].is_on()
+    workspace.preferences.set_colours(colours="okabe-ito")
     assert tuple(theme.PANEL) == THEMES["light"].panel != dark and tuple(theme.LANES[0]) != lane
     use_theme("dark", "usual")
     again = Preferences(tmp_path)

@@ -22,13 +22,13 @@ from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.motions import library
-from enliven_viewer.studio.places import LEAST, TIMELINE, places_in
+from enliven_viewer.studio.panel_layout import LEAST, TIMELINE, lay_out_panels
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.timeline import TimelineInput
 from enliven_viewer.studio.timeline.lane_names import plain_limb
 from enliven_viewer.studio.timeline.layout import LABELS, LANE, RULER, TimelineLayout
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport.playback import length_of
+from enliven_viewer.studio.viewport.project_length import length_of
 from enliven_viewer.studio.window import elapsed_since
 from enliven_viewer.studio.workspace import Workspace
 
@@ -109,9 +109,9 @@ def test_messages_stay_their_time_and_bad_ones_longer() -> None:
     toasts.complain(InputError("it is flat", where="stroke", mend="Draw a circle."))
     toasts.say("done")
     assert [toast.text for toast in toasts.shown] == ["stroke: it is flat", "done"], "once each"
-    assert toasts.shown[0].mend == "Draw a circle." and toasts.shown[0].bad
+    assert toasts.shown[0].mend == "Draw a circle." and toasts.shown[0].is_error
     toasts.advance(3.0)
-    assert [toast.bad for toast in toasts.shown] == [True]
+    assert [toast.is_error for toast in toasts.shown] == [True]
     toasts.advance(1.5)
     assert toasts.shown == ()
 
@@ -212,11 +212,11 @@ def limb_with_two_layers(clip: Clip, take: str) -> tuple[Shape, Project]:
 
 
 def test_the_timeline_has_the_height_that_it_was_given(tmp_path) -> None:
-    assert places_in(1280, 720).timeline.height == TIMELINE
-    assert places_in(1280, 720, timeline_height=400.0).timeline.height == 400.0
-    low = places_in(1280, 720, timeline_height=5000.0)
+    assert lay_out_panels(1280, 720).timeline.height == TIMELINE
+    assert lay_out_panels(1280, 720, timeline_height=400.0).timeline.height == 400.0
+    low = lay_out_panels(1280, 720, timeline_height=5000.0)
     assert low.timeline.height == pytest.approx(0.75 * 720) and low.viewport.height > 100
-    assert places_in(1280, 720, timeline_height=1.0).timeline.height == LEAST
+    assert lay_out_panels(1280, 720, timeline_height=1.0).timeline.height == LEAST
     preferences = Preferences(tmp_path)
     preferences.timeline_height = 321.0
     preferences.save()

@@ -86,7 +86,9 @@ def test_drag_of_empty_space_only_turns_the_view(workspace: Workspace) -> None:
 def test_a_shape_is_carried_as_far_as_the_pointer_goes(workspace: Workspace) -> None:
     do(workspace, Key("g"), Drag((JointPlace("arm", 1), Near(JointPlace("arm", 1), 0, -80))))
     before = workspace.editor.history.project.shapes["arm"].skeleton.positions[0]
-    at = workspace.editor.lens.project(np.stack([before, workspace.editor.posed("arm").handles[0]]))[0]
+    at = workspace.editor.lens.project(
+        np.stack([before, workspace.editor.stage_character("arm").handles[0]])
+    )[0]
     assert np.abs(at[1] - at[0] - [0.0, -80.0]).max() < 1.5, "the root goes with the pointer"
     assert workspace.editor.history.names == ("move arm",)
 
@@ -96,7 +98,7 @@ def test_escape_drops_a_drag(workspace: Workspace) -> None:
     stage = HeadlessStage(workspace)
     play([Key("g"), Wait(0.5)], stage)
     stage.move((500.0, 300.0))
-    joint = workspace.editor.lens.project(workspace.editor.posed("arm").handles)[0][1]
+    joint = workspace.editor.lens.project(workspace.editor.stage_character("arm").handles)[0][1]
     stage.move((float(joint[0]), float(joint[1])))
     stage.button(0, True)
     stage.move((float(joint[0]), float(joint[1]) - 50))
@@ -111,7 +113,7 @@ def test_posing_points_the_bone_at_the_pointer(workspace: Workspace) -> None:
     shape = workspace.editor.project.shapes["limb"]
     assert np.abs(shape.modeling[2] - [1, 0, 0, 0]).max() > 0.05
     assert np.allclose(shape.modeling[[0, 1, 3, 4]], [1, 0, 0, 0])
-    posed = workspace.editor.posed("limb")
+    posed = workspace.editor.stage_character("limb")
     assert np.allclose(np.linalg.norm(np.diff(posed.handles, axis=0), axis=1), 0.25)
     workspace.editor.undo()
     assert np.allclose(workspace.editor.project.shapes["limb"].modeling, [1, 0, 0, 0])
@@ -159,9 +161,9 @@ def test_a_chain_is_mapped_by_clicking_and_flipped_with_y(workspace: Workspace) 
     layer = workspace.editor.project.shape("limb").layer("curl")
     assert layer.take == "curl" and layer.chain == (0, 1, 2, 3, 4, 5) and layer.loop
     workspace.editor.scrub(1.2)
-    tip = workspace.editor.posed("limb").handles[-1]
+    tip = workspace.editor.stage_character("limb").handles[-1]
     do(workspace, Key("y"))
-    other = workspace.editor.posed("limb").handles[-1]
+    other = workspace.editor.stage_character("limb").handles[-1]
     assert np.abs(tip - other).max() > 0.05 and workspace.editor.history.names == ("map curl",)
     assert np.abs((tip + other)[0]) < 0.02, "the other way in the picture"
 
@@ -184,12 +186,12 @@ def test_matches_are_offered_and_one_is_accepted(workspace: Workspace) -> None:
 def test_a_stroke_cuts_and_both_parts_stay_where_they_are(workspace: Workspace) -> None:
     workspace.editor.edit("map", moving)
     workspace.editor.scrub(0.7)
-    before = workspace.editor.posed("limb").handles
+    before = workspace.editor.stage_character("limb").handles
     middle = OnBone("limb", 3, 0.5)
     do(workspace, Key("c"), Drag((Near(middle, -70, 0), Near(middle, 70, 0))))
     assert set(workspace.editor.project.shapes) == {"limb", "arm", "limb 2"}, said(workspace)
-    assert np.allclose(workspace.editor.posed("limb").handles[:3], before[:3], atol=1e-9)
-    assert np.allclose(workspace.editor.posed("limb 2").handles[-2:], before[-2:], atol=1e-9)
+    assert np.allclose(workspace.editor.stage_character("limb").handles[:3], before[:3], atol=1e-9)
+    assert np.allclose(workspace.editor.stage_character("limb 2").handles[-2:], before[-2:], atol=1e-9)
     assert workspace.editor.selection.character == "limb 2"
 
 
@@ -262,7 +264,9 @@ def test_a_closed_stroke_becomes_a_part_with_bones(workspace: Workspace) -> None
     do(workspace, Key("s"), Drag(places, 1.5))
     part = workspace.editor.project.shapes["part"]
     assert len(part.skeleton) >= 2 and part.mesh is not None
-    tall = float(np.ptp(workspace.editor.lens.project(workspace.editor.posed("part").vertices)[0][:, 1]))
+    tall = float(
+        np.ptp(workspace.editor.lens.project(workspace.editor.stage_character("part").vertices)[0][:, 1])
+    )
     assert tall == pytest.approx(0.5 * workspace.editor.size[1], rel=0.12)
 
 
@@ -327,7 +331,9 @@ def test_the_best_view_shows_more_of_the_bones(workspace: Workspace) -> None:
 
     def seen() -> float:
         return float(
-            np.ptp(workspace.editor.lens.project(workspace.editor.posed("limb").handles)[0], axis=0).max()
+            np.ptp(
+                workspace.editor.lens.project(workspace.editor.stage_character("limb").handles)[0], axis=0
+            ).max()
         )
 
     from_above = seen()
@@ -338,7 +344,7 @@ def test_the_best_view_shows_more_of_the_bones(workspace: Workspace) -> None:
 
 def test_take_of_another_build_gives_advice_or_is_fully_mapped(workspace: Workspace) -> None:
     do(workspace, Click(JointPlace("limb", 0)), Click(Widget("take walk")), Click(Widget("whole body")))
-    workspace.editor.beside.finish()
+    workspace.editor.background.finish()
     assert workspace.editor.history.names == ("map all of walk",) or "chain by chain" in said(workspace)
 
 
@@ -351,13 +357,13 @@ def test_whole_body_is_fitted_in_the_background_and_measured(workspace: Workspac
     editor = workspace.editor
     editor.choose("horse")
     tool.source.show(clip.id)
-    tool.whole.travel = True
+    tool.whole_body.travel = True
     tool.map_whole()
     workspace.editor.edit("meanwhile", lambda p: p.without("arm"))
-    editor.beside.finish()
+    editor.background.finish()
     assert editor.history.names == ("meanwhile", "map all of steps"), said(workspace)
-    assert set(editor.project.shapes) == {"horse", "limb"} and tool.made is not None
-    _, _, plan, quality = tool.made
+    assert set(editor.project.shapes) == {"horse", "limb"} and tool.last_mapping is not None
+    _, _, plan, quality = tool.last_mapping
     assert plan.travel and plan.steps and quality.slide is not None and quality.slide < 2.5
     low = [joints[:, 1].min() for joints in Player(editor.project, "horse").sample(np.linspace(0, 2, 9))[1]]
     np.testing.assert_allclose(low, horse().positions[:, 1].min(), atol=0.06)
@@ -378,7 +384,7 @@ def test_whole_body_honours_loop_box_and_is_replaced_by_remapping(
     for loop in (True, False, False):
         tool.loop = loop
         tool.map_whole()
-        editor.beside.finish()
+        editor.background.finish()
         layers = editor.project.shape("horse").layers
         assert layers and all(layer.loop == loop for layer in layers), said(workspace)
         poses.append(Player(editor.project, "horse").sample(np.array([0.5, 0.5 + clip.duration]))[0])
@@ -397,7 +403,7 @@ def test_a_take_of_the_very_model_is_copied_joint_by_joint(workspace: Workspace)
     editor.choose("horse")
     tool.source.show("own")
     tool.map_whole()
-    editor.beside.finish()
+    editor.background.finish()
     times = np.arange(5) * clip.step
     np.testing.assert_allclose(Player(editor.project, "horse").sample(times)[0], clip.turns[:5], atol=1e-12)
 

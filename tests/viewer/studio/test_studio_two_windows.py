@@ -148,7 +148,7 @@ def test_a_file_that_was_damaged_meanwhile_can_be_saved_over(windows, tmp_path: 
     second.ask("save")
     assert second.asking == "changed"
     second.compare()
-    assert second.compared is None and second.editor.toasts.shown[-1].bad
+    assert second.compared is None and second.editor.toasts.shown[-1].is_error
     second.save(over=True)
     assert characters(tmp_path / "work.enliven") == ["second", "shared"]
 

@@ -14,9 +14,9 @@ from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH
 from enliven.mapping.quality import LimbError, MotionQuality
 from enliven_edge.controls.base import WORDS
 from enliven_viewer.live.hud import late_words
-from enliven_viewer.studio.panels.examples.strip import _said as coverage_words
+from enliven_viewer.studio.panels.examples.strip import _status_text as coverage_words
 from enliven_viewer.studio.panels.side import made_of
-from enliven_viewer.studio.panels.source import _said as motion_words
+from enliven_viewer.studio.panels.source import _quality_lines as motion_words
 from enliven_viewer.studio.panels.stage import live, scan
 from enliven_viewer.studio.panels.stage.voice import command_words
 
@@ -121,6 +121,6 @@ def test_phrase_list_describes_every_command() -> None:
 
 
 def test_heard_words_are_below_the_advice_of_a_scan() -> None:
-    top = live.heard_below(is_scanned=True) - live._LARGE - live._AROUND
+    top = live.utterance_bottom(is_scanned=True) - live._PERFORMER_TEXT_SIZE - live._LINE_PADDING
     assert top >= scan.ADVICE, "the words lie on each other"
-    assert live.heard_below(is_scanned=False) < live.heard_below(is_scanned=True)
+    assert live.utterance_bottom(is_scanned=False) < live.utterance_bottom(is_scanned=True)

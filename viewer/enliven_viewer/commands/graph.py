@@ -12,9 +12,9 @@ from enliven.errors import InputError
 from enliven.files import need_folder
 
 CHAIR = "chair"
-_LONGEST_EDGE = 0.04
+_MAX_EDGE_M = 0.04
 """In metres: the edge refines meshes to the same length, so that the graph is the same."""
-_WRITABLE = (".png", ".jpg", ".jpeg", ".webp")
+_IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 
 
 def graph(
@@ -40,8 +40,8 @@ def graph(
 
     Cut vertices and bridges of the graph are marked: KinEtre's E_rig acts there.
     """
-    if output.suffix.lower() not in _WRITABLE:
-        endings = ", ".join(ending[1:] for ending in _WRITABLE)
+    if output.suffix.lower() not in _IMAGE_SUFFIXES:
+        endings = ", ".join(ending[1:] for ending in _IMAGE_SUFFIXES)
         raise InputError(
             f"cannot write {output.suffix or 'no'} pictures", where=str(output), mend=f"Known: {endings}."
         )
@@ -59,7 +59,7 @@ def graph(
         for note in notes:
             say(f"enliven: {note}", err=True)
         if height != 0:
-            shape = refine(fit_height(shape, height, up), _LONGEST_EDGE * height / 1.75)
+            shape = refine(fit_height(shape, height, up), _MAX_EDGE_M * height / 1.75)
     deformation_graph = DeformationGraph.build(shape, nodes=nodes, seed=seed, radius=radius)
     name = CHAIR if mesh == CHAIR else Path(mesh).name
     counts = write_graph_picture(

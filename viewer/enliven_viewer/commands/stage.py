@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from enliven.wire import Answer
     from enliven_viewer.link import EdgeClient, ReceivedCues
 
-_FOUND_WITHIN = 5.0
+_ANSWER_TIMEOUT_S = 5.0
 """Timeout in seconds for an edge to answer and to send its characters, on any network."""
-_PREPARED_WITHIN = 600.0
+_PREPARATION_TIMEOUT_S = 600.0
 """Timeout in seconds for an edge to prepare a character, including a first compilation of its kernels."""
-_TURN = 0.005
+_POLL_INTERVAL_S = 0.005
 """Seconds between two polls of the sockets: far less than a frame."""
 
 stage = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
@@ -68,7 +68,7 @@ def put(
         replaced = (name or own) in client.characters
         answers: list[Answer] = []
         client.stage.put(project, own, name=name, fit=fit, then=answers.append)
-        _until(client, lambda: answers, _PREPARED_WITHIN)
+        _until(client, lambda: answers, _PREPARATION_TIMEOUT_S)
         _need_done(answers, character)
     done = "is replaced" if replaced else "stands"
     say(f"enliven: {name or own} {done} on the stage of {edge}")
@@ -82,7 +82,7 @@ def remove(
     with _joined(edge) as client:
         answers: list[Answer] = []
         client.stage.remove(character, answers.append)
-        _until(client, lambda: answers, _FOUND_WITHIN)
+        _until(client, lambda: answers, _ANSWER_TIMEOUT_S)
         _need_done(answers, character)
     say(f"enliven: {character} is gone from the stage of {edge}")
 
@@ -163,7 +163,7 @@ def _joined(edge: str) -> Iterator[EdgeClient]:
 
     client = EdgeClient([edge], "enliven stage")
     with contextlib.closing(client):
-        _until(client, lambda: client.edges[0].complete, _FOUND_WITHIN)
+        _until(client, lambda: client.edges[0].complete, _ANSWER_TIMEOUT_S)
         if client.status is None:
             mend = "Start one with 'enliven edge', or give its address with --edge."
             raise ResourceError("no edge answers", where=edge, mend=mend)
@@ -175,7 +175,7 @@ def _until(client: EdgeClient, done: Callable[[], object], seconds: float) -> No
     end = time.monotonic() + seconds
     while not done() and time.monotonic() < end:
         client.poll()
-        time.sleep(_TURN)
+        time.sleep(_POLL_INTERVAL_S)
 
 
 def _need_done(answers: list[Answer], where: str) -> None:

@@ -14,7 +14,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.files import need_folder
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display
-from enliven_viewer.settings import ViewerSettings, WindowStart, sized
+from enliven_viewer.settings import ViewerSettings, WindowStart, with_size
 
 if TYPE_CHECKING:
     from enliven_viewer.link import EdgeFeed, TakeFeed
@@ -63,7 +63,7 @@ def view(
 
     It is the window of `enliven studio` in its Play workspace; H shows the keys.
     """
-    chosen = sized(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
+    chosen = with_size(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
     if wait is not None:
         chosen = replace(chosen, film=replace(chosen.film, patience=wait))
     need_folder(film, sheet)
@@ -84,19 +84,19 @@ def view(
             _window(take, addresses, chosen, seconds, start)
 
 
-_OTHERS = {
+_OTHER_COMMANDS = {
     ".glb": "Play it in enliven studio {0}, or make a film of it: enliven export {0} -o film.mp4",
     ".enliven": "Open it: enliven studio {0}",
     ".mp4": "Any player of films shows it",
 }
-_OTHERS |= dict.fromkeys((".gltf", ".vrm", ".bvh"), _OTHERS[".glb"])
+_OTHER_COMMANDS |= dict.fromkeys((".gltf", ".vrm", ".bvh"), _OTHER_COMMANDS[".glb"])
 """By file extension, what to do with a file that is not a take."""
 
 
 def _need_take(take: Path | None) -> None:
     """Refuses a file that other programs play, with advice."""
-    if take is not None and take.suffix.lower() in _OTHERS and take.exists():
-        mend = _OTHERS[take.suffix.lower()].format(take) + "."
+    if take is not None and take.suffix.lower() in _OTHER_COMMANDS and take.exists():
+        mend = _OTHER_COMMANDS[take.suffix.lower()].format(take) + "."
         raise InputError("this is not a take", where=str(take), mend=mend)
 
 
@@ -139,12 +139,12 @@ def _window(
 
     chosen = StudioSettings(settings.render, settings.width, settings.height)
     workspace = Workspace.new(Editor(chosen))
-    workspace.perform.room = "Play"
+    workspace.perform.active_workspace = "Play"
     if take is not None:
         workspace.perform.follow_take(take, settings.playback)
     else:
         for address in addresses:
-            workspace.perform.join(address, settings.playback)
+            workspace.perform.add_secondary(address, settings.playback)
     StudioWindow(workspace, opening=opening).run(seconds=seconds)
 
 

@@ -20,13 +20,13 @@ from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.live import cards_of, draw_cards, time_text
 from enliven_viewer.playback import NS, Document, SolvedSurfaces, TimelineMoment
-from enliven_viewer.render import EMPTY_BOX, FilmCamera, Renderer, SceneStyle, Showing, scene_of
+from enliven_viewer.render import EMPTY_BOX, FilmCamera, OverlayVisibility, Renderer, SceneStyle, scene_of
 from enliven_viewer.render.gl import offscreen_context
 from enliven_viewer.settings import ViewerSettings
 
-_IDLE = 0.005
+_IDLE_SLEEP_S = 0.005
 """Sleep in seconds if the feed has nothing new: short compared with the 33 ms between two poses."""
-_QUIET_END = 3.0
+_SILENCE_TIMEOUT_S = 3.0
 """Seconds without a pose or a heartbeat after which the edge counts as gone: six missed heartbeats."""
 ENDED = "ended"
 
@@ -108,7 +108,7 @@ class _Studio:
         self._camera = FilmCamera(settings.render.opening)
         self._surfaces = SolvedSurfaces(wait=True)
         film = settings.film
-        self._showing = Showing(settings.render, film.overlay_seconds)
+        self._showing = OverlayVisibility(settings.render, film.overlay_seconds)
         self.tiles = Tiles(film.columns * film.rows, film.tile_width)
         self.count, self.draw_seconds = 0, 0.0
 
@@ -163,7 +163,7 @@ def _moments(
         arrived = feed.poll(document)
         heard = time.monotonic() if arrived else heard
         over = over and not arrived
-        gone = not document.edge.connected and time.monotonic() - heard > _QUIET_END
+        gone = not document.edge.connected and time.monotonic() - heard > _SILENCE_TIMEOUT_S
         # A later moment proves that the due one is complete. At the end of the session, accept a last moment
         # that is slightly early.
         if timeline.end_ns > due or ((over or gone) and timeline.end_ns > due - 0.5 * NS / rate):
@@ -175,7 +175,7 @@ def _moments(
         elif over or gone:
             return
         elif not arrived:
-            time.sleep(_IDLE)
+            time.sleep(_IDLE_SLEEP_S)
 
 
 def _await_first(feed: FilmSource, document: Document, patience: float) -> None:
@@ -189,7 +189,7 @@ def _await_first(feed: FilmSource, document: Document, patience: float) -> None:
         if not arrived:
             if document.edge.phase == ENDED or time.monotonic() > deadline or parent_is_gone():
                 break
-            time.sleep(_IDLE)
+            time.sleep(_IDLE_SLEEP_S)
     if document.edge.connected or len(document.timeline):
         raise ResourceError(
             "the edge sent no pose", where=document.edge.address, mend="Check the messages of the edge."

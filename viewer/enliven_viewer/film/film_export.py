@@ -11,10 +11,10 @@ from enliven.exporters import Exporter, Performance
 from enliven.sounds import SOUND_RATE
 from enliven_viewer.film.film import ENDED, make_film
 from enliven_viewer.playback import Document, EdgeState, Timeline
-from enliven_viewer.settings import ViewerSettings, sized
+from enliven_viewer.settings import ViewerSettings, with_size
 
 
-class _Sampled:
+class _SampledSource:
     """All poses of some performances, delivered at once."""
 
     def __init__(
@@ -65,15 +65,15 @@ def write_film(
         InputError: if the size is invalid.
         ResourceError: if OpenGL is missing, or the file cannot be written.
     """
-    settings = sized(ViewerSettings(), size or None)
+    settings = with_size(ViewerSettings(), size or None)
     if rate:
         settings = replace(settings, film=replace(settings.film, rate=rate))
     if look:
         settings = replace(settings, render=replace(settings.render, look=look))  # type: ignore[arg-type]
     document = Document(Timeline(settings.playback, bounded=False))
     heard = None if sound is None else (sound, SOUND_RATE)
-    source = _Sampled(performances, settings.film.rate, progress)
+    source = _SampledSource(performances, settings.film.rate, progress)
     make_film(source, document, path, None, settings, title=name, caption=False, sound=heard)
 
 
-MP4 = Exporter(write_film, heard=True, check=lambda size=None, **_: sized(ViewerSettings(), size))
+MP4 = Exporter(write_film, heard=True, check=lambda size=None, **_: with_size(ViewerSettings(), size))

@@ -10,7 +10,7 @@ from enliven.arrays import UInt8
 from enliven.film import FilmWriter
 from enliven_viewer.film.sheet import Tiles
 
-WAITING = 4
+MAX_QUEUED_IMAGES = 4
 """Maximum number of images that wait for encoding; 3.7 MB each at 1280 x 720."""
 
 
@@ -33,7 +33,7 @@ class FilmStrip:
 
     def add(self, second: float, raw: UInt8) -> None:
         """Appends an image, (H, W, 4) with the bottom row first, ``second`` seconds into the film."""
-        while len(self._waiting) >= WAITING:
+        while len(self._waiting) >= MAX_QUEUED_IMAGES:
             self._waiting.popleft().result()
         self._waiting.append(self._thread.submit(self._finish, second, raw))
 

@@ -44,13 +44,13 @@ SIDES = (math.radians(-24), math.radians(96), math.radians(216))
 """Azimuth of each view in radians from the front right: a third of a turn apart."""
 HEADER = 88
 """Height in pixels of the title above the panels: one line of 30 pixels with margins."""
-_FOOTER = 72
+_FOOTER_HEIGHT = 72
 """Height in pixels of the legend below the panels: one line of 20 pixels with margins."""
-_SIZE = 1.75
+_MAX_EXTENT_M = 1.75
 """Largest extent of the drawing in metres, regardless of the mesh's own size."""
 
 
-class Counts(NamedTuple):
+class GraphCounts(NamedTuple):
     """The numbers of a graph shown in its image; ``radius`` is R in metres."""
 
     nodes: int
@@ -61,9 +61,9 @@ class Counts(NamedTuple):
     radius: float
 
 
-def counts_of(graph: DeformationGraph) -> Counts:
+def counts_of(graph: DeformationGraph) -> GraphCounts:
     """Returns the numbers of a graph."""
-    return Counts(
+    return GraphCounts(
         len(graph.positions),
         len(graph.edges),
         int(graph.bridges.sum()),
@@ -78,7 +78,7 @@ def draw_graph(character: Character, graph: DeformationGraph, panel: tuple[int, 
 
     Each is (H, W, 3) sRGB of the size ``panel`` (width, height).
     """
-    shown, nodes, scale = fitted(character, graph)
+    shown, nodes, scale = fit_graph(character, graph)
     renderer = Renderer(offscreen_context(), panel)
     tubes = Tubes(renderer.ctx)
     spacing = scale * math.sqrt(_area(character) / len(nodes))
@@ -139,10 +139,10 @@ def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: flo
     )
 
 
-def fitted(character: Character, graph: DeformationGraph) -> tuple[Character, Float, float]:
+def fit_graph(character: Character, graph: DeformationGraph) -> tuple[Character, Float, float]:
     """Returns the character and the nodes scaled for drawing and placed on the floor, and the scale."""
     low, high = character.vertices.min(0), character.vertices.max(0)
-    scale = _SIZE / max(float((high - low).max()), 1e-12)
+    scale = _MAX_EXTENT_M / max(float((high - low).max()), 1e-12)
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2], np.float64)
     colours = np.tile(np.array(MESH_COLOUR, np.uint8), (len(character.vertices), 1))
     nodes = (graph.positions - foot) * scale
@@ -161,22 +161,22 @@ def _area(character: Character) -> float:
 
 def write_graph_picture(
     path: Path, character: Character, graph: DeformationGraph, title: str, panel: tuple[int, int]
-) -> Counts:
+) -> GraphCounts:
     """Draws the graph and writes the image, in the format of the file extension.
 
     Raises:
         ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     counts = counts_of(graph)
-    sheet = composed(draw_graph(character, graph, panel), title, counts)
+    sheet = compose_views(draw_graph(character, graph, panel), title, counts)
     write_picture(path, sheet)
     return counts
 
 
-def composed(panels: list[UInt8], title: str, counts: Counts) -> Image.Image:
+def compose_views(panels: list[UInt8], title: str, counts: GraphCounts) -> Image.Image:
     """Returns the panels side by side below a title and above a legend."""
     height, width = panels[0].shape[:2]
-    sheet = Image.new("RGB", (width * len(panels), HEADER + height + _FOOTER), PAPER)
+    sheet = Image.new("RGB", (width * len(panels), HEADER + height + _FOOTER_HEIGHT), PAPER)
     for number, panel in enumerate(panels):
         sheet.paste(Image.fromarray(panel), (number * width, HEADER))
     draw = ImageDraw.Draw(sheet)
@@ -188,7 +188,7 @@ def composed(panels: list[UInt8], title: str, counts: Counts) -> Image.Image:
     return sheet
 
 
-def _legend(draw: ImageDraw.ImageDraw, width: int, top: int, counts: Counts) -> None:
+def _legend(draw: ImageDraw.ImageDraw, width: int, top: int, counts: GraphCounts) -> None:
     """Draws colour swatches with names and numbers, distributed over the width."""
     items = (
         (NODE, True, f"{counts.nodes} nodes"),
@@ -200,7 +200,7 @@ def _legend(draw: ImageDraw.ImageDraw, width: int, top: int, counts: Counts) -> 
     font = ImageFont.load_default(max(min(20, width // 56), 10))
     step = (width - 56) / len(items)
     for number, (colour, ball, text) in enumerate(items):
-        x, y = 28 + number * step, top + _FOOTER / 2
+        x, y = 28 + number * step, top + _FOOTER_HEIGHT / 2
         if ball:
             draw.ellipse((x + 6, y - 8, x + 22, y + 8), fill=colour)
         else:

@@ -24,11 +24,11 @@ STICK = (120, 190, 255)
 """sRGB of the performer."""
 SIDE = math.radians(38)
 """Azimuth of the camera from the front towards the left, in radians."""
-_ABOVE = (math.radians(12), math.radians(38))
+_ELEVATIONS = (math.radians(12), math.radians(38))
 """Elevation of the camera, in radians, for a tall subject and for one that lies flat."""
-_FLAT = 0.5
+_FLAT_RATIO = 0.5
 """Height over largest extent below which a subject begins to count as flat."""
-_TALL = 1.75
+_MAX_EXTENT_M = 1.75
 """Largest extent of the drawing in metres, since light and floor are made for people."""
 
 
@@ -109,7 +109,7 @@ def pictures_of(renderer: Renderer, film: MotionRow) -> list[UInt8]:
     surfaces = film.surfaces or [skin_vertices(film.character, pose) for pose in film.poses]
     reached = np.stack(surfaces)
     low, high = reached.min((0, 1)).astype(float), reached.max((0, 1)).astype(float)
-    scale = _TALL / max(float((high - low).max()), 1e-9)
+    scale = _MAX_EXTENT_M / max(float((high - low).max()), 1e-9)
     foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
     box: Box = ((low - foot) * scale, (high - foot) * scale)
     character = replace(
@@ -118,8 +118,8 @@ def pictures_of(renderer: Renderer, film: MotionRow) -> list[UInt8]:
         pivots=((film.character.pivots - foot) * scale).astype(np.float32),
     )
     camera, aspect = OrbitCamera(math.radians(26)), renderer.size[0] / renderer.size[1]
-    flat = 1.0 - min(float(box[1][1] - box[0][1]) / (_FLAT * _TALL), 1.0)
-    camera.face(film.azimuth, _ABOVE[0] + flat * (_ABOVE[1] - _ABOVE[0]))
+    flat = 1.0 - min(float(box[1][1] - box[0][1]) / (_FLAT_RATIO * _MAX_EXTENT_M), 1.0)
+    camera.face(film.azimuth, _ELEVATIONS[0] + flat * (_ELEVATIONS[1] - _ELEVATIONS[0]))
     camera.frame(box, aspect, at_once=True, room=1.04)
     pictures = []
     for pose, surface in zip(film.poses, surfaces, strict=True):

@@ -19,7 +19,7 @@ from enliven_viewer.render.gl import offscreen_context
 
 _AZIMUTH, _ELEVATION = math.radians(38), math.radians(14)
 """Azimuth of the camera from the front towards the left, and elevation."""
-_COLUMNS = 6
+_MAX_COLUMNS = 6
 """Maximum number of images in one row."""
 _STYLE = SceneStyle(body=1.0, reveal=1.0, cues=0.0, graph=0.0, held=0.0)
 """Meshes with performers in them, without attachment points and graphs."""
@@ -67,7 +67,7 @@ def write_project_sheet(
     for time, scene in zip(times, scenes, strict=True):
         renderer.draw(scene, camera.view(size[0] / size[1]))
         tiles.append(Tile(time, renderer.pixels()))
-    write_sheet(Path(path), tiles, _COLUMNS, title, ", ".join(project.characters))
+    write_sheet(Path(path), tiles, _MAX_COLUMNS, title, ", ".join(project.characters))
 
 
 def _still(mesh: Mesh, name: str) -> SceneCharacter:

@@ -20,9 +20,9 @@ QUIET = (160, 167, 180)
 """sRGB of subtitles: dimmer than titles."""
 _GAP = 10
 """Gap in pixels between two images, and around all of them."""
-_TITLE = 64
+_TITLE_HEIGHT = 64
 """Height in pixels above the images for one title line."""
-_PACKED = 3
+_PNG_COMPRESSION = 3
 """PNG compression level of 9: a ninth larger than at the usual 6, in a third of the time."""
 
 
@@ -68,10 +68,10 @@ class Tiles:
         last = len(self._kept) - 1
         numbers = [round(k * last / max(count - 1, 1)) for k in range(count)]
         return [
-            Tile(tile.seconds, self._sized(tile.picture)) for tile in map(self._kept.__getitem__, numbers)
+            Tile(tile.seconds, self._resize(tile.picture)) for tile in map(self._kept.__getitem__, numbers)
         ]
 
-    def _sized(self, picture: UInt8) -> UInt8:
+    def _resize(self, picture: UInt8) -> UInt8:
         height = max(round(picture.shape[0] * self._width / picture.shape[1]), 1)
         sized = Image.fromarray(picture).resize((self._width, height), Image.Resampling.LANCZOS)
         return np.asarray(sized, np.uint8)
@@ -88,17 +88,17 @@ def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitl
     height, width = tiles[0].picture.shape[:2]
     columns = min(columns, len(tiles))
     rows = -(-len(tiles) // columns)
-    size = (columns * (width + _GAP) + _GAP, _TITLE + rows * (height + _GAP))
+    size = (columns * (width + _GAP) + _GAP, _TITLE_HEIGHT + rows * (height + _GAP))
     sheet = Image.new("RGB", size, PAPER)
     draw = ImageDraw.Draw(sheet)
     draw.text((_GAP + 4, 16), title, fill=INK, font=ImageFont.load_default(28))
     quiet = ImageFont.load_default(18)
     draw.text((size[0] - _GAP - 4 - quiet.getlength(subtitle), 24), subtitle, fill=QUIET, font=quiet)
     for index, tile in enumerate(tiles):
-        x, y = _GAP + index % columns * (width + _GAP), _TITLE + index // columns * (height + _GAP)
+        x, y = _GAP + index % columns * (width + _GAP), _TITLE_HEIGHT + index // columns * (height + _GAP)
         sheet.paste(Image.fromarray(tile.picture), (x, y))
         _stamp(draw, x + 8, y + height - 30, time_text(tile.seconds))
-    write_picture(path, sheet, "Choose another place with --sheet.", compress_level=_PACKED)
+    write_picture(path, sheet, "Choose another place with --sheet.", compress_level=_PNG_COMPRESSION)
 
 
 def _stamp(draw: ImageDraw.ImageDraw, x: float, y: float, text: str) -> None:

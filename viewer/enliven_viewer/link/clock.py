@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 
-_REMEMBERED = 64
+_MAX_BOUNDS = 64
 """Number of stored bounds on each side: about a minute, in which clocks drift by a few milliseconds at
 most.
 """
@@ -21,23 +21,23 @@ class ClockEstimate:
     """The clock offset of one edge. Add it to a time of this clock to get the edge's time."""
 
     def __init__(self) -> None:
-        self._upper: deque[int] = deque(maxlen=_REMEMBERED)
-        self._lower: deque[int] = deque(maxlen=_REMEMBERED)
+        self._upper: deque[int] = deque(maxlen=_MAX_BOUNDS)
+        self._lower: deque[int] = deque(maxlen=_MAX_BOUNDS)
 
-    def answered(self, sent_ns: int, edge_ns: int, received_ns: int) -> None:
+    def add_ping(self, sent_ns: int, edge_ns: int, received_ns: int) -> None:
         """Adds the answer to a ping: sent and received on this clock, stamped with the edge's clock."""
         if received_ns >= sent_ns:
             self._upper.append(edge_ns - sent_ns)
             self._lower.append(edge_ns - received_ns)
             self._mend()
 
-    def heard(self, edge_ns: int, received_ns: int) -> None:
+    def add_heartbeat(self, edge_ns: int, received_ns: int) -> None:
         """Adds a heartbeat: stamped with the edge's clock, received on this clock."""
         self._lower.append(edge_ns - received_ns)
         self._mend()
 
     @property
-    def known(self) -> bool:
+    def is_known(self) -> bool:
         """Returns True if both bounds are known."""
         return bool(self._upper)
 
@@ -47,7 +47,7 @@ class ClockEstimate:
 
         Returns 0 if 0 is in that range, or nothing is known.
         """
-        if not self.known:
+        if not self.is_known:
             return 0
         low, high = max(self._lower), min(self._upper)
         return 0 if low <= 0 <= high else (low + high) // 2

@@ -7,18 +7,18 @@ from collections.abc import Callable
 from typing import Any
 
 from enliven.wire import BODIES, CALLS, CUES, POSE, Done, Look, Order, Topic, messages_to_health
-from enliven_viewer.link.edges import EdgeClient
-from enliven_viewer.link.received import ReceivedPose
-from enliven_viewer.link.tracks import shown_topics, track_of
+from enliven_viewer.link.edge_client import EdgeClient
+from enliven_viewer.link.received_data import ReceivedPose
+from enliven_viewer.link.topic_tracks import shown_topics, track_of
 from enliven_viewer.playback import Document, EdgeState
 
-_NOTICE_SECONDS = 5.0
+_NOTICE_S = 5.0
 """Seconds that a notice is shown: long enough to read two lines."""
-_BARE_SECONDS = 3.0
+_NO_CHARACTERS_TIMEOUT_S = 3.0
 """Time without characters after which a wrong control port is suspected, in seconds. Fetching them takes
 less."""
-_HEARD = ("connected", "on rate", "ended")
-_EASE = 0.1
+_RECEIVING_STATES = ("connected", "on rate", "ended")
+_LATENCY_SMOOTHING = 0.1
 """Smoothing factor of the displayed latency, which would flicker otherwise."""
 
 
@@ -27,13 +27,13 @@ class EdgeFeed:
 
     Attributes:
         link: the sockets.
-        heard: called with the topic and value of every message, in timeline order.
+        on_message: called with the topic and value of every message, in timeline order.
         restarted: called when another process of the edge is detected, before its messages.
     """
 
     def __init__(self, link: EdgeClient) -> None:
         self.link = link
-        self.heard: Callable[[Topic, Any], None] = lambda topic, value: None
+        self.on_message: Callable[[Topic, Any], None] = lambda topic, value: None
         self.restarted: Callable[[], None] = lambda: None
         self._shown_cues: set[str] = set()
         self._notice, self._notice_until = "", 0.0
@@ -57,9 +57,9 @@ class EdgeFeed:
             arrived.sort(key=lambda arrival: _time_ns(arrival[1]))
         for topic, value in arrived:
             track_of(topic).put(document, value)
-            self.heard(topic, value)
+            self.on_message(topic, value)
         for call in self.link.take(CALLS):
-            self.heard(CALLS, call)
+            self.on_message(CALLS, call)
         self._forget_cues(document)
         poses = [value for topic, value in arrived if topic is POSE]
         if poses:
@@ -110,22 +110,26 @@ class EdgeFeed:
             self._bare_since = None
             return False
         self._bare_since = self._bare_since or now
-        return now - self._bare_since > _BARE_SECONDS
+        return now - self._bare_since > _NO_CHARACTERS_TIMEOUT_S
 
     def _take_latency(self, newest: ReceivedPose) -> None:
         edge, whole = newest.sensor_to_pose_ms, newest.age_ms()
         way = max(whole - edge, 0.0)
-        self._edge_ms = edge if self._edge_ms is None else self._edge_ms + _EASE * (edge - self._edge_ms)
-        self._link_ms = way if self._link_ms is None else self._link_ms + _EASE * (way - self._link_ms)
+        self._edge_ms = (
+            edge if self._edge_ms is None else self._edge_ms + _LATENCY_SMOOTHING * (edge - self._edge_ms)
+        )
+        self._link_ms = (
+            way if self._link_ms is None else self._link_ms + _LATENCY_SMOOTHING * (way - self._link_ms)
+        )
 
     def _state(self) -> EdgeState:
         """Returns the state of the link and of the edge, for display."""
         endpoint, health = next(iter(self.link.health.items()))
         now = time.monotonic()
         for notice in self.link.take_notices():
-            self._notice, self._notice_until = notice.text, now + _NOTICE_SECONDS
+            self._notice, self._notice_until = notice.text, now + _NOTICE_S
         status = self.link.status
-        connected = health.state in _HEARD
+        connected = health.state in _RECEIVING_STATES
         message = self._notice if now < self._notice_until else ""
         if not message and not connected and health.state != "waiting":
             message = health.text

@@ -26,18 +26,18 @@ from enliven.wire import (
     unpack_control,
 )
 
-_POLL_WITHIN = 0.005
+_POLL_BUDGET_S = 0.005
 """Maximum time in seconds that one poll spends on replies; the rest waits for the next poll."""
-_MOST_LATE = 256
+_MAX_LATE_REQUESTS = 256
 """Maximum number of timed-out requests that are remembered, since they may still be answered."""
-_MOST_UNASKED_BYTES = 4 * 1024 * 1024
+_MAX_UNREQUESTED_BYTES = 4 * 1024 * 1024
 """Maximum bytes of unrequested replies before the connection is closed."""
-_REOPENED_AFTER = 2.0
+_RECONNECT_DELAY_S = 2.0
 """Seconds until an edge that has sent such replies is connected again."""
 
 
 @dataclass
-class _Pending:
+class _PendingRequest:
     key: str
     deadline: float
     on_reply: Callable[[Answer | None], None]
@@ -49,8 +49,8 @@ class Requests:
     def __init__(self, context: zmq.Context[Any], endpoint: Endpoint) -> None:
         self._context, self._endpoint = context, endpoint
         self._socket: zmq.Socket[bytes] | None = None
-        self._pending: dict[int, _Pending] = {}
-        self._late: deque[int] = deque(maxlen=_MOST_LATE)
+        self._pending: dict[int, _PendingRequest] = {}
+        self._late: deque[int] = deque(maxlen=_MAX_LATE_REQUESTS)
         self._last = 0
         self._unasked = 0
         self._reopen_at = 0.0
@@ -75,14 +75,14 @@ class Requests:
             self._socket.send(pack_control(Request(self._last, body)), zmq.DONTWAIT)
         except zmq.ZMQError:
             return False
-        self._pending[self._last] = _Pending(key, time.monotonic() + seconds, on_reply)
+        self._pending[self._last] = _PendingRequest(key, time.monotonic() + seconds, on_reply)
         return True
 
     def poll(self, malformed: Callable[[MalformedMessageError], None]) -> None:
         """Calls back each answered request with its reply, and each timed-out request with None."""
         if self._socket is None and time.monotonic() >= self._reopen_at:
             self._open()
-        until = time.monotonic() + _POLL_WITHIN
+        until = time.monotonic() + _POLL_BUDGET_S
         while self._socket is not None and time.monotonic() < until:
             try:
                 parts = self._socket.recv_multipart(zmq.DONTWAIT)
@@ -143,7 +143,7 @@ class Requests:
     def _count_unasked(self, size: int) -> None:
         """Counts unrequested bytes. Closes the connection after too many of them."""
         self._unasked += size
-        if self._unasked > _MOST_UNASKED_BYTES:
+        if self._unasked > _MAX_UNREQUESTED_BYTES:
             self.close()
-            self._reopen_at = time.monotonic() + _REOPENED_AFTER
+            self._reopen_at = time.monotonic() + _RECONNECT_DELAY_S
             self.forget()

@@ -30,23 +30,23 @@ from enliven.wire import (
     RemoveCharacter,
 )
 
-_PARTS_UNDER_WAY = 8
+_MAX_PENDING_PARTS = 8
 """Maximum number of unanswered parts: 15 MB per second if an edge answers at 30 frames per second."""
-_ASK_AGAIN = 0.03
+_STATE_REQUEST_INTERVAL_S = 0.03
 """Seconds between two requests for the state of an upload: about a frame."""
-_ANSWER_WITHIN = 5.0
+_ANSWER_TIMEOUT_S = 5.0
 """Timeout in seconds of a request. An edge answers within a frame, a busy one within a few."""
-_MOST_RESTARTS = 20
+_MAX_RESTARTS = 20
 """Maximum number of refused parts in one upload, for example because of the edge's rate limit, before it is
 given up.
 """
-_PAUSE = 0.25
+_REFUSAL_PAUSE_S = 0.25
 """Seconds to wait after a refused part. An edge counts requests per second."""
 
-Then = Callable[[Answer], None]
+AnswerCallback = Callable[[Answer], None]
 
 
-def _packed(project: Project, character: str) -> bytes:
+def _pack_character(project: Project, character: str) -> bytes:
     """Returns the packed bytes of a character.
 
     Its textures are included if the wire can carry them back from the edge.
@@ -69,7 +69,7 @@ class StagedEdge(Protocol):
 
 
 @dataclass
-class _Sending:
+class _Upload:
     """A character upload in progress.
 
     Attributes:
@@ -82,7 +82,7 @@ class _Sending:
 
     name: str
     fit: bool
-    then: Then
+    then: AnswerCallback
     packed: Future[bytes]
     order: PutCharacter | None = None
     data: bytes = b""
@@ -103,7 +103,7 @@ class StageLink:
     def __init__(self, edge: StagedEdge) -> None:
         self._edge = edge
         self._packer: ThreadPoolExecutor | None = None
-        self._sending: dict[str, _Sending] = {}
+        self._sending: dict[str, _Upload] = {}
         self._next: dict[str, Callable[[], None]] = {}
         self._last: dict[str, int] = {}
 
@@ -113,7 +113,13 @@ class StageLink:
         return bool(self._sending)
 
     def put(
-        self, project: Project, character: str, *, name: str = "", fit: bool = False, then: Then | None = None
+        self,
+        project: Project,
+        character: str,
+        *,
+        name: str = "",
+        fit: bool = False,
+        then: AnswerCallback | None = None,
     ) -> None:
         """Puts a character of a project onto the stage, replacing the one with its id.
 
@@ -128,10 +134,10 @@ class StageLink:
             return
         if self._packer is None:
             self._packer = ThreadPoolExecutor(1, "packer")
-        packed = self._packer.submit(_packed, project, character)
-        self._sending[name] = _Sending(name, fit, then, packed)
+        packed = self._packer.submit(_pack_character, project, character)
+        self._sending[name] = _Upload(name, fit, then, packed)
 
-    def remove(self, character: str, then: Then | None = None) -> None:
+    def remove(self, character: str, then: AnswerCallback | None = None) -> None:
         """Removes a character from the stage."""
         on_answer = then or (lambda answer: None)
         self._ask(RemoveCharacter(character), on_answer)
@@ -144,7 +150,7 @@ class StageLink:
                 self._announce(sending)
             if sending.order is not None and now >= sending.ask_at:
                 sending.ask_at = float("inf")
-                self._ask(sending.order, partial(self._told, sending))
+                self._ask(sending.order, partial(self._take_state, sending))
 
     def restart(self) -> None:
         """Discards the revisions of a restarted edge, which counts from the beginning."""
@@ -155,7 +161,7 @@ class StageLink:
         if self._packer is not None:
             self._packer.shutdown(wait=False, cancel_futures=True)
 
-    def _announce(self, sending: _Sending) -> None:
+    def _announce(self, sending: _Upload) -> None:
         """Announces a packed character to the edge."""
         try:
             sending.data = sending.packed.result()
@@ -171,35 +177,35 @@ class StageLink:
         self._last[sending.name] = revision
         sending.order = PutCharacter(sending.name, revision, digest, size, sending.fit)
         sending.ask_at = float("inf")
-        self._ask(sending.order, partial(self._told, sending))
+        self._ask(sending.order, partial(self._take_state, sending))
         # Send the parts together with the announcement, because waiting for its answer would take one frame
         # of the edge.
         self._send_parts(sending)
 
-    def _told(self, sending: _Sending, answer: Answer) -> None:
+    def _take_state(self, sending: _Upload, answer: Answer) -> None:
         """Processes the answer to a state request."""
         if not isinstance(answer, Awaited):
             self._end(sending, answer)
         elif sending.under_way:
             return  # Ignore this answer, because the answers to the parts will report the state.
         elif answer.received >= len(sending.data):
-            sending.ask_at = time.monotonic() + _ASK_AGAIN
+            sending.ask_at = time.monotonic() + _STATE_REQUEST_INTERVAL_S
         else:
             sending.sent, sending.refused = answer.received, False
             self._send_parts(sending)
 
-    def _send_parts(self, sending: _Sending) -> None:
+    def _send_parts(self, sending: _Upload) -> None:
         assert sending.order is not None
         if self._sending.get(sending.name) is not sending:
             return
-        while sending.under_way < _PARTS_UNDER_WAY and sending.sent < len(sending.data):
+        while sending.under_way < _MAX_PENDING_PARTS and sending.sent < len(sending.data):
             data = sending.data[sending.sent : sending.sent + MAX_PART_BYTES]
             part = CharacterPart(sending.name, sending.order.digest, sending.sent, data)
             sending.sent += len(data)
             sending.under_way += 1
-            self._ask(part, partial(self._part_told, sending))
+            self._ask(part, partial(self._take_part_answer, sending))
 
-    def _part_told(self, sending: _Sending, answer: Answer) -> None:
+    def _take_part_answer(self, sending: _Upload, answer: Answer) -> None:
         """Processes the answer to a part. After a refusal, asks where to continue."""
         sending.under_way -= 1
         sending.refused |= not isinstance(answer, Awaited)
@@ -208,11 +214,13 @@ class StageLink:
         if sending.under_way:
             return
         sending.restarts += sending.refused
-        sending.ask_at = time.monotonic() + (_PAUSE if sending.refused else _ASK_AGAIN)
-        if sending.restarts > _MOST_RESTARTS:
+        sending.ask_at = time.monotonic() + (
+            _REFUSAL_PAUSE_S if sending.refused else _STATE_REQUEST_INTERVAL_S
+        )
+        if sending.restarts > _MAX_RESTARTS:
             self._end(sending, answer)
 
-    def _end(self, sending: _Sending, answer: Answer) -> None:
+    def _end(self, sending: _Upload, answer: Answer) -> None:
         """Ends an upload, and starts the one that waits for it."""
         if self._sending.pop(sending.name, None) is None:
             return
@@ -226,8 +234,8 @@ class StageLink:
         if waiting is not None:
             waiting()
 
-    def _ask(self, body: Ask, on_answer: Then) -> None:
+    def _ask(self, body: Ask, on_answer: AnswerCallback) -> None:
         """Sends a request. A missing answer counts as a refusal."""
         silent = Refused("the edge does not answer")
-        if not self._edge.request(body, _ANSWER_WITHIN, lambda answer: on_answer(answer or silent)):
+        if not self._edge.request(body, _ANSWER_TIMEOUT_S, lambda answer: on_answer(answer or silent)):
             on_answer(Refused("no edge is connected"))

@@ -24,12 +24,12 @@ from enliven.wire import (
     message_to_character,
     message_to_pose,
 )
-from enliven_viewer.link.tracks import shown_topics, track_of
+from enliven_viewer.link.topic_tracks import shown_topics, track_of
 from enliven_viewer.playback import Document, EdgeState
 
 log = logging.getLogger(__name__)
 
-_BATCH = 96
+_MESSAGES_PER_POLL = 96
 """Number of messages that one poll applies: about a second of a take, so that the window can draw while
 reading.
 """
@@ -58,7 +58,7 @@ class TakeFeed:
         self.name = path.name
         self.unreadable = 0
         self._recording = recording
-        self._messages = _merged(recording, present)
+        self._messages = _merge_by_time(recording, present)
         self._revisions: dict[str, int] = {}
         self._held: dict[tuple[str, int], tuple[Character, PoseCodec]] = {}
         self._searched: set[tuple[str, int]] = set()
@@ -87,7 +87,7 @@ class TakeFeed:
         """Does nothing: no file stays open between polls."""
 
     def _next(self) -> Iterator[tuple[int, str, bytes]]:
-        for _, message in zip(range(_BATCH), self._messages, strict=False):
+        for _, message in zip(range(_MESSAGES_PER_POLL), self._messages, strict=False):
             yield message
 
     def _apply(self, document: Document, topic: str, data: bytes) -> None:
@@ -130,7 +130,7 @@ class TakeFeed:
                 continue
 
 
-def _merged(recording: Recording, topics: list[str]) -> Iterator[tuple[int, str, bytes]]:
+def _merge_by_time(recording: Recording, topics: list[str]) -> Iterator[tuple[int, str, bytes]]:
     """Yields (time, topic, bytes) of several topics in order of time."""
 
     def of(order: int, topic: str) -> Iterator[tuple[int, int, str, bytes]]:

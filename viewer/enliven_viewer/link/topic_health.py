@@ -15,9 +15,9 @@ RATE_OVER = 2.0
 """Length in seconds of the window in which messages are counted: long enough for a steady value, short enough
 to react.
 """
-_MOST = 8000
+_MAX_ARRIVALS = 8000
 """Maximum number of stored arrival times: two seconds of 130 characters."""
-_ENOUGH = 0.5
+_MIN_RATE_FRACTION = 0.5
 """Minimum fraction of the expected rate for a topic to be on rate. Occasional lost messages are not a
 fault.
 """
@@ -54,7 +54,7 @@ class TopicWatch:
 
     def __init__(self, topic: Topic) -> None:
         self._topic = topic
-        self._arrivals: deque[tuple[float, str]] = deque(maxlen=_MOST)
+        self._arrivals: deque[tuple[float, str]] = deque(maxlen=_MAX_ARRIVALS)
         self._heard = self._failed = float("-inf")
         self._malformed = 0
 
@@ -81,5 +81,5 @@ class TopicWatch:
         hz = len(self._arrivals) / RATE_OVER / max(len(keys), 1)
         alive = now - self._heard <= SILENT_AFTER
         wanted = min(fps or self._topic.rate_hz, self._topic.rate_hz)
-        on_rate = alive and hz >= _ENOUGH * wanted
+        on_rate = alive and hz >= _MIN_RATE_FRACTION * wanted
         return TopicHealth(alive, on_rate, now - self._failed > RATE_OVER, hz, self._malformed)

@@ -7,7 +7,7 @@ from .hud import (
     timeline_fraction as timeline_fraction,
 )
 
-from .stage import LiveStage as LiveStage
+from .live_stage import LiveStage as LiveStage
 from .idle_loop import IdleLoop as IdleLoop
 from .performer_numbers import PerformerNumbers as PerformerNumbers
 from .possession_choice import PARTS as PARTS, SMOOTHING as SMOOTHING

@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 """The colour of a health message by its severity."""
-_FELT_MS = 150.0
+_NOTICEABLE_DELAY_MS = 150.0
 """Delay in milliseconds above which people notice that the image follows them. Below it, it feels like a
 mirror.
 """
-_DISTURBING_MS = 350.0
+_DISTURBING_DELAY_MS = 350.0
 """Delay in milliseconds above which people overshoot, since they wait for the image."""
-_SMOOTH = 20.0
+_MIN_SMOOTH_FPS = 20.0
 """Frame rate below which movement looks jerky, in frames per second. Below it, a hint is shown."""
-_NOTICE = 84.0
+_NOTICE_TOP = 84.0
 """Distance in pixels from the top of a notice over characters: below the active tool's hint."""
 SIGNAL: dict[str, Colour] = {
     later("live"): GOOD,
@@ -180,7 +180,7 @@ class Hud:
         while wide + 3 * around > size[0] and letters > self._small:
             letters -= 1
             wide, high = canvas.extent(notice, letters)
-        top = _NOTICE * s if among else size[1] * 0.42
+        top = _NOTICE_TOP * s if among else size[1] * 0.42
         left = (size[0] - wide) / 2 - 1.5 * around
         canvas.rectangle(left, top - around, wide + 3 * around, high + 2 * around, GLASS, 14 * s)
         canvas.text(size[0] / 2, top, notice, letters, INK, align=0.5)
@@ -203,9 +203,9 @@ def _signal_word(edge: EdgeState | None) -> str:
 
 def late_words(late_ms: float | None) -> str:
     """Returns a text about the delay of the image; empty if it is too short to notice."""
-    if late_ms is None or late_ms < _FELT_MS:
+    if late_ms is None or late_ms < _NOTICEABLE_DELAY_MS:
         return ""
-    return tr("a little late") if late_ms < _DISTURBING_MS else tr("late: move slowly")
+    return tr("a little late") if late_ms < _DISTURBING_DELAY_MS else tr("late: move slowly")
 
 
 def _state_lines(state: HudState) -> list[str]:
@@ -214,7 +214,7 @@ def _state_lines(state: HudState) -> list[str]:
     if edge is not None and edge.connected and edge.sensor_to_pose_ms is not None:
         late = edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)
         lines += [words] if (words := late_words(late)) else []
-    if 0.5 < state.fps < _SMOOTH:
+    if 0.5 < state.fps < _MIN_SMOOTH_FPS:
         lines.append(tr("the picture is not smooth: a smaller window is drawn faster"))
     if edge is not None and edge.connected and state.possession:
         lines.append(state.possession)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Literal
 
 from enliven_viewer.language import later
-from enliven_viewer.live.stage import LiveStage
+from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.render import OrbitCamera
 
-_PATIENCE_S = 1.5
+_START_DELAY_S = 1.5
 """Seconds without the edge before the loop begins. A short network gap is not worth a cut."""
-_REPLAYED_S = 30.0
+_REPLAY_LENGTH_S = 30.0
 """Length in seconds of the replayed performance: long enough not to look like a loop."""
-_ORBIT = 0.05
+_ORBIT_SPEED = 0.05
 """Speed of the idle camera orbit in radians per second: a turn in two minutes, slow enough to be calm."""
 
 Loss = Literal["", "away", "silent", "ended", "waiting"]
@@ -67,13 +67,13 @@ class IdleLoop:
         """
         loss = loss_of(live) if live is not None else ""
         self._lost_s = self._lost_s + seconds if loss else 0.0
-        self.loss = loss if self._lost_s >= _PATIENCE_S else ""
+        self.loss = loss if self._lost_s >= _START_DELAY_S else ""
         if live is None:
             return
         if self.loss and orbits:
-            camera.orbit(_ORBIT * seconds, 0.0)
+            camera.orbit(_ORBIT_SPEED * seconds, 0.0)
         if self.loss and live.playhead.live and len(live.document.timeline) > 1:
-            live.playhead.replay_last(_REPLAYED_S)
+            live.playhead.replay_last(_REPLAY_LENGTH_S)
             self._replays = True
         elif not self.loss and self._replays:
             live.playhead.go_live()

@@ -26,7 +26,7 @@ GAP = 8.0
 """Gap between two cards in pixels."""
 PAD = 10.0
 """Distance in pixels between the border of a card and its text."""
-WIDE = 2.0
+PICTURE_ASPECT = 2.0
 """Aspect ratio of the picture on a card."""
 
 
@@ -38,7 +38,7 @@ class Card:
         title: rank of the match, after the character's name if several characters choose.
         score: name of the match with its start and similarity.
         meant: whether it is the one that would be accepted.
-        bones: (E, 2, 2) the whole skeleton; x is 0..WIDE to the right, y is 0..1 down.
+        bones: (E, 2, 2) the whole skeleton; x is 0..PICTURE_ASPECT to the right, y is 0..1 down.
         lines: (K, 2) for each branch of the source, in the same coordinates.
         held: elapsed fraction, 0..1, of the time to hold still.
         row: number of its character among those that choose.
@@ -72,8 +72,11 @@ def _cards(
     seen = view.project(np.concatenate(every)) * [1.0, -1.0]
     # Scale by the aspect ratio of the projection, because pixels are square on the card as on the screen.
     seen[:, 0] *= view.clip_from_camera[1, 1] / view.clip_from_camera[0, 0]
-    middle, reach = (seen.max(0) + seen.min(0)) / 2, float((np.ptp(seen, axis=0) / [WIDE, 1.0]).max()) or 1.0
-    seen = np.array([WIDE / 2, 0.5]) + (seen - middle) / reach
+    middle, reach = (
+        (seen.max(0) + seen.min(0)) / 2,
+        float((np.ptp(seen, axis=0) / [PICTURE_ASPECT, 1.0]).max()) or 1.0,
+    )
+    seen = np.array([PICTURE_ASPECT / 2, 0.5]) + (seen - middle) / reach
     ends = np.cumsum([0, *(len(points) for points in every)])
     parts = [seen[a:b] for a, b in itertools.pairwise(ends)]
     cards, at = [], 1
@@ -117,7 +120,7 @@ def _draw_card(canvas: Pen, x: float, y: float, s: float, text: int, card: Card)
     canvas.text(x + PAD * s, y + 5 * s, card.title, text, INK if card.meant else QUIET)
     canvas.text(x + PAD * s, y + height - 7 * s - text, card.score, text, QUIET)
     side = height - 2 * (text + 8 * s)
-    corner = np.array([x + (width - WIDE * side) / 2, y + text + 8 * s])
+    corner = np.array([x + (width - PICTURE_ASPECT * side) / 2, y + text + 8 * s])
     for bone in corner + side * card.bones:
         canvas.line(bone, 1.2 * s, FAINT)
     limbs = zip(card.lines, card.tints, strict=True)

@@ -22,7 +22,7 @@ PARTS = (
 
 SMOOTHING = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Amounts of smoothing that the keys step through: 0 is off, 1 is gentle."""
-_USUAL = 2
+_DEFAULT_SMOOTHING_INDEX = 2
 """Index in SMOOTHING of the initial amount: gentle."""
 
 
@@ -55,7 +55,7 @@ class PossessionChoice:
         """Changes the smoothing of the chosen performer, or of all in view. Returns the amounts by id."""
         amounts = {}
         for body in [self.body] if self.body is not None else present:
-            at = min(max(self._smoothing.get(body, _USUAL) + step, 0), len(SMOOTHING) - 1)
+            at = min(max(self._smoothing.get(body, _DEFAULT_SMOOTHING_INDEX) + step, 0), len(SMOOTHING) - 1)
             self._smoothing[body], amounts[body] = at, SMOOTHING[at]
         return amounts
 

@@ -10,13 +10,13 @@ from enliven.matching import views
 from enliven.wire import Look
 from enliven_viewer.render import CameraView, OrbitCamera, Scene
 
-_EVERY = 0.1
+_REPORT_INTERVAL_S = 0.1
 """Minimum time in seconds between two reports."""
-_END_ON = 0.3
+_MIN_VISIBLE_FRACTION = 0.3
 """A chain points at the camera if less than this fraction of its end-to-end vector is visible."""
-_TURNED = 0.005
+_ROTATION_TOLERANCE = 0.005
 """Change of a rotation matrix entry, about radians, below which the ranking of matches stays the same."""
-_MOVED = 0.02
+_POSITION_TOLERANCE = 0.02
 """Camera movement in metres below which the ranking stays the same."""
 
 
@@ -29,11 +29,11 @@ class ViewReporter:
 
     def changed(self, view: CameraView, seconds: float) -> Look | None:
         """Returns the view to report at a wall-clock time in seconds; None if it has not changed."""
-        if seconds - self._when < _EVERY:
+        if seconds - self._when < _REPORT_INTERVAL_S:
             return None
         if self._told is not None:
             turned = np.abs(view.camera_from_world[:3, :3] - self._told.camera_from_world[:3, :3]).max()
-            if turned < _TURNED and np.abs(view.eye - self._told.eye).max() < _MOVED:
+            if turned < _ROTATION_TOLERANCE and np.abs(view.eye - self._told.eye).max() < _POSITION_TOLERANCE:
                 return None
         self._told, self._when = view, seconds
         return look_of(view)
@@ -46,7 +46,7 @@ def look_of(view: CameraView) -> Look:
     return Look(forward, up, eye)  # type: ignore[arg-type]
 
 
-def hidden(scene: Scene, view: CameraView) -> bool:
+def is_end_on(scene: Scene, view: CameraView) -> bool:
     """Returns True if a candidate chain points at the camera, so that its direction is not visible."""
     rows = view.camera_from_world[:3, :3]
     for board in scene.boards.values():
@@ -54,7 +54,7 @@ def hidden(scene: Scene, view: CameraView) -> bool:
             for line in row.lines:
                 ahead = line.mean(0) - view.eye if len(line) else rows[0]
                 seen = views.ScreenView(ahead, rows[1])
-                if len(line) and views.end_on(line[-1:] - line[:1], seen, _END_ON)[0]:
+                if len(line) and views.end_on(line[-1:] - line[:1], seen, _MIN_VISIBLE_FRACTION)[0]:
                     return True
     return False
 

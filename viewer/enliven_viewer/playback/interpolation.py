@@ -16,7 +16,7 @@ from enliven.matching import MatchList, MatchRow
 from enliven.person import Body
 from enliven.rotation import from_matrix, slerp, to_matrix
 
-_LEAP = 0.6
+_MAX_FLIGHT_M = 0.6
 """Distance in metres between two moments above which an object was moved instantly instead of flying."""
 
 
@@ -91,7 +91,7 @@ def blend_props(before: Props | None, after: Props | None, share: float, time_ns
     nearer, other = (before, after) if share < 0.5 else (after, before)
     _, mine, theirs = np.intersect1d(nearer.ids, other.ids, return_indices=True)
     step = other.positions[theirs] - nearer.positions[mine]
-    flown = np.linalg.norm(step, axis=1) <= _LEAP
+    flown = np.linalg.norm(step, axis=1) <= _MAX_FLIGHT_M
     mine, theirs, step = mine[flown], theirs[flown], step[flown]
     part = min(share, 1.0 - share)
     positions, turns = nearer.positions.copy(), nearer.turns.copy()
@@ -122,6 +122,6 @@ def _blend_row(first: MatchRow, last: MatchRow, share: float) -> MatchRow:
     if [len(line) for line in first.lines] != [len(line) for line in last.lines]:
         return first
     pairs = list(zip(first.lines, last.lines, strict=True))
-    if any(np.abs(a - b).max(initial=0.0) > _LEAP for a, b in pairs):
+    if any(np.abs(a - b).max(initial=0.0) > _MAX_FLIGHT_M for a, b in pairs):
         return first
     return replace(first, lines=tuple(a + share * (b - a) for a, b in pairs))

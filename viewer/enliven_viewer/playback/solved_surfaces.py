@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
-_BUDGET = 0.012
+_SOLVE_BUDGET_S = 0.012
 """Maximum time in seconds that a solve may take within a frame. A slower one runs in the background."""
-_FAILURES = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
+_SOLVER_ERRORS = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
 """Exceptions of solving a mesh. A mesh from another machine must not end the viewer."""
-_SETTLING = 12
+_SETTLING_FRAMES = 12
 """Number of frames in which a surface is still solved after its control points have stopped, until it is at
 rest.
 """
@@ -74,7 +74,7 @@ class _SolvedSurface:
 
     def __init__(self, character: Character) -> None:
         self.character = character
-        self._prepared = _beside(lambda: _prepared(character))
+        self._prepare_surface = _run_in_thread(lambda: _prepare_surface(character))
         self._solving: Future[Float32] | None = None
         self._local: Float32 | None = None
         self._places: Float | None = None
@@ -97,9 +97,9 @@ class _SolvedSurface:
             self._solve(surface, places, wait)
         if self._local is None:
             return None
-        return self._carried(linear, position - linear @ pivot)
+        return self._place_surface(linear, position - linear @ pivot)
 
-    def _carried(self, linear: Float, offset: Float) -> Float32:
+    def _place_surface(self, linear: Float, offset: Float) -> Float32:
         """Returns (V, 3): the surface in the world. The same array is returned while nothing moves."""
         assert self._local is not None
         by = np.concatenate([linear, offset[:, None]], 1)
@@ -111,11 +111,11 @@ class _SolvedSurface:
 
     def _surface(self, wait: bool) -> PuppetSurface | None:
         """Returns the prepared surface; None before it is ready. An error is logged once."""
-        if not wait and not self._prepared.done():
+        if not wait and not self._prepare_surface.done():
             return None
         try:
-            return self._prepared.result()
-        except _FAILURES as error:
+            return self._prepare_surface.result()
+        except _SOLVER_ERRORS as error:
             if not self._told:
                 self._told = True
                 log.warning("%s moves as one piece: %s", self.character.id, error)
@@ -130,21 +130,21 @@ class _SolvedSurface:
         same = self._places is not None and np.array_equal(places, self._places)
         self._alike = self._alike + 1 if same else 0
         self._places = places
-        return self._alike < _SETTLING
+        return self._alike < _SETTLING_FRAMES
 
     def _solve(self, surface: PuppetSurface, places: Float, wait: bool) -> None:
         """Solves the next frame: now, or in a thread if it takes longer than a frame may."""
-        if wait or (self._seconds < _BUDGET and self._local is not None):
-            self._local = self._solved(surface, places)
+        if wait or (self._seconds < _SOLVE_BUDGET_S and self._local is not None):
+            self._local = self._solve_surface(surface, places)
         else:
-            self._solving = _beside(lambda: self._solved(surface, places))
+            self._solving = _run_in_thread(lambda: self._solve_surface(surface, places))
 
-    def _solved(self, surface: PuppetSurface, places: Float) -> Float32:
+    def _solve_surface(self, surface: PuppetSurface, places: Float) -> Float32:
         """Returns the surface in the mesh's frame; the last valid one if the positions are invalid."""
         began = time.perf_counter()
         try:
             vertices = surface.settle(places) if self._local is None else surface.solve(places)
-        except _FAILURES as error:
+        except _SOLVER_ERRORS as error:
             vertices = surface.pose
             log.debug("%s keeps its last shape: %s", self.character.id, error)
         if self._local is not None:
@@ -157,7 +157,7 @@ class _SolvedSurface:
             self._local, self._solving = self._solving.result(), None
 
 
-def _beside(work: Callable[[], T]) -> Future[T]:
+def _run_in_thread(work: Callable[[], T]) -> Future[T]:
     """Returns the future of a function in a daemon thread, so that the program's end does not wait for it."""
     future: Future[T] = Future()
 
@@ -171,7 +171,7 @@ def _beside(work: Callable[[], T]) -> Future[T]:
     return future
 
 
-def _prepared(character: Character) -> PuppetSurface:
+def _prepare_surface(character: Character) -> PuppetSurface:
     """Returns the solver of a character's surface."""
     from enliven.deformation.arap import PuppetSurface
 

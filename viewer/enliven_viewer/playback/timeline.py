@@ -110,26 +110,26 @@ class Timeline:
         old = self._at(pose.time_ns)
         self.posed.add(pose.character)
         of = old.characters if character is None else {**old.characters, pose.character: character}
-        self._put(replace(old, poses={**old.poses, pose.character: pose}, characters=of))
+        self._insert(replace(old, poses={**old.poses, pose.character: pose}, characters=of))
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
         """Adds the bodies of one time; they replace earlier ones at the same time."""
-        self._put(replace(self._at(time_ns), bodies=tuple(bodies), bodies_ns=time_ns))
+        self._insert(replace(self._at(time_ns), bodies=tuple(bodies), bodies_ns=time_ns))
 
     def add_props(self, props: Props) -> None:
         """Adds the props of one time; they replace earlier ones at the same time."""
-        self._put(replace(self._at(props.time_ns), props=props))
+        self._insert(replace(self._at(props.time_ns), props=props))
 
     def add_board(self, board: MatchList) -> None:
         """Adds a match list at its time."""
         old = self._at(board.time_ns)
-        self._put(replace(old, boards={**old.boards, board.character: board}))
+        self._insert(replace(old, boards={**old.boards, board.character: board}))
 
     def add(self, topic: str, key: str, message: Any) -> None:
         """Adds a message of another topic at its time, and replaces one with the same key and time."""
         old = self._at(message.time_ns)
         same = {**old.others.get(topic, {}), key: message}
-        self._put(replace(old, others={**old.others, topic: same}))
+        self._insert(replace(old, others={**old.others, topic: same}))
 
     def set_cues(self, cues: CueFrame, time_ns: int | None = None) -> None:
         """Sets the cues of a character from a time on, until they are set again.
@@ -163,9 +163,9 @@ class Timeline:
         if right == 0:
             return self._moments[0]
         if right == len(self._moments):
-            return self._whole(len(self._moments) - 1)
+            return self._complete_moment(len(self._moments) - 1)
         if self._times[right] == time_ns:
-            return self._whole(right)
+            return self._complete_moment(right)
         before, after = self._moments[right - 1], self._moments[right]
         return self._between(before, after, time_ns)
 
@@ -221,11 +221,11 @@ class Timeline:
         # meanwhile, which must not vanish.
         before = self._moments[index - 1]
         held = replace(empty, props=self._still_loose(index, time_ns), boards=before.boards)
-        if not self._fresh(before.bodies_ns, time_ns):
+        if not self._is_fresh(before.bodies_ns, time_ns):
             return held
         return replace(held, bodies=before.bodies, bodies_ns=before.bodies_ns)
 
-    def _whole(self, index: int) -> TimelineMoment:
+    def _complete_moment(self, index: int) -> TimelineMoment:
         """Returns a moment, completed with the last poses of characters that have none in it.
 
         This is needed because poses arrive one character after another.
@@ -233,22 +233,22 @@ class Timeline:
         moment = self._moments[index]
         before = self._moments[index - 1] if index else moment
         late = {name: pose for name, pose in before.poses.items() if name not in moment.poses}
-        late = {name: pose for name, pose in late.items() if self._fresh(pose.time_ns, moment.time_ns)}
+        late = {name: pose for name, pose in late.items() if self._is_fresh(pose.time_ns, moment.time_ns)}
         if not late:
             return moment
         of = {**before.characters, **moment.characters}
         return replace(moment, poses={**late, **moment.poses}, characters=of)
 
-    def _fresh(self, time_ns: int, now_ns: int) -> bool:
+    def _is_fresh(self, time_ns: int, now_ns: int) -> bool:
         """Returns True if a time is recent enough that its values are shown until their successors arrive."""
         return 0 <= now_ns - time_ns <= self.settings.gap * NS
 
     def _still_loose(self, index: int, time_ns: int) -> Props | None:
         """Returns the previous moment's props, which stay visible until the moment's own props arrive."""
         props = self._moments[index - 1].props if index else None
-        return props if props is not None and self._fresh(props.time_ns, time_ns) else None
+        return props if props is not None and self._is_fresh(props.time_ns, time_ns) else None
 
-    def _put(self, moment: TimelineMoment) -> None:
+    def _insert(self, moment: TimelineMoment) -> None:
         """Inserts or replaces a moment.
 
         Starts a new timeline if the clock went back; drops the oldest beyond the limits.

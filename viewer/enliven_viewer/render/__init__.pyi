@@ -6,7 +6,7 @@ from .camera import (
     OrbitCamera as OrbitCamera,
 )
 from .camera_moves import CameraMoves as CameraMoves
-from .looks import LOOKS as LOOKS
+from .stage_look import LOOKS as LOOKS
 from .renderer import EMPTY_BOX as EMPTY_BOX, Renderer as Renderer
 from .scene import (
     PLAIN as PLAIN,
@@ -15,5 +15,5 @@ from .scene import (
     SceneStyle as SceneStyle,
     scene_of as scene_of,
 )
-from .showing import Showing as Showing
+from .overlay_visibility import OverlayVisibility as OverlayVisibility
 from .materials import linear_from_srgb as linear_from_srgb

@@ -9,11 +9,11 @@ import numpy as np
 from enliven.arrays import Float
 from enliven_viewer.render.camera import Box, OrbitCamera
 
-_DELAY = 0.5
+_LAG_S = 0.5
 """Lag in seconds behind the subject, so that steps and waving arms do not shake the image."""
-_SLACK = 0.3
+_MAX_LAG_FRACTION = 0.3
 """Maximum lag as a fraction of the subject's radius, so that a running subject stays in view."""
-_ROUND = 16.0
+_TURNTABLE_PERIOD_S = 16.0
 """Seconds per turn of the turntable: slow enough to look at."""
 
 
@@ -41,7 +41,7 @@ class CameraMoves:
     def advance(self, camera: OrbitCamera, box: Box | None, seconds: float) -> None:
         """Advances time with the subject in a box; without a box, only the turntable runs."""
         if self.turntable:
-            camera.orbit(2 * math.pi * seconds / _ROUND, 0.0)
+            camera.orbit(2 * math.pi * seconds / _TURNTABLE_PERIOD_S, 0.0)
         if not self.follow or box is None:
             self._subject = None
             return
@@ -49,8 +49,8 @@ class CameraMoves:
         if self._subject is None:
             self._subject = middle
         before = self._subject
-        behind = (before - middle) * math.exp(-seconds / _DELAY)
-        limit = _SLACK * float(np.linalg.norm(box[1] - box[0])) / 2
+        behind = (before - middle) * math.exp(-seconds / _LAG_S)
+        limit = _MAX_LAG_FRACTION * float(np.linalg.norm(box[1] - box[0])) / 2
         behind *= min(limit / max(float(np.linalg.norm(behind)), 1e-9), 1.0)
         self._subject = middle + behind
         camera.move(self._subject - before)

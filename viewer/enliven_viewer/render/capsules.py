@@ -18,20 +18,20 @@ MAX_BONES = 64
 REVEAL_RADIUS = 0.04
 """Radius of a bone in metres, as in KinÊtre (section 4.3)."""
 
-_SLIM = 0.026
+_JOINT_RADIUS = 0.026
 """Radius in metres at most joints. All radii are for a person 1.75 m tall, slimmer than in reality."""
-_WRIST = 0.019
+_WRIST_RADIUS = 0.019
 """Radius in metres at wrists and ankles, the thinnest places of a limb."""
-_HAND = 0.022
+_HAND_RADIUS = 0.022
 """Radius in metres at hands and feet."""
-_TRUNK = 0.034
+_TRUNK_RADIUS = 0.034
 """Radius in metres along the spine."""
 _HEAD_RADIUS = 0.092
 """Radius of the head in metres."""
-_JOINT_RADII = np.full(len(Joint), _SLIM)
-_JOINT_RADII[[Joint.WRIST_LEFT, Joint.WRIST_RIGHT, Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]] = _WRIST
-_JOINT_RADII[[Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]] = _HAND
-_JOINT_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = _TRUNK
+_JOINT_RADII = np.full(len(Joint), _JOINT_RADIUS)
+_JOINT_RADII[[Joint.WRIST_LEFT, Joint.WRIST_RIGHT, Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]] = _WRIST_RADIUS
+_JOINT_RADII[[Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]] = _HAND_RADIUS
+_JOINT_RADII[[Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER]] = _TRUNK_RADIUS
 _SEGMENTS = 18
 """Number of faces around a capsule: its outline looks round at every distance of the camera."""
 _RINGS = 5

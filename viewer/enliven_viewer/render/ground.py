@@ -10,8 +10,10 @@ from enliven_viewer.render.gl import load_program
 
 STAGE_RADIUS = 1.9
 """Radius of the pool of light in metres."""
-_REACH = 3.0 * STAGE_RADIUS  # Beyond this distance, shaders/floor.frag has faded the ground into the horizon.
-_CELLS = np.arange(9).reshape(3, 3) + np.arange(3)[:, None]
+_FLOOR_RADIUS = (
+    3.0 * STAGE_RADIUS
+)  # Beyond this distance, shaders/floor.frag has faded the ground into the horizon.
+_CELL_CORNERS = np.arange(9).reshape(3, 3) + np.arange(3)[:, None]
 """(3, 3) the first corner of each cell in a grid of 4 by 4 corners."""
 
 Patch = tuple[Float, Float]
@@ -33,7 +35,7 @@ class GroundPass:
         self._floor = []
         inside = np.zeros((3, 3), bool)
         inside[1, 1] = True
-        for cells, defines in ((_CELLS[~inside], ()), (_CELLS[inside], ("SHADED",))):
+        for cells, defines in ((_CELL_CORNERS[~inside], ()), (_CELL_CORNERS[inside], ("SHADED",))):
             faces = (cells[:, None] + [0, 1, 4, 4, 1, 5]).astype(np.int32)
             program = load_program(ctx, "floor.vert", "floor.frag", defines=defines)
             content = [(self._corners, "2f", "in_place")]
@@ -48,8 +50,10 @@ class GroundPass:
             shaded: patch that contains all shadows on the floor.
         """
         middle = stage[[0, 2]]
-        inner = np.clip(shaded, middle - _REACH, middle + _REACH)
-        lines = np.stack([middle - _REACH, *inner, middle + _REACH])  # grid lines across x and z
+        inner = np.clip(shaded, middle - _FLOOR_RADIUS, middle + _FLOOR_RADIUS)
+        lines = np.stack(
+            [middle - _FLOOR_RADIUS, *inner, middle + _FLOOR_RADIUS]
+        )  # grid lines across x and z
         places = np.stack(np.meshgrid(lines[:, 0], lines[:, 1], indexing="ij"), -1)
         self._corners.write(places.astype(np.float32).tobytes())
         target.use()

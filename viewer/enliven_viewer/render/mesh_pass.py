@@ -12,13 +12,13 @@ from enliven.arrays import Float
 from enliven_viewer.render.capsules import bone_block
 from enliven_viewer.render.gl import BLOCKS, UNITS, RenderTarget, load_program, set_uniform
 from enliven_viewer.render.scene import Scene
-from enliven_viewer.render.skinned import DrawnPart, SkinnedMesh
+from enliven_viewer.render.skinned_mesh import DrawnPart, SkinnedMesh
 from enliven_viewer.settings import RenderSettings
 
 ALPHA_TO_COVERAGE = 0x809E
 """GL_SAMPLE_ALPHA_TO_COVERAGE, which has no name in moderngl."""
 
-_OUTLINE = 0.0056
+_OUTLINE_WIDTH = 0.0056
 """Width of the outline around attached parts, as a fraction of the image height: four pixels of 720."""
 
 
@@ -78,7 +78,7 @@ class MeshPass:
     def _outline(self, mesh: SkinnedMesh) -> None:
         """Draws an outline around the attached parts of a mesh."""
         program = self._program("grip", ())
-        program["pixels"] = max(_OUTLINE * self.height, 1.0)
+        program["pixels"] = max(_OUTLINE_WIDTH * self.height, 1.0)
         mesh.use_hold()
         self.ctx.enable(moderngl.CULL_FACE | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]

@@ -23,13 +23,13 @@ def solved_rows(vertices: Float32, faces: Int32, surface: DrawnSurface) -> Float
     rows = np.empty((len(surface.source), 6), np.float32)
     places = np.ascontiguousarray(vertices, np.float32)
     sums = np.zeros((int(surface.group.max()) + 1, 3))
-    _summed(places, faces, surface.groups, surface.angles, sums)
+    _sum_normals(places, faces, surface.groups, surface.angles, sums)
     _rows(places, surface.source, surface.group, surface.normals, sums, rows)
     return rows
 
 
 @njit(cache=True, nogil=True)
-def _summed(vertices: Float32, faces: Int32, groups: Int, angles: Float, sums: Float) -> None:
+def _sum_normals(vertices: Float32, faces: Int32, groups: Int, angles: Float, sums: Float) -> None:
     """Adds each face's angle-weighted unit normal to the groups of its corners."""
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]

@@ -9,11 +9,11 @@ from enliven.arrays import Float, Float32, Int, Int32
 from enliven.document import BALL, BOX, Props
 from enliven_viewer.render.materials import linear_from_srgb
 
-_BEVEL = 0.07
+_BEVEL_FRACTION = 0.07
 """Bevel of a box's edges as a fraction of its smallest half edge: enough to catch the light."""
-_MOST_BEVEL = 0.012
+_MAX_BEVEL_M = 0.012
 """Maximum bevel in metres, so that a large box still looks like a box."""
-_FINENESS = {BOX: 2, BALL: 6}
+_TEMPLATE_POINTS = {BOX: 2, BALL: 6}
 """Number of points from the middle of a template's side to its edge."""
 
 
@@ -29,7 +29,9 @@ def prop_rows(props: Props | None, shape: int) -> Float32:
     rows = np.empty((int(shown.sum()), 14), np.float32)
     rows[:, :3] = props.positions[shown]
     rows[:, 3] = (
-        half[:, 0] if shape == BALL else np.minimum(_BEVEL * half.min(1, initial=np.inf), _MOST_BEVEL)
+        half[:, 0]
+        if shape == BALL
+        else np.minimum(_BEVEL_FRACTION * half.min(1, initial=np.inf), _MAX_BEVEL_M)
     )
     rows[:, 4:8] = np.roll(props.turns[shown], -1, 1)
     rows[:, 8:11] = half
@@ -45,10 +47,10 @@ class PropPass:
     """
 
     def __init__(self, ctx: moderngl.Context, program: moderngl.Program) -> None:
-        self._rows = {shape: ctx.buffer(reserve=14 * 4 * 64, dynamic=True) for shape in _FINENESS}
-        self._counts = dict.fromkeys(_FINENESS, 0)
+        self._rows = {shape: ctx.buffer(reserve=14 * 4 * 64, dynamic=True) for shape in _TEMPLATE_POINTS}
+        self._counts = dict.fromkeys(_TEMPLATE_POINTS, 0)
         self._arrays = {}
-        for shape, fineness in _FINENESS.items():
+        for shape, fineness in _TEMPLATE_POINTS.items():
             vertices, faces = block_template(fineness)
             names = [n for n in ("in_place", "in_turn", "in_half", "in_albedo") if n in program]
             sizes = {"in_place": "4f", "in_turn": "4f", "in_half": "3f", "in_albedo": "3f"}

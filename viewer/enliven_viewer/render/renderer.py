@@ -8,8 +8,10 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float, UInt8
+from enliven_viewer.render.attachment_glow import glow_of_nodes
 from enliven_viewer.render.camera import Box, CameraView
 from enliven_viewer.render.capsules import CapsulePass, capsules_of
+from enliven_viewer.render.drawn_regions import casters_of, marks_of, shadow_bounds, visible_region
 from enliven_viewer.render.gl import (
     BLOCKS,
     UNITS,
@@ -21,16 +23,14 @@ from enliven_viewer.render.gl import (
     set_uniform,
 )
 from enliven_viewer.render.ground import STAGE_RADIUS, GroundPass, Patch
-from enliven_viewer.render.held import held_light
 from enliven_viewer.render.lights import contact_from_world, light_from_world
-from enliven_viewer.render.looks import LOOKS, look_rows, to_key
 from enliven_viewer.render.materials import Textures
 from enliven_viewer.render.mesh_pass import ALPHA_TO_COVERAGE, MeshPass
 from enliven_viewer.render.overlay import Marks, Tubes, limb_tints, match_rows
 from enliven_viewer.render.props import PropPass
-from enliven_viewer.render.region import casters_of, marks_of, shadow_bounds, visible_region
 from enliven_viewer.render.scene import Scene
-from enliven_viewer.render.skinned import SkinnedMesh
+from enliven_viewer.render.skinned_mesh import SkinnedMesh
+from enliven_viewer.render.stage_look import LOOKS, look_rows, to_key
 from enliven_viewer.settings import RenderSettings
 
 EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
@@ -163,7 +163,7 @@ class Renderer:
                     mesh.release()
                 mesh = new_mesh
                 self._meshes[actor.character.id] = new_mesh
-            mesh.hold(held_light(actor, glow, bodies))
+            mesh.hold(glow_of_nodes(actor, glow, bodies))
             if actor.vertices is None:
                 mesh.skin(actor.pose)
             else:

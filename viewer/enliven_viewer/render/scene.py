@@ -13,9 +13,9 @@ from enliven.person import Body
 from enliven_viewer.playback import CueFrame, Document, SolvedSurfaces, TimelineMoment, bounds_of
 from enliven_viewer.render.camera import Box
 
-_BOX_REACH = 0.7
+_LOOSE_VIEW_DISTANCE = 0.7
 """Distance in metres from characters and bodies within which the camera keeps loose boxes in view."""
-_SHADOW_REACH = 1.4
+_LOOSE_SHADOW_DISTANCE = 1.4
 """Distance in metres from characters and bodies within which loose objects have shadows: twice the
 camera's.
 """
@@ -81,12 +81,12 @@ class Scene:
         """Returns the box that a camera should show; None if the scene is empty."""
         boxes = None if self.props is None else self.props.positions[self.props.shapes == BOX]
         # Leave out balls, which appear and disappear too fast for a camera to follow.
-        return self._around(boxes, _BOX_REACH)
+        return self._around(boxes, _LOOSE_VIEW_DISTANCE)
 
     @property
     def lit_box(self) -> Box | None:
         """Returns the box in which shadows are drawn: slightly larger than :attr:`box`."""
-        return self._around(None if self.props is None else self.props.positions, _SHADOW_REACH)
+        return self._around(None if self.props is None else self.props.positions, _LOOSE_SHADOW_DISTANCE)
 
     def _around(self, loose: Float | None, reach: float) -> Box | None:
         """Returns a box with a margin around characters, bodies, and the loose objects near them."""
@@ -97,7 +97,7 @@ class Scene:
         if bounds is None:
             return None
         if loose is not None and len(loose):
-            bounds = bounds_of([np.stack(bounds), _pulled_towards(loose, bounds, reach)]) or bounds
+            bounds = bounds_of([np.stack(bounds), _pull_towards(loose, bounds, reach)]) or bounds
         margin = np.array([0.12, 0.12, 0.12])
         low, high = bounds[0] - margin, bounds[1] + margin
         low[1] = min(low[1], 0.0)
@@ -136,7 +136,7 @@ def scene_of(
     return Scene(tuple(actors), present, style, moment.props if moment else None, boards)
 
 
-def _pulled_towards(positions: Float, box: Box, reach: float) -> Float:
+def _pull_towards(positions: Float, box: Box, reach: float) -> Float:
     """Returns (N, 3) positions. Those farther from the box than ``reach`` are pulled towards it.
 
     So an object that rolls away is followed less and less, and not at all beyond twice the reach.

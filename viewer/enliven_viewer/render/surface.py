@@ -19,7 +19,7 @@ from enliven_viewer.render.surface_kernels import (
     firsts_of,
     groups_of,
     places_of,
-    summed,
+    sum_normals,
 )
 
 
@@ -68,7 +68,7 @@ def split_creases(
     normals, angles = corners_of(rounded, faces)
     group, groups = groups_of(place, normals, math.cos(crease))
     corner, first = drawn_of(group, kinds, len(vertices) if keys is None else len(keys))
-    drawn = summed(group, groups, normals, angles)[group[first]]
+    drawn = sum_normals(group, groups, normals, angles)[group[first]]
     length = np.linalg.norm(drawn, axis=1, keepdims=True)
     unit = np.where(length > 1e-12, drawn / np.maximum(length, 1e-12), [0.0, 1.0, 0.0])
     return DrawnSurface(
@@ -90,7 +90,7 @@ def is_closed(vertices: Float32, faces: Int32) -> bool:
     return bool(np.einsum("ij,ij->", a, np.cross(b, c)) > 0)
 
 
-def clustered_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
+def cluster_faces(vertices: Float32, faces: Int32, cell: float) -> Int32:
     """Returns (G, 3) fewer faces over the same vertices (vertex clustering).
 
     All vertices in a cell of ``cell`` metres are merged.

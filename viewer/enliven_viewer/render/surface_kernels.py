@@ -8,7 +8,7 @@ from enliven.kernels import njit
 from enliven.union_find import root_of
 
 _EMPTY = np.int64(-1)
-_MANY = 64
+_SORTED_ABOVE = 64
 """Number of edges at a vertex above which they are sorted instead of compared."""
 
 
@@ -124,7 +124,7 @@ def groups_of(place, normals, cosine):
         highs = np.empty(len(around), np.int64)
         for i in range(len(around)):
             highs[i] = _high(place, around[i])
-        if len(around) > _MANY:
+        if len(around) > _SORTED_ABOVE:
             order = np.argsort(highs, kind="mergesort")
             for i in range(1, len(order)):
                 if highs[order[i]] == highs[order[i - 1]]:
@@ -202,7 +202,7 @@ def drawn_of(group, faces, vertices):
 
 
 @njit(cache=True, nogil=True)
-def summed(group, count, normals, angles):
+def sum_normals(group, count, normals, angles):
     """Returns (G, 3) the sum of the face normals around each group, weighted by corner angle."""
     sums = np.zeros((count, 3))
     for k in range(len(group)):

@@ -53,7 +53,7 @@ class BackgroundTask:
         self._pool: ThreadPoolExecutor | None = None
         self._work: tuple[Future[Any], Callable[[Any], object]] | None = None
         self.progress: WorkProgress | None = None  # This is None if the work cannot be cancelled.
-        self.said = ""
+        self.message = ""
 
     @property
     def busy(self) -> bool:
@@ -62,7 +62,7 @@ class BackgroundTask:
 
     def begin(
         self,
-        said: str,
+        message: str,
         work: Callable[[], Any],
         then: Callable[[Any], object],
         progress: WorkProgress | None = None,
@@ -77,8 +77,8 @@ class BackgroundTask:
             return
         self._pool = self._pool or ThreadPoolExecutor(1, "beside the window")
         self._work = (self._pool.submit(work), then)
-        self.progress, self.said = progress, said
-        self._toasts.say(f"{said} ...", tr("You can go on working."))
+        self.progress, self.message = progress, message
+        self._toasts.say(f"{message} ...", tr("You can go on working."))
 
     def cancel(self) -> None:
         """Cancels the computation. Its result is discarded, and other work can start at once."""
@@ -90,7 +90,7 @@ class BackgroundTask:
             self._pool.shutdown(wait=False, cancel_futures=True)
             self._pool = None
         self._toasts.say(
-            tr("Cancelled: {0}{1}", self.said[:1].lower(), self.said[1:]), tr("Nothing was changed.")
+            tr("Cancelled: {0}{1}", self.message[:1].lower(), self.message[1:]), tr("Nothing was changed.")
         )
 
     def poll(self) -> None:

@@ -17,7 +17,7 @@ from imgui_bundle.glfw_utils import glfw_window_hello_imgui
 from enliven_viewer.studio.pointer_path import PointerPath
 from enliven_viewer.studio.workspace import Workspace
 
-_SMALLEST = (640.0, 360.0)
+_MIN_LAYOUT_SIZE = (640.0, 360.0)
 """Minimum layout size in logical pixels, so that large text in a small window stays usable."""
 
 
@@ -48,7 +48,7 @@ class Desktop:
         io, view = imgui.get_io(), imgui.get_main_viewport()
         raw, own = io.display_size, io.display_framebuffer_scale
         wanted = self._density() * self._workspace.preferences.text_size
-        most = min(raw.x / _SMALLEST[0], raw.y / _SMALLEST[1])
+        most = min(raw.x / _MIN_LAYOUT_SIZE[0], raw.y / _MIN_LAYOUT_SIZE[1])
         self.scale = max(min(wanted, most), min(self._density(), 1.0))
         size, density = (
             ImVec2(raw.x / self.scale, raw.y / self.scale),
@@ -85,7 +85,7 @@ class Desktop:
 
         def move(window: Any, x: float, y: float) -> None:
             before[0](window, x / self.scale, y / self.scale)
-            self.path.tell(x / self.scale, y / self.scale)
+            self.path.add(x / self.scale, y / self.scale)
 
         def enter(window: Any, inside: int) -> None:
             held = any(glfw.get_mouse_button(self._window, button) for button in range(3))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-Spot = tuple[float, float]
+PointerPosition = tuple[float, float]
 """Position in pixels from the window's top left corner."""
-_MOST = 4096
+_MAX_POSITIONS = 4096
 """Maximum number of stored positions: four seconds of a mouse with 1000 events per second."""
 
 
@@ -18,14 +18,14 @@ class PointerPath:
     """
 
     def __init__(self) -> None:
-        self._told: list[Spot] = []
+        self._told: list[PointerPosition] = []
 
-    def tell(self, x: float, y: float) -> None:
+    def add(self, x: float, y: float) -> None:
         """Adds the position of a pointer event, in whole pixels like ImGui's."""
         self._told.append((float(math.floor(x)), float(math.floor(y))))
-        del self._told[:-_MOST]
+        del self._told[:-_MAX_POSITIONS]
 
-    def take(self, at: Spot) -> list[Spot]:
+    def take(self, at: PointerPosition) -> list[PointerPosition]:
         """Returns the positions up to ImGui's current one, which comes last."""
         if at not in self._told:
             # The pointer was moved without an event, for example by a test, so the older positions do not

@@ -14,27 +14,27 @@ import msgspec
 
 from enliven.errors import EnlivenError, InputError, ResourceError, refuse_later_version
 from enliven.files import own_folder, read_file, write_file
-from enliven_viewer.language import language_in_use, speak, tr
+from enliven_viewer.language import language_in_use, set_language, tr
 from enliven_viewer.theme import theme_in_use, use_theme
 
 log = logging.getLogger(__name__)
 
-_NAME = "preferences.json"
-_DAMAGED = ".damaged"
+_FILE_NAME = "preferences.json"
+_DAMAGED_SUFFIX = ".damaged"
 """File extension of a damaged file that was moved aside."""
 _VERSION = 1
 """Version of the file format. An added field or value needs no new version; a changed meaning does."""
 _VERSION_KEY = "version"
 """Key of the version. The file of enliven 0.1 lacks it and counts as version 1."""
-_MOST = 1 << 20
+_MAX_FILE_BYTES = 1 << 20
 """Maximum number of bytes read from the file. A valid file contains a few hundred short lines."""
 SIZES = (0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
 """Offered text sizes relative to the default: visible steps, up to double."""
-_RECENT = 10
+_MAX_RECENT_FILES = 10
 """Number of recent files: as many as can be read at a glance."""
 
 
-class _Kept(msgspec.Struct):
+class _StoredPreferences(msgspec.Struct):
     """The contents of the file."""
 
     keys: dict[str, tuple[str, ...]] = {}
@@ -73,7 +73,7 @@ class Preferences:
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        self.path = (folder or own_folder()) / _NAME
+        self.path = (folder or own_folder()) / _FILE_NAME
         self.refusal: EnlivenError | None = None
         self._stored: dict[str, Any] = {}
         kept = self._read()
@@ -81,17 +81,17 @@ class Preferences:
         self.text_size, self.toured, self.tour_step = kept.text_size, kept.toured, max(kept.tour_step, 0)
         self.less_motion, self.performer = kept.less_motion, kept.performer
         self.timeline_height = kept.timeline_height
-        speak(kept.language)
+        set_language(kept.language)
         self.language = language_in_use()
         use_theme(kept.theme, kept.colours)
         self.theme, self.colours = theme_in_use()
-        self._begun = self._chosen()
+        self._begun = self._current_choices()
 
     def save(self) -> None:
         """Writes the file. If that fails, the choices apply until the program ends."""
         if self.refusal is not None:
             return
-        chosen = self._chosen()
+        chosen = self._current_choices()
         # Write unchanged values back exactly, because a later version may have stored values
         # that are unknown here.
         changed = {name: value for name, value in chosen.items() if value != self._begun[name]}
@@ -107,20 +107,20 @@ class Preferences:
         self.text_size = SIZES[min(max(nearest + steps, 0), len(SIZES) - 1)]
         self.save()
 
-    def calm(self) -> None:
+    def set_less_motion(self) -> None:
         """Switches camera animation on or off."""
         self.less_motion = not self.less_motion
         self.save()
 
-    def paint(self, theme: str = "", colours: str = "") -> None:
+    def set_colours(self, theme: str = "", colours: str = "") -> None:
         """Changes the theme or the palette immediately; an empty argument keeps the current one."""
         use_theme(theme or self.theme, colours or self.colours)
         self.theme, self.colours = theme_in_use()
         self.save()
 
-    def speak(self, language: str) -> None:
+    def set_language(self, language: str) -> None:
         """Changes the language immediately."""
-        speak(language)
+        set_language(language)
         self.language = language_in_use()
         self.save()
 
@@ -129,31 +129,33 @@ class Preferences:
         self.performer = not self.performer
         self.save()
 
-    def opened(self, path: Path) -> None:
+    def remember_file(self, path: Path) -> None:
         """Moves a file to the top of the recent files."""
         name = str(path.resolve())
-        self.recent = [name, *(other for other in self.recent if other != name)][:_RECENT]
+        self.recent = [name, *(other for other in self.recent if other != name)][:_MAX_RECENT_FILES]
         self.save()
 
-    def _chosen(self) -> dict[str, Any]:
+    def _current_choices(self) -> dict[str, Any]:
         """Returns the current choices by their names in the file, as JSON values."""
-        kept = _Kept(**{name: getattr(self, name) for name in _Kept.__struct_fields__})
+        kept = _StoredPreferences(
+            **{name: getattr(self, name) for name in _StoredPreferences.__struct_fields__}
+        )
         return dict(msgspec.json.decode(msgspec.json.encode(kept)))
 
-    def _read(self) -> _Kept:
+    def _read(self) -> _StoredPreferences:
         if not self.path.exists():
-            return _Kept()
+            return _StoredPreferences()
         try:
-            data = read_file(self.path, _MOST)
+            data = read_file(self.path, _MAX_FILE_BYTES)
             stored = msgspec.json.decode(data, type=dict[str, Any])
             self._refuse_later(stored.get(_VERSION_KEY, _VERSION))
             if self.refusal is not None:
-                return _Kept()
-            kept = msgspec.json.decode(data, type=_Kept)
+                return _StoredPreferences()
+            kept = msgspec.json.decode(data, type=_StoredPreferences)
         except (InputError, msgspec.MsgspecError, OSError, RecursionError) as error:
             log.warning("preferences cannot be read, and are put aside: %s", error)
             self._put_aside()
-            return _Kept()
+            return _StoredPreferences()
         self._stored = stored
         return kept
 
@@ -174,7 +176,7 @@ class Preferences:
     def _put_aside(self) -> None:
         """Renames a damaged file. If it cannot be renamed, it is neither used nor replaced."""
         try:
-            self.path.replace(self.path.with_suffix(_DAMAGED))
+            self.path.replace(self.path.with_suffix(_DAMAGED_SUFFIX))
         except OSError as error:
             problem = tr("the preferences cannot be read ({0})", error.strerror or tr("the system refused"))
             self.refusal = ResourceError(

@@ -18,8 +18,8 @@ class Toast:
 
     text: str
     mend: str
-    bad: bool
-    left: float
+    is_error: bool
+    remaining_s: float
 
 
 class Toasts:
@@ -53,8 +53,8 @@ class Toasts:
 
     def advance(self, seconds: float) -> None:
         """Advances time, and removes expired messages."""
-        older = (Toast(t.text, t.mend, t.bad, t.left - seconds) for t in self.shown)
-        self.shown = tuple(t for t in older if t.left > 0)
+        older = (Toast(t.text, t.mend, t.is_error, t.remaining_s - seconds) for t in self.shown)
+        self.shown = tuple(t for t in older if t.remaining_s > 0)
 
     def _add(self, toast: Toast) -> None:
         toast = replace(toast, text=escaped(toast.text), mend=escaped(toast.mend))

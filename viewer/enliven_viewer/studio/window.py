@@ -16,7 +16,8 @@ from enliven_viewer.live import IdleLoop
 from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.actions import KEYS, held_keys
 from enliven_viewer.studio.desktop import Desktop
-from enliven_viewer.studio.layout import draw_panels, places_of
+from enliven_viewer.studio.panel_drawing import draw_panels, panel_layout_of
+from enliven_viewer.studio.panel_layout import Area, PanelLayout
 from enliven_viewer.studio.panels import (
     apply_colours,
     apply_style,
@@ -26,41 +27,40 @@ from enliven_viewer.studio.panels import (
 )
 from enliven_viewer.studio.panels.stage import (
     draw_audience,
-    draw_inset,
+    draw_camera_previews,
     draw_live,
     draw_scan_over,
     draw_side_view,
 )
-from enliven_viewer.studio.perform import PerformerInset
-from enliven_viewer.studio.pictures import WindowPictures, hides_live
-from enliven_viewer.studio.places import Area, Places
+from enliven_viewer.studio.perform import PreviewPlacement
+from enliven_viewer.studio.window_pictures import WindowPictures, hides_live
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import theme_in_use
-from enliven_viewer.window import Place, is_minimised, toggle_full_screen
+from enliven_viewer.window import WindowRectangle, is_minimised, toggle_full_screen
 
-_LONGEST_STEP = 2.0
+_MAX_STEP_S = 2.0
 """Maximum time step in seconds. The playhead follows the clock even at low frame rates. After a longer pause,
 such as a suspended computer, it continues from where it was.
 """
-_SAMPLES = 0
+_FRAMEBUFFER_SAMPLES = 0
 """Multisampling of the window's own framebuffer; ImGui's default would be 8. Panels smooth their own edges,
 and the 3D view has its own samples. More samples here would cost a third of the frame time.
 """
 
 
-_USUAL_CORNER = (80, 80)
+_DEFAULT_CORNER = (80, 80)
 """Position in pixels, from the screen's corner, of a window that leaves the full screen in which it
 started.
 """
-_USUAL = WindowStart()
+_DEFAULT_START = WindowStart()
 """Default start: a window with panels, which asks before unsaved work is lost."""
-_MINIMISED_PAUSE = 0.05
+_MINIMISED_SLEEP_S = 0.05
 """Sleep per frame in seconds while the window is minimised."""
 
 
 def elapsed_since(last: float, now: float) -> float:
     """Returns the time step in seconds between two frames at given clock times."""
-    return min(now - last, _LONGEST_STEP)
+    return min(now - last, _MAX_STEP_S)
 
 
 class StudioWindow:
@@ -73,20 +73,20 @@ class StudioWindow:
     """
 
     def __init__(
-        self, workspace: Workspace, step: float | None = None, opening: WindowStart = _USUAL
+        self, workspace: Workspace, step: float | None = None, opening: WindowStart = _DEFAULT_START
     ) -> None:
         self.workspace, self.step, self.opening = workspace, step, opening
         self.pace = 0.0  # This is the number of frames per second, smoothed.
         # Remember the place that F11 restores. A window that starts in full screen does not have one yet.
         settings = workspace.editor.settings
-        self._windowed: Place | None = (
-            (*_USUAL_CORNER, settings.width, settings.height) if opening.full_screen else None
+        self._windowed: WindowRectangle | None = (
+            (*_DEFAULT_CORNER, settings.width, settings.height) if opening.full_screen else None
         )
         self._idle_loop = IdleLoop()
         self.pictures = 0
         self._pictures: WindowPictures | None = None
         self.desktop: Desktop | None = None
-        self._inset = PerformerInset()
+        self._inset = PreviewPlacement()
         self._last = time.monotonic()
         self._framed = False
         self._theme = theme_in_use()[0]
@@ -113,7 +113,7 @@ class StudioWindow:
         runner.app_window_params.restore_previous_geometry = False
         kinds = hello_imgui.DefaultImGuiWindowType
         runner.imgui_window_params.default_imgui_window_type = kinds.no_default_window
-        runner.renderer_backend_options.open_gl_options.anti_aliasing_samples = _SAMPLES
+        runner.renderer_backend_options.open_gl_options.anti_aliasing_samples = _FRAMEBUFFER_SAMPLES
         if self.opening.full_screen:
             mode = hello_imgui.FullScreenMode.full_screen_desktop_resolution
             runner.app_window_params.window_geometry.full_screen_mode = mode
@@ -138,7 +138,7 @@ class StudioWindow:
             if parent_is_gone() or (end is not None and time.monotonic() > end):
                 self.close()
             if is_minimised(glfw_window_hello_imgui()):
-                time.sleep(_MINIMISED_PAUSE)
+                time.sleep(_MINIMISED_SLEEP_S)
             runner.fps_idling.enable_idling = register_tests is None and before is None and self._idle
             if self._theme != theme_in_use()[0]:
                 self._theme = theme_in_use()[0]
@@ -197,9 +197,9 @@ class StudioWindow:
         return str(self._pictures.viewport.renderer.ctx.error)
 
     @property
-    def places(self) -> Places:
+    def places(self) -> PanelLayout:
         """Returns the layout of the panels at the window's size."""
-        return places_of(self.workspace, bare=self.opening.bare or self.audience)
+        return panel_layout_of(self.workspace, bare=self.opening.bare or self.audience)
 
     @property
     def audience(self) -> bool:
@@ -210,7 +210,7 @@ class StudioWindow:
     def _idle(self) -> bool:
         """Returns True if nothing moves, so that a low frame rate is enough."""
         perform, editor = self.workspace.perform, self.workspace.editor
-        still = perform.live is None or perform.live.quiet
+        still = perform.live is None or perform.live.is_quiet
         still = still and not self._idle_loop.loss
         still = still and (self.workspace.tour is None or not self.workspace.tour.moves)
         return still and not editor.playing and perform.recording.phase == "idle" and self.step is None
@@ -254,7 +254,7 @@ class StudioWindow:
         elif not self.opening.bare:
             draw_panels(self.workspace, places, pictures)
             if not hides_live(self.workspace):
-                draw_inset(self.workspace, places.viewport, self._inset, pictures.glances)
+                draw_camera_previews(self.workspace, places.viewport, self._inset, pictures.glances)
             if self.workspace.perform.close_up.box is not None:
                 texture = pictures.source.renderer.picture.texture.glo
                 draw_side_view(self.workspace, places.viewport, texture)

@@ -21,7 +21,7 @@ from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
-from enliven_viewer.link.edges import EdgeClient
+from enliven_viewer.link.edge_client import EdgeClient
 
 BEATS = 3
 """Heartbeats to wait for during a problem: a blocked edge would send none."""

@@ -13,7 +13,7 @@ GL_VERSION = 330
 """OpenGL 3.3 core in moderngl's notation: the oldest version with instanced drawing, available on every
 platform.
 """
-MEND = {
+INSTALL_HINTS = {
     "linux": "Install it: apt install libegl1 libgl1 libgl1-mesa-dri",
     "win32": "Install the driver of the graphics card.",
 }
@@ -50,5 +50,5 @@ def _missing(error: Exception) -> ResourceError:
     return ResourceError(
         f"OpenGL 3.3 is not available ({reason})",
         where="OpenGL",
-        mend=MEND.get(platform, "The graphics driver must offer OpenGL 3.3 core."),
+        mend=INSTALL_HINTS.get(platform, "The graphics driver must offer OpenGL 3.3 core."),
     )

@@ -12,7 +12,7 @@ from enliven_viewer.render.gl.program import UNITS, load_program
 from enliven_viewer.render.gl.region import Region, full_region, regions_around
 
 Size = tuple[int, int]
-_OUTERMOST = 3.23
+_OUTER_TAP_DISTANCE = 3.23
 """Distance of the outermost tap in shaders/blur.frag from the centre, in tap spacings."""
 
 
@@ -162,4 +162,4 @@ class SoftMap:
 
 def reach_of(widths: tuple[float, ...]) -> int:
     """Returns the spread of a drawing by :meth:`SoftMap.blur`, in texels."""
-    return sum(math.ceil(_OUTERMOST * width) + 1 for width in widths)
+    return sum(math.ceil(_OUTER_TAP_DISTANCE * width) + 1 for width in widths)

@@ -3,7 +3,7 @@ from .paint import (
     PaintedFaces as PaintedFaces,
     linear_from_srgb as linear_from_srgb,
     paint_keys as paint_keys,
-    painted as painted,
+    paint_surface as paint_surface,
 )
 from .parts import Part as Part, parts_of as parts_of
-from .textures import HeldTexture as HeldTexture, Textures as Textures
+from .textures import SharedTexture as SharedTexture, Textures as Textures

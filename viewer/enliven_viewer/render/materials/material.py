@@ -15,9 +15,9 @@ STRAIGHT: Transform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 """The identity transform of texture coordinates."""
 MAPS = ("base", "finish", "normal", "occlusion", "emissive")
 """The textures of a material, by their names in the shaders."""
-_BRIGHTEST = 1000.0
+_MAX_EMISSION = 1000.0
 """Maximum emission relative to white. Beyond it, everything is white anyway."""
-_SPREAD = 1e4
+_MAX_REPEATS = 1e4
 """Maximum number of texture repeats. Beyond it, the image is not recognisable."""
 
 
@@ -81,7 +81,7 @@ def material_of(definition: str) -> SurfaceMaterial:
             "roughnessFactor": 1.0 - gloss,
         }
     strength = _number(
-        _table(extensions, "KHR_materials_emissive_strength"), "emissiveStrength", 1.0, _BRIGHTEST
+        _table(extensions, "KHR_materials_emissive_strength"), "emissiveStrength", 1.0, _MAX_EMISSION
     )
     maps = {
         "base": _map(own, "baseColorTexture"),
@@ -94,7 +94,7 @@ def material_of(definition: str) -> SurfaceMaterial:
         base=_numbers(own, "baseColorFactor", (1.0,) * 4, 1.0),
         metallic=_number(own, "metallicFactor", 1.0, 1.0),
         roughness=_number(own, "roughnessFactor", 1.0, 1.0),
-        emissive=tuple(strength * c for c in _numbers(value, "emissiveFactor", (0.0,) * 3, _BRIGHTEST)),
+        emissive=tuple(strength * c for c in _numbers(value, "emissiveFactor", (0.0,) * 3, _MAX_EMISSION)),
         alpha=value.get("alphaMode") if value.get("alphaMode") in ("MASK", "BLEND") else "OPAQUE",
         cutoff=_number(value, "alphaCutoff", 0.5, 1.0),
         double_sided=value.get("doubleSided") is True,
@@ -112,9 +112,9 @@ def _map(value: dict[str, Any], name: str) -> Map | None:
         return None
     moved = _table(_table(texture_info, "extensions"), "KHR_texture_transform")
     uvs = moved.get("texCoord", texture_info.get("texCoord", 0))
-    x, y = _numbers(moved, "offset", (0.0, 0.0), _SPREAD, -_SPREAD)
-    across, down = _numbers(moved, "scale", (1.0, 1.0), _SPREAD, -_SPREAD)
-    turn = _number(moved, "rotation", 0.0, _SPREAD, -_SPREAD)
+    x, y = _numbers(moved, "offset", (0.0, 0.0), _MAX_REPEATS, -_MAX_REPEATS)
+    across, down = _numbers(moved, "scale", (1.0, 1.0), _MAX_REPEATS, -_MAX_REPEATS)
+    turn = _number(moved, "rotation", 0.0, _MAX_REPEATS, -_MAX_REPEATS)
     c, s = math.cos(turn), math.sin(turn)
     transform = (c * across, s * down, x, -s * across, c * down, y)
     return Map(index, uvs if isinstance(uvs, int) and uvs >= 0 else 0, transform)

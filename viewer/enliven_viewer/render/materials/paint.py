@@ -15,7 +15,7 @@ from enliven_viewer.render.surface import DrawnSurface
 
 DEFAULT_COLOUR = (226, 142, 84)
 """sRGB of a mesh without colours: warm, in contrast to the cold stage."""
-_BARE = SurfaceMaterial()
+_DEFAULT_MATERIAL = SurfaceMaterial()
 """The material of a surface without one: like skin, wood or matt paint."""
 
 
@@ -51,16 +51,16 @@ def paint_keys(character: Character) -> Int32 | None:
     return np.ascontiguousarray(np.concatenate(columns, 1))
 
 
-def painted(character: Character, surface: DrawnSurface) -> PaintedFaces:
+def paint_surface(character: Character, surface: DrawnSurface) -> PaintedFaces:
     """Returns the vertex attributes of a character's colours, and the batches of its faces."""
     own = character.materials
     rows = np.zeros((len(surface.source), 13), np.float32)
     rows[:, 4:7] = _linear_colours(character)[surface.source]
-    rows[:, 7:10] = 1.0, _BARE.metallic, _BARE.roughness
+    rows[:, 7:10] = 1.0, _DEFAULT_MATERIAL.metallic, _DEFAULT_MATERIAL.roughness
     if own is None:
         return PaintedFaces(np.arange(len(surface.faces)), ((PLAIN_PART, 0, len(surface.faces)),), rows)
     # The last material has the index -1, which means no material.
-    materials = [*map(material_of, own.definitions), _BARE]
+    materials = [*map(material_of, own.definitions), _DEFAULT_MATERIAL]
     parts = [*parts_of(materials[:-1], own.textures, own.uvs.shape[2]), PLAIN_PART]
     _paint(rows, own, materials, parts, surface)
     kinds = sorted(set(parts), key=lambda part: part.rank)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 from enliven.meshes import Texture
 from enliven_viewer.render.materials.material import MAPS, Alpha, SurfaceMaterial, Transform
-from enliven_viewer.render.materials.textures import mirrored
+from enliven_viewer.render.materials.textures import mirrored_axes
 
-Placing = tuple[int, Transform]
+TextureMapping = tuple[int, Transform]
 """A set of texture coordinates, and its transform."""
 
-_ORDER: tuple[Alpha, ...] = ("OPAQUE", "MASK", "BLEND")
+_ALPHA_ORDER: tuple[Alpha, ...] = ("OPAQUE", "MASK", "BLEND")
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Part:
     double_sided: bool = True
     unlit: bool = False
     maps: tuple[tuple[str, int, int], ...] = ()
-    placings: tuple[Placing, ...] = ()
+    placings: tuple[TextureMapping, ...] = ()
     cutoff: float = 0.5
     normal_scale: float = 1.0
     occlusion_strength: float = 1.0
@@ -38,7 +38,7 @@ class Part:
     @property
     def rank(self) -> int:
         """Returns its rank in the drawing order: opaque parts first, transparent parts last."""
-        return _ORDER.index(self.alpha)
+        return _ALPHA_ORDER.index(self.alpha)
 
     @property
     def defines(self) -> tuple[str, ...]:
@@ -63,12 +63,12 @@ def parts_of(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets
         textures: the textures that the materials refer to.
         sets: number of sets of texture coordinates.
     """
-    folds = [mirrored(texture) for texture in textures]
+    folds = [mirrored_axes(texture) for texture in textures]
     return [_part(material, folds, sets) for material in materials]
 
 
 def _part(material: SurfaceMaterial, folds: list[tuple[bool, bool]], sets: int) -> Part:
-    maps, placings = list[tuple[str, int, int]](), list[Placing]()
+    maps, placings = list[tuple[str, int, int]](), list[TextureMapping]()
     for name in MAPS:
         texture_map = material.maps.get(name)
         if texture_map is None or not sets:

@@ -16,29 +16,29 @@ from enliven.errors import InputError, plain_reason
 from enliven.meshes import Texture, opened_picture
 
 log = logging.getLogger(__name__)
-_MOST_PIXELS = 1 << 26
+_MAX_IMAGE_PIXELS = 1 << 26
 """Maximum number of pixels of one image, 8192 x 8192. A file of a few kilobytes can declare more than fits
 into memory.
 """
 _SRGB8_ALPHA8 = 0x8C43
 """GL_SRGB8_ALPHA8: converted to linear light when read and filtered."""
-_NEAREST = 9728
+_GL_NEAREST = 9728
 """OpenGL constant in a glTF sampler: no smoothing between texels."""
-_CLAMP = 33071
+_GL_CLAMP_TO_EDGE = 33071
 """OpenGL constant in a glTF sampler: clamp to the edge."""
-_MIRROR = 33648
+_GL_MIRRORED_REPEAT = 33648
 """OpenGL constant in a glTF sampler: mirrored repeat."""
-_COLOURS = ("base", "emissive")
+_SRGB_MAPS = ("base", "emissive")
 """Colour textures, which are in sRGB; the others contain numbers."""
-_SOFTWARE = ("llvmpipe", "softpipe", "swiftshader")
+_SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swiftshader")
 """Software renderers. On these, anisotropic filtering took a third of the frame time."""
-_WHITE = np.full((1, 1, 4), 255, np.uint8)
+_WHITE_PIXEL = np.full((1, 1, 4), 255, np.uint8)
 
 _Key = tuple[int, bool]
 
 
 @dataclass
-class HeldTexture:
+class SharedTexture:
     """A texture on the GPU with its number of users.
 
     It keeps the source alive, since its key contains the source's id.
@@ -69,17 +69,17 @@ class Textures:
         self.ctx = ctx
         limit = int(ctx.info.get("GL_MAX_TEXTURE_SIZE", most) or most)
         self._most = min(most, limit)
-        by_hand = any(name in ctx.info.get("GL_RENDERER", "").lower() for name in _SOFTWARE)
+        by_hand = any(name in ctx.info.get("GL_RENDERER", "").lower() for name in _SOFTWARE_RENDERERS)
         self._anisotropy = 1.0 if by_hand else min(float(anisotropy), ctx.max_anisotropy or 1.0)
-        self._held: dict[_Key, HeldTexture] = {}
+        self._held: dict[_Key, SharedTexture] = {}
         self.beside = False
         self._pool: ThreadPoolExecutor | None = None
 
-    def take(self, source: Texture, name: str) -> HeldTexture:
+    def take(self, source: Texture, name: str) -> SharedTexture:
         """Returns the texture for a map of a material. The caller must give it back."""
-        key = id(source), name in _COLOURS
+        key = id(source), name in _SRGB_MAPS
         if key not in self._held:
-            self._held[key] = self._begun(source, key[1])
+            self._held[key] = self._create_texture(source, key[1])
         self._held[key].users += 1
         return self._held[key]
 
@@ -89,18 +89,18 @@ class Textures:
             if held.decoding is not None and held.decoding.done():
                 pixels, held.decoding = held.decoding.result(), None
                 held.texture.release()
-                held.texture = self._uploaded(held.source, colours, pixels)
+                held.texture = self._upload(held.source, colours, pixels)
 
-    def _begun(self, source: Texture, colours: bool) -> HeldTexture:
+    def _create_texture(self, source: Texture, colours: bool) -> SharedTexture:
         if not self.beside:
-            return HeldTexture(self._uploaded(source, colours, _pixels(source, self._most)), source)
+            return SharedTexture(self._upload(source, colours, _pixels(source, self._most)), source)
         self._pool = self._pool or ThreadPoolExecutor(2, "textures")
         decoding = self._pool.submit(_pixels, source, self._most)
-        return HeldTexture(self._uploaded(source, colours, _WHITE), source, decoding=decoding)
+        return SharedTexture(self._upload(source, colours, _WHITE_PIXEL), source, decoding=decoding)
 
     def give_back(self, source: Texture, name: str) -> None:
         """Removes one user of a texture. A texture without users is freed."""
-        key = id(source), name in _COLOURS
+        key = id(source), name in _SRGB_MAPS
         held = self._held[key]
         held.users -= 1
         if not held.users:
@@ -110,36 +110,38 @@ class Textures:
     def __len__(self) -> int:
         return len(self._held)
 
-    def _uploaded(self, source: Texture, colours: bool, decoded: UInt8) -> moderngl.Texture:
+    def _upload(self, source: Texture, colours: bool, decoded: UInt8) -> moderngl.Texture:
         sampler = _sampler(source)
-        pixels = _unfolded(decoded, sampler)
+        pixels = _unfold_mirrored(decoded, sampler)
         options = {"internal_format": _SRGB8_ALPHA8} if colours else {}
         texture = self.ctx.texture(pixels.shape[1::-1], 4, pixels.tobytes(), **options)
         texture.build_mipmaps()
-        sharp = sampler.get("magFilter") == _NEAREST
+        sharp = sampler.get("magFilter") == _GL_NEAREST
         texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.NEAREST if sharp else moderngl.LINEAR
-        texture.repeat_x, texture.repeat_y = (sampler.get(way) != _CLAMP for way in ("wrapS", "wrapT"))
+        texture.repeat_x, texture.repeat_y = (
+            sampler.get(way) != _GL_CLAMP_TO_EDGE for way in ("wrapS", "wrapT")
+        )
         texture.anisotropy = 1.0 if sharp else self._anisotropy
         return texture
 
 
-def mirrored(source: Texture) -> tuple[bool, bool]:
+def mirrored_axes(source: Texture) -> tuple[bool, bool]:
     """Returns whether a texture repeats mirrored across and down.
 
     Such a texture is stored unfolded, twice as long.
     """
     sampler = _sampler(source)
-    return sampler.get("wrapS") == _MIRROR, sampler.get("wrapT") == _MIRROR
+    return sampler.get("wrapS") == _GL_MIRRORED_REPEAT, sampler.get("wrapT") == _GL_MIRRORED_REPEAT
 
 
 def _sampler(source: Texture) -> dict[str, object]:
     return json.loads(source.sampler) if source.sampler else {}
 
 
-def _unfolded(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
+def _unfold_mirrored(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
     """Returns the image together with its mirror image, along each axis with mirrored repeat."""
     for axis, way in ((1, "wrapS"), (0, "wrapT")):
-        if sampler.get(way) == _MIRROR:
+        if sampler.get(way) == _GL_MIRRORED_REPEAT:
             pixels = np.concatenate([pixels, np.flip(pixels, axis)], axis)
     return np.ascontiguousarray(pixels)
 
@@ -148,7 +150,7 @@ def _pixels(source: Texture, most: int) -> UInt8:
     """Returns (H, W, 4): a decoded texture with limited sides; white if it cannot be read."""
     try:
         with opened_picture(np.asarray(source.image, np.uint8).tobytes()) as picture:
-            if picture.width * picture.height > _MOST_PIXELS:
+            if picture.width * picture.height > _MAX_IMAGE_PIXELS:
                 raise InputError(f"it has {picture.width} x {picture.height} pixels")
             picture.draft("RGB", (most, most))
             whole = picture.convert("RGBA")
@@ -156,4 +158,4 @@ def _pixels(source: Texture, most: int) -> UInt8:
             return np.asarray(whole, np.uint8)
     except Exception as error:  # Third-party decoders may raise any exception for untrusted bytes.
         log.warning("a texture cannot be read (%s): it is drawn white", plain_reason(error))
-        return _WHITE
+        return _WHITE_PIXEL

@@ -28,15 +28,17 @@ class Pen:
         self, x: float, y: float, width: float, height: float, colour: Colour, radius: float = 0.0
     ) -> None:
         """Draws a rounded rectangle with its top left corner at ``x``, ``y``."""
-        self._list.add_rect_filled(self._at(x, y), self._at(x + width, y + height), _packed(colour), radius)
+        self._list.add_rect_filled(
+            self._at(x, y), self._at(x + width, y + height), _pack_colour(colour), radius
+        )
 
     def disc(self, x: float, y: float, radius: float, colour: Colour) -> None:
         """Draws a disc centred at ``x``, ``y``."""
-        self._list.add_circle_filled(self._at(x, y), radius, _packed(colour))
+        self._list.add_circle_filled(self._at(x, y), radius, _pack_colour(colour))
 
     def line(self, points: Float, width: float, colour: Colour) -> None:
         """Draws a polyline through points (N, 2), with round ends."""
-        self._list.add_polyline((points + self._origin).tolist(), _packed(colour), width, 0)
+        self._list.add_polyline((points + self._origin).tolist(), _pack_colour(colour), width, 0)
         for x, y in points[[0, -1]].tolist():
             self.disc(x, y, width / 2, colour)
 
@@ -53,7 +55,7 @@ class Pen:
         """
         wide, high = self.extent(text, size, wrap)
         at = self._at(round(x - align * wide), round(y))
-        self._list.add_text(imgui.get_font(), size, at, _packed(colour), text, wrap)
+        self._list.add_text(imgui.get_font(), size, at, _pack_colour(colour), text, wrap)
         return high
 
     def extent(self, text: str, size: int, wrap: float = 0.0) -> tuple[float, float]:
@@ -106,5 +108,5 @@ class Canvas(Pen):
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
 
-def _packed(colour: Colour) -> int:
+def _pack_colour(colour: Colour) -> int:
     return imgui.color_convert_float4_to_u32((colour[0], colour[1], colour[2], colour[3]))

@@ -11,9 +11,9 @@ from enliven_viewer.theme import LIMBS
 
 Tint = tuple[float, float, float]
 """Red, green and blue, sRGB in [0, 1]."""
-_THICK = 0.012
+_TUBE_RADIUS = 0.012
 """Tube radius as a fraction of the longest chain; halved once the chain is driven."""
-_DEEP = 0.3
+_VISIBLE_DEPTH = 0.3
 """Depth below the surface up to which a tube is visible, as a fraction of the longest chain: as deep as the
 bone of a thick limb.
 """
@@ -26,8 +26,8 @@ def match_rows(boards: dict[str, MatchList]) -> tuple[Float32, float]:
         for row in meant_rows(board):
             lengths = [float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in row.lines]
             share = 0.5 if board.state == "playing" else 1.0
-            radius = share * _THICK * max(lengths, default=0.0)
-            deepest = max(deepest, share * _DEEP * max(lengths, default=0.0))
+            radius = share * _TUBE_RADIUS * max(lengths, default=0.0)
+            deepest = max(deepest, share * _VISIBLE_DEPTH * max(lengths, default=0.0))
             for line, tint in zip(row.lines, tints_of(row), strict=True):
                 rows += _tubes(line, radius, np.power(tint, 2.2, dtype=np.float32))
     return np.concatenate(rows), deepest

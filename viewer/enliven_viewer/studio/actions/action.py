@@ -22,13 +22,13 @@ class Action:
         keys: default shortcuts; the first is displayed.
         do: runs the action. An EnlivenError that it raises is shown.
         why_not: returns why it is unavailable now, with advice; empty if it is available.
-        on: for a toggle, returns whether it is on.
+        is_on: for a toggle, returns whether it is on.
         about: one sentence about its effect, for the tooltip.
         icon: its glyph in Font Awesome 4, for buttons.
         apart: whether a separator is drawn above it in the menu.
         group: the submenu that shows it, or empty. There, the part of the label before the colon is left out.
-        rooms: the workspaces in which its shortcuts are active and take precedence over general ones; empty
-            for all.
+        workspaces: the workspaces in which its shortcuts are active and take precedence over general ones;
+            empty for all.
     """
 
     id: str
@@ -37,12 +37,12 @@ class Action:
     keys: tuple[str, ...]
     do: Callable[[], object]
     why_not: Callable[[], str] = always
-    on: Callable[[], bool] | None = None
+    is_on: Callable[[], bool] | None = None
     about: str = ""
     icon: str = ""
     apart: bool = False
     group: str = ""
-    rooms: tuple[str, ...] = ()
+    workspaces: tuple[str, ...] = ()
 
     @property
     def entry(self) -> str:
@@ -59,4 +59,4 @@ class Action:
 
         This applies if they share a workspace, or if both are active everywhere.
         """
-        return not (self.rooms or other.rooms) or bool({*self.rooms} & {*other.rooms})
+        return not (self.workspaces or other.workspaces) or bool({*self.workspaces} & {*other.workspaces})

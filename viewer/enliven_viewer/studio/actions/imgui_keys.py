@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from enliven_viewer.studio.actions.keys import MODIFIERS
 
-_OTHERS = (
+_SAME_NAME_KEYS = (
     "space",
     "home",
     "end",
@@ -19,13 +19,22 @@ _OTHERS = (
     "tab",
     "insert",
 )
-_MORE = ("page_up", "page_down", "comma", "period", "slash", "semicolon", "left_bracket", "right_bracket")
+_MORE_KEYS = (
+    "page_up",
+    "page_down",
+    "comma",
+    "period",
+    "slash",
+    "semicolon",
+    "left_bracket",
+    "right_bracket",
+)
 KEYS = {
     **{letter: getattr(imgui.Key, letter) for letter in "abcdefghijklmnopqrstuvwxyz"},
     **{str(k): getattr(imgui.Key, f"_{k}") for k in range(10)},
     **{f"f{k}": getattr(imgui.Key, f"f{k}") for k in range(1, 13)},
     **{way: getattr(imgui.Key, f"{way}_arrow") for way in ("left", "right", "up", "down")},
-    **{name: getattr(imgui.Key, name) for name in (*_OTHERS, *_MORE)},
+    **{name: getattr(imgui.Key, name) for name in (*_SAME_NAME_KEYS, *_MORE_KEYS)},
 }
 """Every key that a shortcut can use, by its name in files and scripted sessions."""
 

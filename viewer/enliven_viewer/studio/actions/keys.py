@@ -4,7 +4,7 @@ from __future__ import annotations
 
 MODIFIERS = ("ctrl", "shift", "alt")
 """The modifier keys, in the order of their names in a shortcut."""
-_SAID = {
+_KEY_LABELS = {
     "delete": "Del",
     "escape": "Esc",
     "page_up": "PgUp",
@@ -21,8 +21,8 @@ _SAID = {
 """Keys with a displayed name that differs from the saved one."""
 
 
-def spoken(key: str) -> str:
+def key_label(key: str) -> str:
     """Returns a shortcut as displayed: "ctrl+shift+z" becomes Ctrl+Shift+Z."""
     return "+".join(
-        _SAID.get(part, part.upper() if len(part) < 2 else part.title()) for part in key.split("+")
+        _KEY_LABELS.get(part, part.upper() if len(part) < 2 else part.title()) for part in key.split("+")
     )

@@ -7,13 +7,13 @@ from collections.abc import Iterable
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
 
-_START = 8.0
+_WORD_START_SCORE = 8.0
 """Score of a letter at the start of a word, since people type initials."""
-_NEXT = 6.0
+_CONSECUTIVE_SCORE = 6.0
 """Score of a letter that directly follows the previous match, since people type parts of words."""
-_SKIPPED = 0.1
+_UNTYPED_PENALTY = 0.1
 """Penalty per letter of the name that was not typed, so that shorter names come first."""
-_ELSEWHERE = 50.0
+_OTHER_TEXT_PENALTY = 50.0
 """Penalty if the letters match only together with the menu's name or the description."""
 
 
@@ -28,14 +28,22 @@ def likeness(typed: str, name: str) -> float | None:
     best: list[tuple[float, int]] = [(0.0, -1)]
     for letter in wanted:
         matches = [
-            (max(score + (_NEXT if at == before + 1 else 0.0) for score, before in best if before < at), at)
+            (
+                max(
+                    score + (_CONSECUTIVE_SCORE if at == before + 1 else 0.0)
+                    for score, before in best
+                    if before < at
+                ),
+                at,
+            )
             for at, text_letter in enumerate(text)
             if text_letter == letter and any(before < at for _, before in best)
         ]
         best = [
-            (score + (_START if at == 0 or not text[at - 1].isalnum() else 0.0), at) for score, at in matches
+            (score + (_WORD_START_SCORE if at == 0 or not text[at - 1].isalnum() else 0.0), at)
+            for score, at in matches
         ]
-    return max((score for score, _ in best), default=0.0) - _SKIPPED * len(text) if best else None
+    return max((score for score, _ in best), default=0.0) - _UNTYPED_PENALTY * len(text) if best else None
 
 
 def _likest(typed: str, *texts: str) -> float | None:
@@ -46,7 +54,7 @@ def _likest(typed: str, *texts: str) -> float | None:
     return max((score for text in {*texts} if (score := likeness(typed, text)) is not None), default=None)
 
 
-def ranked(typed: str, actions: Iterable[Action]) -> list[Action]:
+def rank_actions(typed: str, actions: Iterable[Action]) -> list[Action]:
     """Returns the matching actions, best match first. Without letters, returns all in their order."""
     scored = []
     for action in actions:
@@ -56,7 +64,7 @@ def ranked(typed: str, actions: Iterable[Action]) -> list[Action]:
             typed, f"{action.label} {action.menu} {action.about}", f"{label} {action.menu} {about}"
         )
         if plain is not None or wide is not None:
-            scored.append((plain if plain is not None else (wide or 0.0) - _ELSEWHERE, action))
+            scored.append((plain if plain is not None else (wide or 0.0) - _OTHER_TEXT_PENALTY, action))
     return (
         [action for _, action in sorted(scored, key=lambda pair: -pair[0])]
         if typed.strip()

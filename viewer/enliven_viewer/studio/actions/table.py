@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions.action import Action
-from enliven_viewer.studio.actions.keys import spoken
-from enliven_viewer.studio.actions.search import ranked
+from enliven_viewer.studio.actions.keys import key_label
+from enliven_viewer.studio.actions.search import rank_actions
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
 
-_LAST = "Help"
-_MOST_RECENT = 8
+_LAST_MENU = "Help"
+_MAX_RECENT = 8
 """Maximum number of recent actions that the empty palette shows first."""
 
 
@@ -27,14 +27,14 @@ class ActionTable:
 
     Attributes:
         recent: ids of the most recently run actions, newest first.
-        room: returns the workspace with its own shortcuts, which take precedence; empty if there is none.
+        workspace: returns the workspace with its own shortcuts, which take precedence; empty for none.
     """
 
     def __init__(self, toasts: Toasts, preferences: Preferences) -> None:
         self._toasts, self._preferences = toasts, preferences
         self._actions: dict[str, Action] = {}
         self.recent: list[str] = []
-        self.room: Callable[[], str] = lambda: ""
+        self.workspace: Callable[[], str] = lambda: ""
 
     def add(self, *actions: Action) -> None:
         """Adds actions to their menus.
@@ -63,7 +63,7 @@ class ActionTable:
     def menus(self) -> dict[str, list[Action]]:
         """Returns the actions of each menu, in the order of the menu bar; Help is last."""
         names = dict.fromkeys(action.menu for action in self)
-        order = [name for name in names if name != _LAST] + [_LAST] * (_LAST in names)
+        order = [name for name in names if name != _LAST_MENU] + [_LAST_MENU] * (_LAST_MENU in names)
         return {name: [action for action in self if action.menu == name] for name in order}
 
     def do(self, action_id: str) -> bool:
@@ -73,7 +73,7 @@ class ActionTable:
         if first:
             self._toasts.say(first.removesuffix("."), rest)
             return False
-        self.recent = [action_id, *(other for other in self.recent if other != action_id)][:_MOST_RECENT]
+        self.recent = [action_id, *(other for other in self.recent if other != action_id)][:_MAX_RECENT]
         try:
             action.do()
         except Exception as error:  # An internal error must not close the user's window.
@@ -89,8 +89,8 @@ class ActionTable:
             own: if True, only consider shortcuts of the current workspace, which take precedence over the
                 active tool.
         """
-        room = self.room() if own else ""
-        action = self.holder(key, room) if room or not own else None
+        room = self.workspace() if own else ""
+        action = self.action_with_keys(key, room) if room or not own else None
         if action is not None:
             self.do(action.id)
         return action is not None
@@ -101,13 +101,14 @@ class ActionTable:
 
     def shown_key(self, action: Action) -> str:
         """Returns the first shortcut of an action as displayed; empty if it has none."""
-        return spoken(self.keys_of(action)[0]) if self.keys_of(action) else ""
+        return key_label(self.keys_of(action)[0]) if self.keys_of(action) else ""
 
-    def holder(self, key: str, room: str = "") -> Action | None:
+    def action_with_keys(self, key: str, room: str = "") -> Action | None:
         """Returns the action with a shortcut in a workspace, or everywhere if none is named."""
         with_key = (action for action in self if key in self.keys_of(action))
         return next(
-            (action for action in with_key if (room in action.rooms if room else not action.rooms)), None
+            (action for action in with_key if (room in action.workspaces if room else not action.workspaces)),
+            None,
         )
 
     def rival(self, action_id: str, key: str) -> Action | None:
@@ -116,19 +117,19 @@ class ActionTable:
         others = (action for action in self if action is not wanted and action.rivals(wanted))
         return next((action for action in others if key in self.keys_of(action)), None)
 
-    def give(self, action_id: str, key: str) -> None:
+    def set_shortcut(self, action_id: str, key: str) -> None:
         """Sets the shortcut of an action in place of its current ones, and removes it from other actions."""
         while (other := self.rival(action_id, key)) is not None:
             self._preferences.keys[other.id] = tuple(
                 other_key for other_key in self.keys_of(other) if other_key != key
             )
         self._preferences.keys[action_id] = (key,)
-        self._tidy()
+        self._save_changes()
 
-    def free(self, action_id: str) -> None:
+    def clear_shortcuts(self, action_id: str) -> None:
         """Removes all shortcuts of an action."""
         self._preferences.keys[action_id] = ()
-        self._tidy()
+        self._save_changes()
 
     def own_keys(self) -> None:
         """Restores the default shortcuts of all actions."""
@@ -143,7 +144,7 @@ class ActionTable:
     def find(self, typed: str) -> list[Action]:
         """Returns the matching actions, best match first. Without text, recent actions come first."""
         if typed.strip():
-            return ranked(typed, self)
+            return rank_actions(typed, self)
         first = [self._actions[action_id] for action_id in self.recent if action_id in self._actions]
         return [*first, *(action for action in self if action not in first)]
 
@@ -154,7 +155,7 @@ class ActionTable:
         first = f"{label}  ({key})" if key else label
         return "\n".join(tr(line) for line in (first, action.about, action.why_not()) if line)
 
-    def _tidy(self) -> None:
+    def _save_changes(self) -> None:
         """Removes shortcuts that equal the defaults, and saves the rest."""
         changed = self._preferences.keys
         for action_id in [

@@ -36,7 +36,7 @@ NUMBERS: dict[str, Literal["weights", "speeds"]] = {"weight": "weights", "speed"
 
 
 @dataclass(frozen=True)
-class Dot:
+class CurveDot:
     """A key on a curve.
 
     Attributes:
@@ -70,11 +70,11 @@ class CurveGroup:
     unit: str
     channels: tuple[str, ...]
     values: Float
-    dots: tuple[Dot, ...] = ()
+    dots: tuple[CurveDot, ...] = ()
 
 
 @dataclass(frozen=True)
-class Thing:
+class CurveSubject:
     """The object of the curves: a character, and a handle or a layer of it."""
 
     character: str
@@ -82,7 +82,7 @@ class Thing:
     layer: int | None
 
 
-def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
+def groups_of(project: Project, thing: CurveSubject, times: Float) -> dict[str, CurveGroup]:
     """Returns the curves of an object at times (T,), without its keys, which :func:`key_groups` returns.
 
     Raises:
@@ -94,7 +94,7 @@ def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGr
     if moving is not None:
         rows = [moving(float(time)) for time in times]
         turns = continuous(np.stack([turn for turn, _ in rows])[:, None])[:, 0]
-        groups.append(CurveGroup("turn", "\u00b0", AXES, _unwrapped(turns)))
+        groups.append(CurveGroup("turn", "\u00b0", AXES, _unwrap_rotations(turns)))
         groups.append(CurveGroup("place", "m", AXES, np.stack([place for _, place in rows])))
     layer = layer_of_thing(project, thing)
     if layer is not None:
@@ -107,7 +107,7 @@ def groups_of(project: Project, thing: Thing, times: Float) -> dict[str, CurveGr
     return {group.name: group for group in groups}
 
 
-def key_groups(project: Project, thing: Thing, times: Float) -> dict[str, CurveGroup]:
+def key_groups(project: Project, thing: CurveSubject, times: Float) -> dict[str, CurveGroup]:
     """Returns the keys of an object and the curves through them: "keys" in degrees, and "moves" in metres.
 
     The keys are those of the selected bone or node, or else of the whole character. A bone has only
@@ -129,16 +129,16 @@ def key_groups(project: Project, thing: Thing, times: Float) -> dict[str, CurveG
     return groups
 
 
-def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[Dot, ...]:
+def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[CurveDot, ...]:
     """Returns a dot for each key and axis. ``values`` names the shown attribute of the keys."""
     return tuple(
-        Dot(k, axis, time, getattr(key, values)[axis], key.ease)
+        CurveDot(k, axis, time, getattr(key, values)[axis], key.ease)
         for k, (time, key) in enumerate(keys)
         for axis in range(3)
     )
 
 
-def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
+def pose_dots(project: Project, thing: CurveSubject) -> tuple[CurveDot, ...]:
     """Returns the selected control point's positions in the puppet's key poses.
 
     Their times are those at which the key poses are played.
@@ -148,14 +148,14 @@ def pose_dots(project: Project, thing: Thing) -> tuple[Dot, ...]:
         return ()
     length = project.length_of(layer)
     return tuple(
-        Dot(k, axis, layer.time_of(pose.time, length), float(pose.places[thing.handle, axis]))
+        CurveDot(k, axis, layer.time_of(pose.time, length), float(pose.places[thing.handle, axis]))
         for k, pose in enumerate(puppet.poses)
         if pose.take == layer.take and layer.plays(pose.time, length)
         for axis in range(3)
     )
 
 
-def layer_dots(project: Project, thing: Thing, group: str) -> tuple[Dot, ...]:
+def layer_dots(project: Project, thing: CurveSubject, group: str) -> tuple[CurveDot, ...]:
     """Returns the keys of the weight or the speed of an object's layer, with the drawn values."""
     number = layer_number(project, thing)
     if number is None or group not in NUMBERS:
@@ -163,7 +163,7 @@ def layer_dots(project: Project, thing: Thing, group: str) -> tuple[Dot, ...]:
     keys = layer_keys(project, thing.character, number, NUMBERS[group])
     offset = project.character(thing.character).playing[number].offset
     return tuple(
-        Dot(
+        CurveDot(
             k,
             0,
             offset + key.second,
@@ -174,7 +174,7 @@ def layer_dots(project: Project, thing: Thing, group: str) -> tuple[Dot, ...]:
     )
 
 
-def scale_of(project: Project, thing: Thing, group: str, time: float) -> float:
+def scale_of(project: Project, thing: CurveSubject, group: str, time: float) -> float:
     """Returns the drawn value of a layer key with value 1: the layer's own weight or speed."""
     layer = layer_of_thing(project, thing)
     if layer is None or group == "weight":
@@ -183,13 +183,13 @@ def scale_of(project: Project, thing: Thing, group: str, time: float) -> float:
     return _speed(replace(layer, **plain), layer.even(time), project.length_of(layer)) or layer.speed
 
 
-def layer_of_thing(project: Project, thing: Thing) -> LayerBase | None:
+def layer_of_thing(project: Project, thing: CurveSubject) -> LayerBase | None:
     """Returns the selected layer of an object, or else the first audible one."""
     number = layer_number(project, thing)
     return None if number is None else project.character(thing.character).playing[number]
 
 
-def layer_number(project: Project, thing: Thing) -> int | None:
+def layer_number(project: Project, thing: CurveSubject) -> int | None:
     """Returns the number of that layer; None if no layer is audible."""
     character = project.characters.get(thing.character)
     playing = () if character is None else character.playing
@@ -199,7 +199,7 @@ def layer_number(project: Project, thing: Thing) -> int | None:
 
 
 def _moving(
-    project: Project, character: RigBase, thing: Thing
+    project: Project, character: RigBase, thing: CurveSubject
 ) -> Callable[[float], tuple[Float, Float]] | None:
     """Returns the function that maps a time to the rotation (4,) and position (3,) of an object.
 
@@ -250,7 +250,7 @@ def _of_node(
     return at
 
 
-def _unwrapped(turns: Float) -> Float:
+def _unwrap_rotations(turns: Float) -> Float:
     """Returns (T, 3) rotation vectors in degrees of rotations (T, 4), unwrapped to avoid full turns."""
     vectors = to_rotation_vector(turns)
     for k in range(1, len(vectors)):

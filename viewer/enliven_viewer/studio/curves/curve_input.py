@@ -17,16 +17,23 @@ from enliven.errors import EnlivenError
 from enliven_viewer.language import later
 from enliven_viewer.studio.curves.channels import (
     NUMBERS,
+    CurveDot,
     CurveGroup,
-    Dot,
-    Thing,
+    CurveSubject,
     groups_of,
     key_groups,
     layer_dots,
     layer_number,
     pose_dots,
 )
-from enliven_viewer.studio.curves.edits import KEYED, added, beyond, eased, moved, removed
+from enliven_viewer.studio.curves.key_edits import (
+    KEYED,
+    add_curve_key,
+    clamp_warning,
+    move_curve_key,
+    remove_curve_key,
+    set_interpolation,
+)
 from enliven_viewer.studio.curves.scale import Scale
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline import TimelineInput
@@ -35,22 +42,22 @@ GROUPS = ("keys", "moves", "turn", "place", "weight", "speed")
 """All groups of channels, in the order of their buttons."""
 REACH = 8.0
 """Distance in pixels within which a key can be grabbed."""
-_SAMPLES = 240
+_CURVE_SAMPLES = 240
 """Number of samples of a curve over the visible time span: one every few pixels."""
-_ZOOM = 0.85
+_ZOOM_PER_NOTCH = 0.85
 """Factor of the visible value range per notch of the wheel."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Wanted:
+class _CurveRequest:
     """A request for sampled curves."""
 
     project: Project
-    thing: Thing
+    thing: CurveSubject
     start: float
     span: float
 
-    def same(self, other: _Wanted | None) -> bool:
+    def same(self, other: _CurveRequest | None) -> bool:
         if other is None:
             return False
         return self.project is other.project and (self.thing, self.start, self.span) == (
@@ -60,7 +67,7 @@ class _Wanted:
         )
 
 
-_EASED = {"smooth": later("smooth key"), "linear": later("linear key"), "step": later("step key")}
+_EASE_TITLES = {"smooth": later("smooth key"), "linear": later("linear key"), "step": later("step key")}
 """The name in the history of each change of a key's interpolation."""
 
 
@@ -79,19 +86,19 @@ class CurveInput:
         self.on, self.group, self.height = False, "keys", 160.0
         self.chosen: int | None = None
         self._scale: Scale | None = None
-        self._seen: tuple[Thing | None, str] = (None, "")
-        self._held: tuple[Dot, float, float, Scale] | None = None
+        self._seen: tuple[CurveSubject | None, str] = (None, "")
+        self._held: tuple[CurveDot, float, float, Scale] | None = None
         self._pool: ThreadPoolExecutor | None = None
-        self._work: tuple[_Wanted, Future[dict[str, CurveGroup]]] | None = None
-        self._known: tuple[_Wanted, dict[str, CurveGroup]] | None = None
-        self._keys: tuple[_Wanted, dict[str, CurveGroup]] | None = None
+        self._work: tuple[_CurveRequest, Future[dict[str, CurveGroup]]] | None = None
+        self._known: tuple[_CurveRequest, dict[str, CurveGroup]] | None = None
+        self._keys: tuple[_CurveRequest, dict[str, CurveGroup]] | None = None
 
     def toggle(self) -> None:
         """Shows or hides the curves."""
         self.on = not self.on
 
     @property
-    def thing(self) -> Thing | None:
+    def thing(self) -> CurveSubject | None:
         """Returns the object of the curves: the selected character with its handle and layer.
 
         Returns None without a selection.
@@ -99,13 +106,13 @@ class CurveInput:
         chosen = self.editor.chosen()
         if chosen is None:
             return None
-        return Thing(chosen.id, self.editor.selection.handle, self.editor.selection.layer)
+        return CurveSubject(chosen.id, self.editor.selection.handle, self.editor.selection.layer)
 
     @property
     def times(self) -> Float:
         """Returns (T,) the sample times in seconds, over the visible span of the timeline."""
         layout = self.timeline.layout
-        return np.linspace(layout.start, layout.start + layout.shown, _SAMPLES)
+        return np.linspace(layout.start, layout.start + layout.visible_s, _CURVE_SAMPLES)
 
     def refresh(self) -> None:
         """Takes finished curves from the background thread, and starts sampling if they are outdated.
@@ -118,8 +125,8 @@ class CurveInput:
         self._take()
         layout, project = self.timeline.layout, self.editor.project
         if isinstance(self.editor.chosen(), Puppet):
-            project = self.editor.solving.shown(project, thing.character)[0]
-        wanted = _Wanted(project, thing, layout.start, layout.shown)
+            project = self.editor.solving.newest_solution(project, thing.character)[0]
+        wanted = _CurveRequest(project, thing, layout.start, layout.visible_s)
         if self._work is None and not wanted.same(self._known[0] if self._known else None):
             self._pool = self._pool or ThreadPoolExecutor(1, "curves")
             self._work = (wanted, self._pool.submit(groups_of, project, thing, self.times))
@@ -132,7 +139,7 @@ class CurveInput:
         mine = self._known is not None and self._known[0].thing == thing
         groups = dict(self._known[1]) if self._known is not None and mine else {}
         layout = self.timeline.layout
-        wanted = _Wanted(project, thing, layout.start, layout.shown)
+        wanted = _CurveRequest(project, thing, layout.start, layout.visible_s)
         if self._keys is None or not wanted.same(self._keys[0]):
             self._keys = (wanted, key_groups(project, thing, self.times))
         groups.update(self._keys[1])
@@ -157,20 +164,20 @@ class CurveInput:
             self.refresh()
         return self.groups()
 
-    def shown(self) -> CurveGroup | None:
+    def shown_group(self) -> CurveGroup | None:
         """Returns the shown group: the requested one, or else the first available one."""
         groups = self.groups()
         return groups.get(self.group) or next(iter(groups.values()), None)
 
-    def sampled(self) -> Float:
-        """Returns (T,) the sample times of :meth:`shown`, which may be slightly outdated."""
+    def sample_times(self) -> Float:
+        """Returns (T,) the sample times of :meth:`shown_group`, which may be slightly outdated."""
         if self._known is None or self.shown_name() in KEYED:
             return self.times
-        return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _SAMPLES)
+        return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _CURVE_SAMPLES)
 
     def shown_name(self) -> str:
         """Returns the name of the shown group, or empty."""
-        group = self.shown()
+        group = self.shown_group()
         return "" if group is None else group.name
 
     def scale(self, group: CurveGroup) -> Scale:
@@ -190,19 +197,19 @@ class CurveInput:
 
     def zoom(self, notches: float, y: float) -> None:
         """Zooms the value range in or out around a pixel."""
-        group = self.shown()
+        group = self.shown_group()
         if group is not None:
-            self._scale = self.scale(group).zoomed(_ZOOM**notches, y)
+            self._scale = self.scale(group).zoomed(_ZOOM_PER_NOTCH**notches, y)
 
     def pan(self, pixels: float) -> None:
         """Pans the values down by some pixels."""
-        group = self.shown()
+        group = self.shown_group()
         if group is not None:
             self._scale = self.scale(group).panned(pixels)
 
-    def dot_at(self, x: float, y: float) -> Dot | None:
+    def dot_at(self, x: float, y: float) -> CurveDot | None:
         """Returns the key at a pixel; x counts from the timeline's left, y from the top of the curves."""
-        group = self.shown()
+        group = self.shown_group()
         if group is None:
             return None
         layout, scale = self.timeline.layout, self.scale(group)
@@ -215,7 +222,7 @@ class CurveInput:
 
     def press(self, x: float, y: float) -> None:
         """Handles a press of the left button: grabs a key, or else moves the playhead."""
-        dot, group = self.dot_at(x, y), self.shown()
+        dot, group = self.dot_at(x, y), self.shown_group()
         self.chosen = None if dot is None else dot.number
         if dot is not None and group is not None:
             self._held = (dot, x, y, self.scale(group))
@@ -225,15 +232,15 @@ class CurveInput:
     def drag(self, x: float, y: float) -> None:
         """Handles pointer movement: previews the move of the held key."""
         if self._held is not None:
-            self.editor.sketch(self._moved(x, y))
+            self.editor.sketch(self._move_edit(x, y))
 
     def release(self, x: float, y: float) -> None:
         """Handles the release of the button: the drag becomes one edit."""
         held = self._held
         if held is not None and self.editor.draft is not None:
             if self.thing is not None:
-                self._warn(self.thing, self.shown_name(), *self._wanted(x, y))
-            self.editor.edit("move key", self._moved(x, y))
+                self._warn(self.thing, self.shown_name(), *self._drag_target(x, y))
+            self.editor.edit("move key", self._move_edit(x, y))
         self.editor.draft, self._held = None, None
         dot = self.dot_at(x, y)
         # Keys are numbered by time. So a key that is dragged past another one takes over that key's number.
@@ -246,14 +253,14 @@ class CurveInput:
 
     def double(self, x: float, y: float) -> None:
         """Handles a double click: adds a key with the value at the pointer to the nearest channel."""
-        thing, group = self.thing, self.shown()
+        thing, group = self.thing, self.shown_group()
         if thing is None or group is None or group.name not in (*KEYED, *NUMBERS):
             return
         if self.dot_at(x, y) is not None:
             return
         name, time, value = group.name, self.timeline.layout.time(x), self.scale(group).value(y)
         self._warn(thing, name, time, value)
-        self.editor.edit("set key", lambda p: added(p, thing, self._lane(thing), name, time, value))
+        self.editor.edit("set key", lambda p: add_curve_key(p, thing, self._lane(thing), name, time, value))
 
     def remove(self) -> None:
         """Removes the selected key."""
@@ -262,7 +269,7 @@ class CurveInput:
             return
         self.chosen = None
         word = later("remove key") if name in (*KEYED, *NUMBERS) else later("remove key pose")
-        self.editor.edit(word, lambda p: removed(p, thing, self._lane(thing), name, number))
+        self.editor.edit(word, lambda p: remove_curve_key(p, thing, self._lane(thing), name, number))
 
     def type(self, key: str) -> bool:
         """Handles keyboard input for the selected key: Delete removes it.
@@ -278,9 +285,12 @@ class CurveInput:
         """Changes the interpolation from the selected key to the next one."""
         thing, number, name = self.thing, self.chosen, self.shown_name()
         if thing is not None and number is not None:
-            self.editor.edit(_EASED[ease], lambda p: eased(p, thing, self._lane(thing), name, number, ease))
+            self.editor.edit(
+                _EASE_TITLES[ease],
+                lambda p: set_interpolation(p, thing, self._lane(thing), name, number, ease),
+            )
 
-    def _lane(self, thing: Thing) -> tuple[int, ...]:
+    def _lane(self, thing: CurveSubject) -> tuple[int, ...]:
         """Returns the numbers of the layers that share a timeline bar with the object's layer.
 
         That layer comes first.
@@ -291,12 +301,12 @@ class CurveInput:
         rest = tuple(layer for layer in next(mine, ()) if layer != number)
         return (number, *rest)
 
-    def _warn(self, thing: Thing, name: str, time: float, value: float) -> None:
+    def _warn(self, thing: CurveSubject, name: str, time: float, value: float) -> None:
         """Reports if a value is outside the playable range, so that the nearest valid value is used."""
-        if warning := beyond(self.editor.project, thing, name, time, value):
+        if warning := clamp_warning(self.editor.project, thing, name, time, value):
             self.editor.toasts.say(warning)
 
-    def _wanted(self, x: float, y: float) -> tuple[float, float]:
+    def _drag_target(self, x: float, y: float) -> tuple[float, float]:
         """Returns the time and the value to which the pointer drags the held key."""
         assert self._held is not None
         dot, from_x, from_y, scale = self._held
@@ -309,13 +319,18 @@ class CurveInput:
             dot.value if abs(y - from_y) < REACH / 2 else value,
         )
 
-    def _moved(self, x: float, y: float) -> Edit:
+    def _move_edit(self, x: float, y: float) -> Edit:
         """Returns the edit that moves the held key to a pixel."""
         assert self._held is not None
-        thing, name, dot, (time, value) = self.thing, self.shown_name(), self._held[0], self._wanted(x, y)
+        thing, name, dot, (time, value) = (
+            self.thing,
+            self.shown_name(),
+            self._held[0],
+            self._drag_target(x, y),
+        )
         assert thing is not None
         lane = self._lane(thing)
-        return lambda project: moved(project, thing, lane, name, dot, time, value)
+        return lambda project: move_curve_key(project, thing, lane, name, dot, time, value)
 
     def _take(self) -> None:
         """Takes the finished curves from the background thread."""

@@ -9,11 +9,11 @@ import numpy as np
 
 from enliven.arrays import Float
 
-_ROOM = 0.12
+_MARGIN = 0.12
 """Margin above and below, as a fraction of the value range."""
-_LEAST = {"\u00b0": 10.0, "m": 0.1, "x": 1.0, "": 1.0}
+_MIN_RANGES = {"\u00b0": 10.0, "m": 0.1, "x": 1.0, "": 1.0}
 """Minimum visible value range, by unit."""
-_APART = 26.0
+_MIN_LABEL_DISTANCE_PX = 26.0
 """Minimum distance between two labels in pixels."""
 
 
@@ -30,9 +30,9 @@ class Scale:
         """Returns the scale that shows all given values."""
         finite = values[np.isfinite(values)]
         low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
-        wide = max(high - low, _LEAST.get(unit, 1.0))
+        wide = max(high - low, _MIN_RANGES.get(unit, 1.0))
         middle = (low + high) / 2
-        half = wide * (0.5 + _ROOM)
+        half = wide * (0.5 + _MARGIN)
         return Scale(middle - half, middle + half, height)
 
     def y(self, value: float) -> float:
@@ -58,7 +58,7 @@ class Scale:
 
     def ticks(self) -> tuple[float, ...]:
         """Returns round values to label, with a minimum distance in pixels."""
-        wanted = (self.high - self.low) * _APART / self.height
+        wanted = (self.high - self.low) * _MIN_LABEL_DISTANCE_PX / self.height
         ten = 10.0 ** math.floor(math.log10(max(wanted, 1e-12)))
         step = next(factor * ten for factor in (1.0, 2.0, 5.0, 10.0) if factor * ten >= wanted * (1 - 1e-9))
         first = math.ceil(self.low / step)

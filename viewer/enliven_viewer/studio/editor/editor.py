@@ -17,18 +17,18 @@ from enliven_viewer.playback import bounds_of
 from enliven_viewer.render import EMPTY_BOX, LOOKS, Box, CameraMoves, OrbitCamera
 from enliven_viewer.studio.background import BackgroundTask
 from enliven_viewer.studio.editor.framing import seen_points, way_of
-from enliven_viewer.studio.editor.stage import StudioStage
-from enliven_viewer.studio.examples import Solving
+from enliven_viewer.studio.editor.studio_stage import StudioStage
+from enliven_viewer.studio.examples import MotionSolver
 from enliven_viewer.studio.puppets import PuppetEditor
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.toasts import Toasts
-from enliven_viewer.studio.viewport import Lens, Selection, Snapping, StandingCharacter, length_of
+from enliven_viewer.studio.viewport import Lens, Selection, Snapping, StageCharacter, length_of
 
 Edit = Callable[[Project], Project]
 R = TypeVar("R", bound=RigBase)
 SHORTEST_RANGE_S = 0.1
 """Minimum length of the marked range in seconds. A shorter range is an accident."""
-_ROOM = 1.25
+_FRAMING_MARGIN = 1.25
 """Framing margin: size of the view relative to the shapes, which leaves room to drag their ends."""
 
 
@@ -59,9 +59,9 @@ class Editor:
         self.beside_box: Box | None = None  # These are the bounds of the live characters next to the project.
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
-        self.solving = Solving(self.toasts)
-        self.beside = BackgroundTask(self.toasts, tr("Something is still being made"))
-        self._stage = StudioStage(self, {Puppet.kind: self.puppets.stage.shown})
+        self.solving = MotionSolver(self.toasts)
+        self.background = BackgroundTask(self.toasts, tr("Something is still being made"))
+        self._stage = StudioStage(self, {Puppet.kind: self.puppets.stage.stage_puppet})
 
     @property
     def project(self) -> Project:
@@ -79,30 +79,36 @@ class Editor:
         return Lens(self.camera.view(self.size[0] / max(self.size[1], 1.0)), self.size)
 
     @property
-    def standing(self) -> tuple[StandingCharacter, ...]:
+    def stage_characters(self) -> tuple[StageCharacter, ...]:
         """Returns every character in its current pose."""
-        return self._stage.standing
+        return self._stage.characters
 
     @property
-    def handled(self) -> tuple[StandingCharacter, ...]:
+    def editable_characters(self) -> tuple[StageCharacter, ...]:
         """Returns the characters with handles that every tool can edit."""
         return tuple(
-            character for character in self.reachable if len(character.handles) and not character.own_tool
+            character
+            for character in self.pickable_characters
+            if len(character.handles) and not character.own_tool
         )
 
     @property
-    def seen(self) -> tuple[StandingCharacter, ...]:
+    def visible_characters(self) -> tuple[StageCharacter, ...]:
         """Returns the visible characters."""
         handling = self.project.handling
-        return tuple(character for character in self.standing if not handling.get(character.id, FREE).hidden)
+        return tuple(
+            character for character in self.stage_characters if not handling.get(character.id, FREE).hidden
+        )
 
     @property
-    def reachable(self) -> tuple[StandingCharacter, ...]:
+    def pickable_characters(self) -> tuple[StageCharacter, ...]:
         """Returns the characters that can be picked: visible and not locked."""
         handling = self.project.handling
-        return tuple(character for character in self.seen if not handling.get(character.id, FREE).locked)
+        return tuple(
+            character for character in self.visible_characters if not handling.get(character.id, FREE).locked
+        )
 
-    def posed(self, character_id: str) -> StandingCharacter:
+    def stage_character(self, character_id: str) -> StageCharacter:
         """Returns one character in its current pose.
 
         Raises:
@@ -141,7 +147,7 @@ class Editor:
             over_locks: if True, locked characters may change too. For results that must not be lost.
         """
         self.draft = None
-        after = self._tried(change, over_locks)
+        after = self._try_edit(change, over_locks)
         if after is None:
             return False
         if after is not self.history.project:
@@ -151,9 +157,9 @@ class Editor:
 
     def sketch(self, change: Edit) -> None:
         """Previews an edit during a drag, without adding it to the history."""
-        self.draft = self._tried(change)
+        self.draft = self._try_edit(change)
 
-    def _tried(self, change: Edit, over_locks: bool = False) -> Project | None:
+    def _try_edit(self, change: Edit, over_locks: bool = False) -> Project | None:
         """Returns the project after an edit. If the edit fails, shows a message and returns None.
 
         Internal errors are also shown instead of raised, so that they do not close the artist's window.
@@ -214,11 +220,11 @@ class Editor:
 
     def advance(self, seconds: float) -> None:
         """Advances the playhead, camera and messages by a time step."""
-        self.moves.advance(self.camera, self._followed(), seconds)
+        self.moves.advance(self.camera, self._followed_box(), seconds)
         self.camera.advance(math.inf if self.less_motion() else seconds)
         self.toasts.advance(seconds)
         self.puppets.advance()
-        self.beside.poll()
+        self.background.poll()
         if self.playing and self.draft is None:
             self._play_on(seconds * self.speed)
 
@@ -272,22 +278,24 @@ class Editor:
             self._frame(None)
             return
         ways = [np.stack(box)]
-        chosen = [character for character in self.seen if character.id in self.selection.characters]
-        for character in chosen or self.seen:
+        chosen = [
+            character for character in self.visible_characters if character.id in self.selection.characters
+        ]
+        for character in chosen or self.visible_characters:
             if len(character.extent):
                 extent = seen_points(character.extent, character.vertices)
-                ways.append(way_of(*self._solved(character.id), self.time, extent))
+                ways.append(way_of(*self._solve_character(character.id), self.time, extent))
         self._frame(bounds_of(ways))
 
-    def _solved(self, name: str) -> tuple[Project, RigBase]:
+    def _solve_character(self, name: str) -> tuple[Project, RigBase]:
         """Returns a character with its shown motion. The motion of a puppet is solved in the background."""
         if name in self.project.puppets:
-            return self.solving.shown(self.project, name)
+            return self.solving.newest_solution(self.project, name)
         return self.project, self.project.character(name)
 
     def _frame(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
         aspect = self.size[0] / max(self.size[1], 1.0)
-        self.camera.frame(box or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_ROOM)
+        self.camera.frame(box or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_FRAMING_MARGIN)
 
     def next_look(self) -> None:
         """Switches the stage to the next look."""
@@ -295,20 +303,20 @@ class Editor:
         self.look = names[(names.index(self.look) + 1) % len(names)]
         self.toasts.say(tr("Look: {0}", tr(self.look)))
 
-    def _followed(self) -> Box | None:
+    def _followed_box(self) -> Box | None:
         """Returns the bounding box of the camera's subject: the selected characters, or all.
 
         Returns None if following is off.
         """
         if not self.moves.follow:
             return None
-        visible = self.seen
+        visible = self.visible_characters
         chosen = [character for character in visible if character.id in self.selection.characters]
         return bounds_of([character.extent for character in chosen or visible])
 
     def box(self) -> Box | None:
         """Returns the bounding box of all visible and live characters; None if there are none."""
-        points = [seen_points(character.handles, character.vertices) for character in self.seen]
+        points = [seen_points(character.handles, character.vertices) for character in self.visible_characters]
         bounds = bounds_of([*points, *(() if self.beside_box is None else (np.stack(self.beside_box),))])
         if bounds is None:
             return None

@@ -8,10 +8,10 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import Project, RigBase
 from enliven.modeling.edits import rig_of
 
-_MOMENTS = 40
+_PATH_SAMPLES = 40
 """Number of sampled times on a character's path: several per step of a walk."""
 
-_STRAY = 0.5
+_MAX_JOINT_DISTANCE = 0.5
 """Maximum distance of a joint from the surface, as a fraction of the surface's longest side. Joints farther
 away are control targets of an animation rig.
 """
@@ -28,7 +28,7 @@ def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) 
     """
     player = rig_of(character).player(project, character)
     end = project.end_of(character)
-    moments = np.linspace(0.0, end, _MOMENTS) if end > 0.0 else [0.0]
+    moments = np.linspace(0.0, end, _PATH_SAMPLES) if end > 0.0 else [0.0]
 
     def box(seconds: float) -> Float:
         pose, handles = player(seconds)
@@ -52,6 +52,6 @@ def seen_points(extent: AnyArray, vertices: AnyArray) -> AnyArray:
 def _near(places: AnyArray, extent: AnyArray) -> AnyArray:
     """Returns a mask of the places (N, 3) within half of the surface's size from it; all if there is none."""
     low, high = extent.min(0), extent.max(0)
-    air = _STRAY * float((high - low).max())
+    air = _MAX_JOINT_DISTANCE * float((high - low).max())
     near = ((places >= low - air) & (places <= high + air)).all(1)
     return near if near.any() else np.ones(len(places), bool)

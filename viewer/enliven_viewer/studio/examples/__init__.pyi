@@ -1,15 +1,15 @@
 from .coverage import CoverageCache as CoverageCache, TakeCoverage as TakeCoverage
-from .edits import (
+from .example_edits import (
     HardConstraint as HardConstraint,
-    added_switch as added_switch,
+    add_switch as add_switch,
     constraints_of as constraints_of,
-    duplicated as duplicated,
+    duplicate_pose as duplicate_pose,
     layer_of as layer_of,
-    mirrored_copy as mirrored_copy,
-    moved_switch as moved_switch,
-    removed_switch as removed_switch,
-    retimed as retimed,
-    turned_a_quarter as turned_a_quarter,
+    mirror_pose as mirror_pose,
+    move_switch as move_switch,
+    remove_switch as remove_switch,
+    retime_pose as retime_pose,
+    turn_quarter as turn_quarter,
     with_constraint as with_constraint,
     with_default_settings as with_default_settings,
     with_guessed_joints as with_guessed_joints,
@@ -18,4 +18,4 @@ from .edits import (
     with_setting as with_setting,
     without_constraint as without_constraint,
 )
-from .solving import Solving as Solving
+from .motion_solver import MotionSolver as MotionSolver

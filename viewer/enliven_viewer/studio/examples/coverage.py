@@ -69,17 +69,19 @@ class CoverageCache:
         key = (puppet.id, take, marks, paired, plays)
         cached = self._known.get(key)
         if cached is None or any(a is not b for a, b in zip(cached[0], values, strict=True)):
-            cached = (values, self._made(project, puppet, clip, take))
+            cached = (values, self._compute_coverage(project, puppet, clip, take))
             self._known = {**dict(list(self._known.items())[-7:]), key: cached}
         return cached[1]
 
-    def _made(self, project: Project, puppet: Puppet, clip: Clip, take: str) -> TakeCoverage | None:
+    def _compute_coverage(
+        self, project: Project, puppet: Puppet, clip: Clip, take: str
+    ) -> TakeCoverage | None:
         joints = _joints(puppet, clip)
-        alone, poses = self._suggested(clip, joints)
+        alone, poses = self._suggest_poses(clip, joints)
         if alone is None:
             return None
-        solver_poses = _seen(project, puppet, take)
-        example_poses = _shown(project, puppet, joints) if solver_poses is None else solver_poses[0]
+        solver_poses = _solver_points(project, puppet, take)
+        example_poses = _performer_poses(project, puppet, joints) if solver_poses is None else solver_poses[0]
         if len(example_poses) == 0:
             return TakeCoverage(take, np.zeros(len(poses)), alone.frames, alone.count, 1.0, clip.step)
         if solver_poses is not None:
@@ -94,7 +96,7 @@ class CoverageCache:
             take, away, more.frames, more.count, float(more.gaps[0] / alone.gaps[0]), clip.step
         )
 
-    def _suggested(self, clip: Clip, joints: tuple[str, ...]) -> tuple[SuggestedPoses | None, Float]:
+    def _suggest_poses(self, clip: Clip, joints: tuple[str, ...]) -> tuple[SuggestedPoses | None, Float]:
         """Returns the suggested key poses of a clip without any examples, and its poses."""
         key = (clip.id, joints)
         cached = self._alone.get(key)
@@ -116,7 +118,7 @@ def _joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
     return paired or clip.skeleton.names
 
 
-def _seen(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | None:
+def _solver_points(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | None:
     """Returns the examples (n, P, 3) and the take (F, P, 3) as the solver sees them.
 
     Returns None if the puppet does not play the take yet.
@@ -131,7 +133,7 @@ def _seen(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | 
     return examples.sources, took.poses
 
 
-def _shown(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
+def _performer_poses(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
     """Returns (n, J, 3) metres: the performer's poses at the key poses of takes that have the joints."""
     poses = []
     for pose in puppet.poses:

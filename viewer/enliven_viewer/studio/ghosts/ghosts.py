@@ -10,12 +10,12 @@ import numpy as np
 from enliven.document import Project, Puppet, RigBase
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.ghosts.ends import traced
-from enliven_viewer.studio.ghosts.moments import ghost_moments, key_moments
-from enliven_viewer.studio.ghosts.picture import GhostPicture, bodies_of, trail_rows
-from enliven_viewer.studio.ghosts.sampling import Sampled, Wanted, sample
+from enliven_viewer.studio.ghosts.ghost_picture import GhostPicture, bodies_of, trail_rows
+from enliven_viewer.studio.ghosts.ghost_times import ghost_moments, key_moments
+from enliven_viewer.studio.ghosts.motion_samples import MotionSamples, SampleRequest, sample
+from enliven_viewer.studio.ghosts.trail_points import choose_trail_points
 
-_MOST = 3
+_MAX_CHARACTERS = 3
 """Maximum number of characters with ghosts if none is selected. More would hide one another."""
 
 
@@ -29,9 +29,9 @@ class Ghosts:
     def __init__(self, editor: Editor) -> None:
         self.editor, self.on = editor, False
         self._pool: ThreadPoolExecutor | None = None
-        self._known: dict[str, Sampled] = {}
-        self._work: tuple[str, Wanted, Future[Sampled]] | None = None
-        self._refused: dict[str, Wanted] = {}
+        self._known: dict[str, MotionSamples] = {}
+        self._work: tuple[str, SampleRequest, Future[MotionSamples]] | None = None
+        self._refused: dict[str, SampleRequest] = {}
 
     def toggle(self) -> None:
         """Shows or hides the ghosts."""
@@ -48,9 +48,9 @@ class Ghosts:
         if not self.on:
             return None
         self._take()
-        characters = self._shown()
-        self._begin([self._wanted(character) for character in characters])
-        return self._drawn(characters)
+        characters = self._shown_characters()
+        self._begin([self._sample_request(character) for character in characters])
+        return self._draw_ghosts(characters)
 
     def settle(self) -> GhostPicture | None:
         """Returns the same as :meth:`picture`, but waits until all of it is computed.
@@ -63,7 +63,7 @@ class Ghosts:
             picture = self.picture()
         return picture
 
-    def _drawn(self, characters: list[RigBase]) -> GhostPicture:
+    def _draw_ghosts(self, characters: list[RigBase]) -> GhostPicture:
         editor, bodies, rows = self.editor, [], [np.zeros((0, 12), np.float32)]
         for character in characters:
             sampled = self._known.get(character.id)
@@ -73,31 +73,33 @@ class Ghosts:
             mine = editor.selection.character == character.id
             handle, chain = (editor.selection.handle, editor.selection.chain) if mine else (None, ())
             rest = next(iter(sampled.points.values()))
-            points = traced(sampled.wanted.character, rest, handle, chain)
+            points = choose_trail_points(sampled.wanted.character, rest, handle, chain)
             keys = self._keys(sampled.wanted.project, sampled.wanted.character)
             rows.append(trail_rows(sampled, points, keys, editor.time, editor.lens))
         return GhostPicture(tuple(bodies), np.concatenate(rows))
 
-    def _shown(self) -> list[RigBase]:
+    def _shown_characters(self) -> list[RigBase]:
         """Returns the selected character, or else the first few.
 
         A puppet is returned in its last solved state.
         """
         editor, chosen = self.editor, self.editor.chosen()
-        characters = [chosen] if chosen is not None else list(editor.project.characters.values())[:_MOST]
+        characters = (
+            [chosen] if chosen is not None else list(editor.project.characters.values())[:_MAX_CHARACTERS]
+        )
         return [character for character in characters if any(not layer.muted for layer in character.playing)]
 
-    def _wanted(self, character: RigBase) -> Wanted:
+    def _sample_request(self, character: RigBase) -> SampleRequest:
         editor, how = self.editor, self.editor.settings
         project = editor.project
         if isinstance(character, Puppet):
-            project, character = editor.solving.shown(project, character.id)
+            project, character = editor.solving.newest_solution(project, character.id)
         step, length = how.frame_step, editor.length
         first = int(np.ceil(max(editor.time - how.trail, 0.0) / step))
         last = int(min(editor.time + how.trail, length) / step)
         keys = self._keys(project, character)
         moments = ghost_moments(keys, editor.time, length, how.ghosts, how.ghost_step)
-        return Wanted(project, character, first, last, step, moments)
+        return SampleRequest(project, character, first, last, step, moments)
 
     def _keys(self, project: Project, character: RigBase) -> tuple[float, ...]:
         """Returns the times of the keys of a character's selection."""
@@ -106,7 +108,7 @@ class Ghosts:
             return key_moments(project, character)
         return key_moments(project, character, chosen.handle, chosen.layer)
 
-    def _begin(self, wanted: list[Wanted]) -> None:
+    def _begin(self, wanted: list[SampleRequest]) -> None:
         """Starts computing the first outdated request, if no computation is running."""
         names = {request.character.id for request in wanted}
         self._known = {name: sampled for name, sampled in self._known.items() if name in names}

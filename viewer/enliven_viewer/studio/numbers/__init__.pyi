@@ -1,3 +1,3 @@
-from .figures import Figures as Figures
+from .selection_transform import SelectionTransform as SelectionTransform
 from .quantity import ANGLE as ANGLE, LENGTH as LENGTH, SHARE as SHARE, TIME as TIME, Quantity as Quantity
-from .views import view_actions as view_actions
+from .view_bookmarks import view_actions as view_actions

@@ -12,7 +12,7 @@ from enliven_viewer.language import tr
 
 _TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+)|([^\W\d_]+|[%°])|([-+*/()]))")
 """A number, a unit, or an operator."""
-_MOST_LETTERS = 200
+_MAX_LETTERS = 200
 """Maximum number of parsed characters: a sum of a dozen lengths."""
 
 
@@ -61,7 +61,7 @@ SHARE = Quantity("%", {"%": 1.0, "x": 100.0}, 1)
 
 def _tokens(typed: str) -> list[str]:
     """Returns the numbers, units and operators of a text, in order."""
-    text, at, tokens = typed[:_MOST_LETTERS].replace(",", ".").strip(), 0, list[str]()
+    text, at, tokens = typed[:_MAX_LETTERS].replace(",", ".").strip(), 0, list[str]()
     while at < len(text):
         match = _TOKEN.match(text, at)
         if match is None:

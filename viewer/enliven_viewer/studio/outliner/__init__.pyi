@@ -1,5 +1,5 @@
 from .actions import (
-    alone as alone,
+    single_shape_action as single_shape_action,
     choosing_actions as choosing_actions,
     outliner_actions as outliner_actions,
 )

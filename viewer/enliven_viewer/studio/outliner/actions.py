@@ -11,7 +11,7 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.outliner.outliner import Outliner
 
 
-def alone(action: Action, editor: Editor) -> Action:
+def single_shape_action(action: Action, editor: Editor) -> Action:
     """Returns the action of a single shape with a check.
 
     If several shapes are selected, the action is unavailable and says so.
@@ -28,17 +28,23 @@ def choosing_actions(editor: Editor) -> Iterator[Action]:
     """Yields the actions that select all, nothing, or the others."""
 
     def empty() -> str:
-        return "" if editor.reachable else tr("There is nothing to choose. Sketch a part, or open a model.")
+        return (
+            ""
+            if editor.pickable_characters
+            else tr("There is nothing to choose. Sketch a part, or open a model.")
+        )
 
     def none() -> str:
         return "" if editor.selection.characters else tr("Nothing is chosen.")
 
     def every() -> None:
-        editor.choose_all(*(character.id for character in editor.reachable))
+        editor.choose_all(*(character.id for character in editor.pickable_characters))
 
     def inverse() -> None:
         chosen = editor.selection.characters
-        editor.choose_all(*(character.id for character in editor.reachable if character.id not in chosen))
+        editor.choose_all(
+            *(character.id for character in editor.pickable_characters if character.id not in chosen)
+        )
 
     about = "Hidden and locked shapes are left out."
     yield Action("edit.all", "Edit", "Choose all", ("ctrl+a",), every, empty, about=about, apart=True)

@@ -10,7 +10,7 @@ from enliven_viewer.language import language_in_use, later
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, rows_of
 
-_SHARE = 0.46
+_HEIGHT_FRACTION = 0.46
 """Fraction of the side panel's height: eight rows at 1280x720, and the rest for the selection."""
 
 
@@ -38,7 +38,7 @@ class Outliner:
         self.typed = self.renaming = self.draft = ""
         self.opened = {f"{GROUP} {name}" for name in ("shapes", "takes", "live")}
         self.live_hidden = False
-        self.share = _SHARE
+        self.share = _HEIGHT_FRACTION
         self.followed: str | None = None
         self._anchor = ""
         self._known: tuple[tuple[object, ...], tuple[Row, ...]] | None = None

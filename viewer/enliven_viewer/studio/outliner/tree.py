@@ -13,7 +13,7 @@ from enliven_viewer.language import later, tr
 
 GROUP, CHARACTER, HANDLE, TAKE, LIVE = "group", "character", "handle", "take", "live"
 """The kinds of rows."""
-_HANDLES = {Puppet.kind: later("point"), GraphShape.kind: later("part")}
+_HANDLE_WORDS = {Puppet.kind: later("point"), GraphShape.kind: later("part")}
 """The word for a character's child rows, by rig; "bone" for other rigs."""
 
 
@@ -110,7 +110,7 @@ def _is_onlooker(name: str) -> bool:
 
 def _handles(character: RigBase) -> Iterator[Row]:
     """Yields the joints below their parents, the points in order, or the parts of a possessed mesh."""
-    word = _HANDLES.get(character.kind, later("bone"))
+    word = _HANDLE_WORDS.get(character.kind, later("bone"))
     if isinstance(character, GraphShape):
         for number, part in enumerate(character.parts) if len(character.parts) > 1 else ():
             yield Row(HANDLE, character.id, part.take, word, number, 2)

@@ -7,15 +7,15 @@ from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven.document import EASES
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.curves import KEYED, NUMBERS, CurveGroup, CurveInput, Dot, Scale
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.curves import KEYED, NUMBERS, CurveDot, CurveGroup, CurveInput, Scale
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.timeline import LABELS
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, AXES, DARK, INK, LINE, QUIET, Colour
 
-_NAMES = {
+_GROUP_LABELS = {
     "keys": later("Key turns"),
     "moves": later("Key places"),
     "turn": later("Turn"),
@@ -24,13 +24,13 @@ _NAMES = {
     "speed": later("Speed"),
 }
 """Labels of the groups."""
-_EASES = {"smooth": later("Smooth"), "linear": later("Straight"), "step": later("At once")}
+_EASE_LABELS = {"smooth": later("Smooth"), "linear": later("Straight"), "step": later("At once")}
 """Labels of the interpolation modes."""
-_NOTHING = later("Choose a shape, or a node, a control point or a clip of it: its curves are shown here.")
-_MENU = "key menu"
-_DIAMOND = 5.5
+_EMPTY_TEXT = later("Choose a shape, or a node, a control point or a clip of it: its curves are shown here.")
+_MENU_ID = "key menu"
+_DIAMOND_RADIUS = 5.5
 """Distance in pixels from the centre of a key to its corners."""
-_WHEEL = 40.0
+_PAN_PER_NOTCH = 40.0
 """Pixels that the time axis pans per notch of the wheel with Shift."""
 
 
@@ -40,9 +40,9 @@ def draw_curves(workspace: Workspace, area: Area) -> None:
     with panel("curves", area, flags):
         curves = workspace.curves
         curves.refresh()
-        groups, group = curves.groups(), curves.shown()
+        groups, group = curves.groups(), curves.shown_group()
         if group is None:
-            quiet(_NOTHING)
+            quiet(_EMPTY_TEXT)
             return
         origin, size = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         curves.height = max(size.y, 20.0)
@@ -65,7 +65,7 @@ def _names(
     imgui.begin_child("##groups", ImVec2(LABELS - 22, 0))
     for name in groups:
         if imgui.selectable(
-            f"{tr(_NAMES[name])}###group {name}", name == shown.name, 0, ImVec2(LABELS - 70, 0)
+            f"{tr(_GROUP_LABELS[name])}###group {name}", name == shown.name, 0, ImVec2(LABELS - 70, 0)
         )[0]:
             curves.group = name
         workspace.remember(f"curves {name}")
@@ -74,19 +74,19 @@ def _names(
             if imgui.small_button(labelled(tr("Fit"), "Fit")):
                 curves.fit()
             workspace.remember("fit curves")
-            told("Show all values. The wheel shows more or less of them, the middle button moves them.")
+            tooltip("Show all values. The wheel shows more or less of them, the middle button moves them.")
             _values(workspace, curves, shown)
     imgui.end_child()
 
 
 def _values(workspace: Workspace, curves: CurveInput, shown: CurveGroup) -> None:
-    times, now = curves.sampled(), workspace.editor.time
+    times, now = curves.sample_times(), workspace.editor.time
     with small():
         for number, name in enumerate(shown.channels):
             values = shown.values[:, number]
             value = float(np.interp(now, times, values)) if np.isfinite(values).all() else float("nan")
             with tinted(_colour(shown, number), imgui.Col_.text):
-                imgui.text_unformatted(f"   {name}   {_written(value, shown.unit)}")
+                imgui.text_unformatted(f"   {name}   {_format_value(value, shown.unit)}")
 
 
 def _plot(
@@ -101,7 +101,7 @@ def _plot(
             y = origin.y + scale.y(value)
             strong = abs(value) < 1e-9
             draw.add_line(ImVec2(left, y), ImVec2(right, y), packed(LINE, 2.4 if strong else 0.8))
-            draw.add_text(ImVec2(left + 5, y - 13), packed(QUIET, 0.8), _written(value, group.unit))
+            draw.add_text(ImVec2(left + 5, y - 13), packed(QUIET, 0.8), _format_value(value, group.unit))
         for time, numbered in layout.ticks():
             if numbered:
                 x = origin.x + layout.x(time)
@@ -131,7 +131,10 @@ def _line(
         workspace.timeline.layout,
         packed(_colour(group, number)),
     )
-    values, xs = group.values[:, number], layout.x(0.0) + layout.track * curves.sampled() / layout.shown
+    values, xs = (
+        group.values[:, number],
+        layout.x(0.0) + layout.track * curves.sample_times() / layout.visible_s,
+    )
     ys = scale.height * (scale.high - values) / (scale.high - scale.low)
     points: list[ImVec2Like] = []
     for x, y in zip(xs.tolist(), ys.tolist(), strict=True):
@@ -152,21 +155,21 @@ def _listen(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: Cur
         if dot is not None:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
             if not curves.busy:
-                imgui.set_tooltip(_told(dot, group))
+                imgui.set_tooltip(_hover_text(dot, group))
         if imgui.is_mouse_double_clicked(0):
             curves.double(x, y)
         elif imgui.is_mouse_clicked(0):
             curves.press(x, y)
         elif imgui.is_mouse_clicked(1) and dot is not None:
             curves.chosen = dot.number
-            imgui.open_popup(_MENU)
+            imgui.open_popup(_MENU_ID)
         if imgui.is_mouse_dragging(2, 0.0):
             curves.pan(io.mouse_delta.y)
             timeline.pan(-io.mouse_delta.x)
         if io.key_ctrl and io.mouse_wheel:
             timeline.zoom(io.mouse_wheel, x)
         elif io.mouse_wheel_h or (io.key_shift and io.mouse_wheel):
-            timeline.pan(-_WHEEL * (io.mouse_wheel_h or io.mouse_wheel))
+            timeline.pan(-_PAN_PER_NOTCH * (io.mouse_wheel_h or io.mouse_wheel))
         elif io.mouse_wheel:
             curves.zoom(io.mouse_wheel, y)
     if curves.busy and imgui.is_mouse_down(0):
@@ -177,15 +180,15 @@ def _listen(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: Cur
 
 def _menu(curves: CurveInput) -> None:
     """Draws the context menu of a key."""
-    if not imgui.begin_popup(_MENU):
+    if not imgui.begin_popup(_MENU_ID):
         return
-    group = curves.shown()
+    group = curves.shown_group()
     dot = next(
         (candidate for candidate in (group.dots if group else ()) if candidate.number == curves.chosen), None
     )
     if dot is not None and dot.ease:
         for ease in EASES:
-            if imgui.menu_item(f"{tr(_EASES[ease])}###ease {ease}", "", dot.ease == ease)[0]:
+            if imgui.menu_item(f"{tr(_EASE_LABELS[ease])}###ease {ease}", "", dot.ease == ease)[0]:
                 curves.ease(ease)
         imgui.separator()
     if imgui.menu_item(labelled(tr("Remove"), "remove key"), "", False)[0]:
@@ -193,16 +196,16 @@ def _menu(curves: CurveInput) -> None:
     imgui.end_popup()
 
 
-def _told(dot: Dot, group: CurveGroup) -> str:
+def _hover_text(dot: CurveDot, group: CurveGroup) -> str:
     value_text = tr(
-        "{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _written(dot.value, group.unit), dot.time
+        "{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _format_value(dot.value, group.unit), dot.time
     )
     advice = tr("Drag: change its value or time. Right button: how it goes on, or remove it.")
     return f"{value_text}\n{advice}"
 
 
 def _diamond(draw: imgui.ImDrawList, at: ImVec2, tint: Colour, *, chosen: bool) -> None:
-    reach = _DIAMOND + 1.5 * chosen
+    reach = _DIAMOND_RADIUS + 1.5 * chosen
     corners = (
         ImVec2(at.x, at.y - reach),
         ImVec2(at.x + reach, at.y),
@@ -221,7 +224,7 @@ def _colour(group: CurveGroup, number: int) -> Colour:
     return red / 255, green / 255, blue / 255, 1.0
 
 
-def _written(value: float, unit: str) -> str:
+def _format_value(value: float, unit: str) -> str:
     if not np.isfinite(value):
         return "-"
     places = 0 if unit == "\u00b0" else 2

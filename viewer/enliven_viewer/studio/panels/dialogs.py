@@ -19,16 +19,16 @@ from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.workspace import ORDERS, FileBrowser, Workspace, places
 from enliven_viewer.theme import WAIT
 
-_FOLDER = "\uf07b"
-_SIZE = (720.0, 480.0)
+_FOLDER_ICON = "\uf07b"
+_DIALOG_SIZE = (720.0, 480.0)
 """Size in pixels of a file dialogue: places at the left, files in the middle."""
-_ROOMY = 480.0
+_MIN_WIDTH_WITH_PLACES = 480.0
 """Minimum width in pixels of a dialogue that shows places at the left."""
-_PLACES = 150.0
+_PLACES_WIDTH = 150.0
 """Width in pixels of the list of places: a folder's name."""
-_ORDER = 120.0
+_ORDER_WIDTH = 120.0
 """Width in pixels of the sort order field: its longest label."""
-_CANCEL = 84.0
+_CANCEL_WIDTH = 84.0
 """Space in pixels to the right of a new folder's name, for the button that cancels it."""
 _TITLES = {
     "open": "Open",
@@ -46,15 +46,15 @@ def draw_dialogs(workspace: Workspace) -> None:
         draw_history(workspace)
     if workspace.asking in _TITLES:
         _files(workspace)
-    elif workspace.asking in _DIALOGUES:
-        _DIALOGUES[workspace.asking](workspace)
+    elif workspace.asking in _DRAW_FUNCTIONS:
+        _DRAW_FUNCTIONS[workspace.asking](workspace)
 
 
 def _files(workspace: Workspace) -> None:
     browser = workspace.browser
     if browser is None:
         return
-    with modal(_TITLES[workspace.asking], *_SIZE) as shown:
+    with modal(_TITLES[workspace.asking], *_DIALOG_SIZE) as shown:
         if shown:
             _browse(workspace, browser)
 
@@ -64,13 +64,13 @@ def _browse(workspace: Workspace, browser: FileBrowser) -> None:
         draw_export_options(workspace, film=workspace.asking == "film")
     _head(workspace, browser)
     rows = 3 * imgui.get_frame_height_with_spacing()
-    if imgui.get_content_region_avail().x > _ROOMY:
+    if imgui.get_content_region_avail().x > _MIN_WIDTH_WITH_PLACES:
         _places(workspace, browser, rows)
         imgui.same_line()
     imgui.begin_child("##list", ImVec2(0, -rows), imgui.ChildFlags_.frame_style)
     done = False
     for folder in browser.folders():
-        if imgui.selectable(f"{_FOLDER}  {folder.name}##folder", False)[0]:
+        if imgui.selectable(f"{_FOLDER_ICON}  {folder.name}##folder", False)[0]:
             browser.enter(folder)
         workspace.remember(f"folder {folder.name}")
     for file in browser.files():
@@ -82,15 +82,15 @@ def _browse(workspace: Workspace, browser: FileBrowser) -> None:
     if browser.problem:
         quiet(browser.problem)
     imgui.end_child()
-    if (imgui.is_window_appearing() or browser.again) and browser.new is None:
-        browser.again = False
+    if (imgui.is_window_appearing() or browser.awaits_retry) and browser.new_folder_name is None:
+        browser.awaits_retry = False
         imgui.set_keyboard_focus_here()
     imgui.set_next_item_width(-1)
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
     typed, browser.name = imgui.input_text("##name", browser.name, flags)
     workspace.remember("file name")
     with tinted(WAIT, imgui.Col_.text):
-        imgui.text_unformatted(browser.said)
+        imgui.text_unformatted(browser.refusal)
     if choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or done:
         _finish(workspace, browser)
 
@@ -101,7 +101,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
         browser.enter(browser.folder.parent)
     workspace.remember("folder up")
     imgui.same_line()
-    imgui.set_next_item_width(_ORDER)
+    imgui.set_next_item_width(_ORDER_WIDTH)
     opened = imgui.begin_combo("##order", tr(ORDERS[browser.order]))
     workspace.remember("order")
     if opened:
@@ -111,36 +111,36 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
             workspace.remember(f"order {order}")
         imgui.end_combo()
     imgui.same_line()
-    if browser.new is None:
+    if browser.new_folder_name is None:
         if imgui.button(f"{tr('New folder')}###new folder"):
-            browser.new = ""
+            browser.new_folder_name = ""
         workspace.remember("new folder")
         imgui.same_line()
         imgui.text_unformatted(_shortened(str(browser.folder), imgui.get_content_region_avail().x))
         return
     imgui.set_keyboard_focus_here()
-    imgui.set_next_item_width(-_CANCEL)
-    is_entered, browser.new = imgui.input_text_with_hint(
+    imgui.set_next_item_width(-_CANCEL_WIDTH)
+    is_entered, browser.new_folder_name = imgui.input_text_with_hint(
         "##new folder",
         tr("Name of the new folder, then Enter"),
-        browser.new,
+        browser.new_folder_name,
         imgui.InputTextFlags_.enter_returns_true,
     )
     workspace.remember("new folder name")
     imgui.same_line()
     if imgui.button(f"{tr('Not now')}###not now"):
-        browser.new = None
+        browser.new_folder_name = None
     elif is_entered:
         try:
             browser.make_folder()
-            browser.said = ""
+            browser.refusal = ""
         except EnlivenError as error:
-            browser.said = f"{error.what[:1].upper()}{error.what[1:]}. {error.mend}"
+            browser.refusal = f"{error.what[:1].upper()}{error.what[1:]}. {error.mend}"
 
 
 def _places(workspace: Workspace, browser: FileBrowser, rows: float) -> None:
     """Draws the user's own folders, removable drives, and folders of recent files."""
-    imgui.begin_child("##places", ImVec2(_PLACES, -rows), imgui.ChildFlags_.frame_style)
+    imgui.begin_child("##places", ImVec2(_PLACES_WIDTH, -rows), imgui.ChildFlags_.frame_style)
     for number, (name, folder) in enumerate(places(workspace.preferences.recent, Path.cwd())):
         if imgui.selectable(f"{name}##place {number}", folder == browser.folder)[0]:
             browser.enter(folder)
@@ -163,7 +163,7 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
     try:
         path = browser.chosen()
     except EnlivenError as error:
-        browser.said, browser.again = f"{error.what}. {error.mend}", True
+        browser.refusal, browser.awaits_retry = f"{error.what}. {error.mend}", True
         return
     workspace.attempt(lambda: workspace.chosen(path))
 
@@ -202,7 +202,7 @@ def _when(path: Path) -> str:
     return datetime.datetime.fromtimestamp(path.stat().st_mtime).strftime("%d %B, %H:%M")
 
 
-_DIALOGUES = {
+_DRAW_FUNCTIONS = {
     "unsaved": draw_unsaved,
     "changed": draw_changed_file,
     "recover": _recover,

@@ -15,7 +15,7 @@ Change = Callable[[Project, float], Project]
 """An edit that applies a number."""
 
 
-def told(text: str) -> None:
+def tooltip(text: str) -> None:
     """Shows the tooltip of the last widget while the pointer rests on it."""
     if text and imgui.is_item_hovered():
         imgui.set_tooltip(tr(text))
@@ -49,7 +49,7 @@ def switch(workspace: Workspace, label: str, on: bool, change: Change, tip: str 
     """Draws a checkbox; a click is one edit."""
     toggled, wanted = imgui.checkbox(f"{tr(label)}###{label}", on)
     workspace.remember(label)
-    told(tip)
+    tooltip(tip)
     if toggled:
         workspace.editor.edit(label, lambda project: change(project, wanted))
 

@@ -12,11 +12,11 @@ from enliven_viewer.studio.workspace import Workspace
 
 _SIZE = (1000.0, 580.0)
 """Size in pixels: three columns, at the height of the longest."""
-_COLUMN = 320.0
+_COLUMN_WIDTH = 320.0
 """Width of a column in pixels: the longest name next to its shortcut."""
-_KEY = 122.0
+_KEY_WIDTH = 122.0
 """Width of a shortcut in pixels: Ctrl+Shift+Z."""
-_BETWEEN = 20.0
+_COLUMN_GAP = 20.0
 """Gap in pixels between a name, which wraps if it is long, and the next column."""
 _MOUSE = (
     ("Right drag", "Turn the view"),
@@ -32,17 +32,17 @@ def draw_key_list(workspace: Workspace) -> None:
         if not shown:
             return
         imgui.begin_child("##all", ImVec2(0, -imgui.get_frame_height() - 10))
-        count = max(min(int(imgui.get_content_region_avail().x / _COLUMN), 3), 1)
+        count = max(min(int(imgui.get_content_region_avail().x / _COLUMN_WIDTH), 3), 1)
         for column in _columns([*parts, (tr("Mouse"), list(_MOUSE))], count):
             imgui.begin_group()
-            imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + _COLUMN - _BETWEEN)
+            imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + _COLUMN_WIDTH - _COLUMN_GAP)
             for title, lines in column:
                 quiet(title.upper())
                 for key, label in lines:
                     imgui.text_unformatted(tr(key))
-                    imgui.same_line(_KEY)
+                    imgui.same_line(_KEY_WIDTH)
                     imgui.text_disabled(tr(label))
-                imgui.dummy(ImVec2(_COLUMN, 4))
+                imgui.dummy(ImVec2(_COLUMN_WIDTH, 4))
             imgui.pop_text_wrap_pos()
             imgui.end_group()
             imgui.same_line()
@@ -64,8 +64,8 @@ def parts_of(actions: ActionTable) -> list[Part]:
     for menu, listed in actions.menus.items():
         for action in listed:
             title = (
-                tr("{0}: keys in {1}", tr(menu), ", ".join(map(tr, action.rooms)))
-                if action.rooms
+                tr("{0}: keys in {1}", tr(menu), ", ".join(map(tr, action.workspaces)))
+                if action.workspaces
                 else tr(menu)
             )
             if actions.keys_of(action):

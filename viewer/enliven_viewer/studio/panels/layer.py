@@ -10,11 +10,11 @@ from enliven.document import FEET, Layer, LayerBase, Project, RigBase, Shape
 from enliven.modeling.edits import change_layers, feet_while, lock_feet, remove_layer, takes_beside
 from enliven.motion.layers import set_travel
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.panels.fields import Change, slider, switch, told
+from enliven_viewer.studio.panels.fields import Change, slider, switch, tooltip
 from enliven_viewer.studio.panels.style import heading, quiet
 from enliven_viewer.studio.workspace import Workspace
 
-_NUMBERS = {
+_NUMBER_RANGES = {
     "weight": (0.0, 1.0, later("weight %.2f")),
     "offset": (-5.0, 30.0, later("begins at %.2f s")),
     "speed": (-3.0, 3.0, later("speed %.2f")),
@@ -22,9 +22,9 @@ _NUMBERS = {
     "ease": (0.0, 1.0, later("comes and goes in %.2f s")),
 }
 """Minimum, maximum, and number format."""
-_SLOWEST = 0.02
+_MIN_SPEED = 0.02
 """Minimum speed that the slider can set: at 0 nothing plays."""
-_TOLD = {
+_SWITCH_TIPS = {
     "loop": later("Begin again at the end"),
     "muted": later("It does not play"),
     "hold": later("Holds the first and last frame before and after the clips; if off, nothing plays there"),
@@ -47,14 +47,14 @@ _LABELS = {
     "level_feet": later("level feet"),
 }
 """Labels of the numbers and switches."""
-_FEET = {
+_FOOT_LOCK_LABELS = {
     "auto": later("Auto: held where they stand"),
     "always": later("Always: no foot slides"),
     "never": later("Never: as performed"),
     "ground": later("Grounding: none below the floor"),
 }
 """Labels of the foot lock modes."""
-_SECOND = 126.0
+_SECOND_SWITCH_X = 126.0
 """Horizontal position in pixels of the second of two switches."""
 
 
@@ -78,15 +78,15 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
     if layer.source != "takes":
         # Recorded streams cannot be mirrored, because their positions are absolute.
         field_names.discard("mirrored")
-    for field, (low, high, pattern) in _NUMBERS.items():
+    for field, (low, high, pattern) in _NUMBER_RANGES.items():
         if field in field_names:
             change = _changing(name, number, field)
             slider(workspace, f"layer {_LABELS[field]}", getattr(layer, field), low, high, pattern, change)
-    for place, field in enumerate(field for field in _TOLD if field in field_names):
+    for place, field in enumerate(field for field in _SWITCH_TIPS if field in field_names):
         if place % 2:
-            imgui.same_line(_SECOND)
+            imgui.same_line(_SECOND_SWITCH_X)
         label, change = _LABELS[field], _changing(name, number, field)
-        switch(workspace, label, getattr(layer, field), change, _TOLD[field])
+        switch(workspace, label, getattr(layer, field), change, _SWITCH_TIPS[field])
     if isinstance(layer, Layer):
         _chain(workspace, editor.project.shape(name), layer, number)
     if (feet := feet_while(character, number)) is not None:
@@ -114,8 +114,8 @@ def _changing(name: str, number: int, field: str) -> Change:
     """Returns the edit that sets one field of a layer."""
 
     def change(project: Project, value: float) -> Project:
-        if field == "speed" and abs(value) < _SLOWEST:
-            value = _SLOWEST
+        if field == "speed" and abs(value) < _MIN_SPEED:
+            value = _MIN_SPEED
         return change_layers(project, name, [number], **{field: value})
 
     return change
@@ -141,21 +141,21 @@ def _feet(workspace: Workspace, character: RigBase, number: int, feet: str) -> N
     name, jointed = character.id, isinstance(character, Shape)
     quiet("feet")
     imgui.set_next_item_width(-1)
-    changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FEET[mode]) for mode in FEET])
+    changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FOOT_LOCK_LABELS[mode]) for mode in FEET])
     workspace.remember("feet")
     if jointed:
-        told("Every choice but Auto also finds the feet that are not pinned yet (P)")
+        tooltip("Every choice but Auto also finds the feet that are not pinned yet (P)")
     else:
-        told("The parts that touch the floor at rest, or the feet you named (E)")
+        tooltip("The parts that touch the floor at rest, or the feet you named (E)")
     is_requested = False
     if not jointed and feet != "never":
         is_requested = imgui.button(labelled(tr("Find the feet again"), "Find the feet again"), ImVec2(-1, 0))
         workspace.remember("feet again")
-        told("Feet are held for the motion at that time; find them again after you edit its clips")
+        tooltip("Feet are held for the motion at that time; find them again after you edit its clips")
     if is_requested or (changed and FEET[wanted] != feet):
         bars = workspace.timeline.layout.bars()
         mine = (bar.layers for bar in bars if bar.character.id == name and number in bar.layers)
         numbers, way = next(mine, (number,)), FEET[wanted]
         workspace.editor.edit(
-            later("feet: {0}", _FEET[way]), lambda project: lock_feet(project, name, numbers, way)
+            later("feet: {0}", _FOOT_LOCK_LABELS[way]), lambda project: lock_feet(project, name, numbers, way)
         )

@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.panels.modal import action_tip
-from enliven_viewer.studio.panels.stage import rooms_width
+from enliven_viewer.studio.panels.stage import tabs_width
 from enliven_viewer.studio.workspace import Workspace
 
 _MENU_ICON = "\uf0c9"
@@ -25,7 +25,7 @@ def draw_menu(workspace: Workspace) -> None:
     letters = sum(imgui.calc_text_size(tr(name)).x for name in names)
     # Add the item spacing twice for each name, because ImGui adds it on both sides.
     needed = letters + 2 * len(names) * imgui.get_style().item_spacing.x
-    room = imgui.get_window_width() - rooms_width(narrow=True)
+    room = imgui.get_window_width() - tabs_width(narrow=True)
     if needed <= room:
         _menus(workspace)
     else:
@@ -70,7 +70,7 @@ def _entries(workspace: Workspace, group: str, actions: list[Action], *, first: 
 
 def _entry(workspace: Workspace, action: Action) -> None:
     """Draws one menu entry; grey if the action is unavailable."""
-    actions, on = workspace.actions, action.on is not None and action.on()
+    actions, on = workspace.actions, action.is_on is not None and action.is_on()
     key, possible = actions.shown_key(action), not action.why_not()
     if imgui.menu_item(f"{tr(action.entry)}###{action.entry}", key, on, possible)[0]:
         actions.do(action.id)

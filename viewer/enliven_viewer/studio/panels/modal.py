@@ -10,7 +10,9 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import tr
 from enliven_viewer.studio.workspace import Workspace
 
-_FLAGS = imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
+_WINDOW_FLAGS = (
+    imgui.WindowFlags_.no_resize | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
+)
 _MARGIN = 24.0
 """Margin in pixels around a dialogue in a small window."""
 
@@ -24,7 +26,7 @@ def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterato
     room = ImVec2(view.size.x - _MARGIN, view.size.y - _MARGIN)
     imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, ImVec2(0.5, 0.5))
     imgui.set_next_window_size(ImVec2(min(wide, room.x), min(high, room.y)))
-    shown = bool(imgui.begin_popup_modal(title, None, _FLAGS | flags)[0])
+    shown = bool(imgui.begin_popup_modal(title, None, _WINDOW_FLAGS | flags)[0])
     yield shown
     if shown:
         imgui.end_popup()

@@ -38,10 +38,10 @@ def draw_palette(workspace: Workspace) -> None:
             finding.step(moved)
         imgui.begin_child("##found")
         picked = None
-        for number, action in enumerate(finding.found):
+        for number, action in enumerate(finding.matches):
             if _row(workspace, action, number == finding.marked, bool(moved)):
                 finding.marked, picked = number, action
-        if not finding.found:
+        if not finding.matches:
             imgui.text_disabled(tr("Nothing has this name."))
         imgui.end_child()
         if entered or picked is not None:
@@ -52,7 +52,7 @@ def draw_palette(workspace: Workspace) -> None:
 
 def _do(workspace: Workspace) -> None:
     """Runs the highlighted action if it is available, and closes the palette."""
-    action = workspace.finding.chosen()
+    action = workspace.finding.highlighted_action()
     if action is not None:
         workspace.cancel()
         workspace.actions.do(action.id)

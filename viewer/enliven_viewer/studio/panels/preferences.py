@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import LANGUAGES, Texts, tr
-from enliven_viewer.studio.actions import KEYS, Action, held_keys, spoken
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.actions import KEYS, Action, held_keys, key_label
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.modal import button, modal
 from enliven_viewer.studio.panels.style import quiet, tinted
 from enliven_viewer.studio.workspace import Workspace
@@ -16,14 +16,14 @@ from enliven_viewer.theme import WAIT
 
 _SIZE = (620.0, 520.0)
 """Size in pixels: fifteen rows with action, shortcut and button side by side."""
-_KEY = 150.0
+_KEY_WIDTH = 150.0
 """Width in pixels of a shortcut's button: Ctrl+Shift+PgDn."""
-_THEME = 130.0
+_THEME_WIDTH = 130.0
 """Width in pixels of the theme field: its longest name."""
-_THEMES = Texts({"dark": "Dark", "light": "Light"})
-_COLOURS = Texts({"usual": "The usual ones", "okabe-ito": "For all eyes (Okabe-Ito)"})
+_THEME_LABELS = Texts({"dark": "Dark", "light": "Light"})
+_PALETTE_LABELS = Texts({"usual": "The usual ones", "okabe-ito": "For all eyes (Okabe-Ito)"})
 """Names of the palettes; the second also suits people with red-green colour blindness."""
-_FREE = 42.0
+_REMOVE_WIDTH = 42.0
 """Width in pixels of the button that removes the shortcut."""
 
 
@@ -71,20 +71,20 @@ def _reading(workspace: Workspace) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Theme"))
     imgui.same_line(110)
-    theme = _choice(workspace, "theme", _THEMES, preferences.theme, _THEME)
+    theme = _choice(workspace, "theme", _THEME_LABELS, preferences.theme, _THEME_WIDTH)
     imgui.same_line(260)
     imgui.text_unformatted(tr("Colours"))
     imgui.same_line()
-    colours = _choice(workspace, "colours", _COLOURS, preferences.colours, -1.0)
-    told("Colours of limbs, performers, takes and control points")
+    colours = _choice(workspace, "colours", _PALETTE_LABELS, preferences.colours, -1.0)
+    tooltip("Colours of limbs, performers, takes and control points")
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Language"))
     imgui.same_line(110)
     language = _choice(workspace, "language", LANGUAGES, preferences.language, 170.0)
     if language != preferences.language:
-        preferences.speak(language)
+        preferences.set_language(language)
     if (theme, colours) != (preferences.theme, preferences.colours):
-        preferences.paint(theme, colours)
+        preferences.set_colours(theme, colours)
     imgui.separator()
 
 
@@ -107,15 +107,15 @@ def _row(workspace: Workspace, action: Action) -> None:
     wanted, key = workspace.wanted_key, workspace.actions.shown_key(action)
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr(action.label))
-    imgui.same_line(imgui.get_content_region_avail().x - _KEY - _FREE)
+    imgui.same_line(imgui.get_content_region_avail().x - _KEY_WIDTH - _REMOVE_WIDTH)
     key_text = tr("Press a key ...") if wanted.action == action.id else key or tr("none")
-    if imgui.button(f"{key_text}###key {action.id}", ImVec2(_KEY, 0)):
+    if imgui.button(f"{key_text}###key {action.id}", ImVec2(_KEY_WIDTH, 0)):
         wanted.begin(action.id)
     workspace.remember(f"key {action.id}")
     imgui.same_line()
     imgui.begin_disabled(not key)
     if imgui.button(f"\uf00d##no {action.id}"):
-        workspace.actions.free(action.id)
+        workspace.actions.clear_shortcuts(action.id)
     imgui.end_disabled()
 
 
@@ -137,7 +137,9 @@ def _capture(workspace: Workspace) -> None:
         imgui.dummy(ImVec2(0, imgui.get_frame_height() - 8))
         return
     with tinted(WAIT, imgui.Col_.text):
-        imgui.text_unformatted(tr("{0} is the key of \u201c{1}\u201d.", spoken(wanted.key), tr(other.label)))
+        imgui.text_unformatted(
+            tr("{0} is the key of \u201c{1}\u201d.", key_label(wanted.key), tr(other.label))
+        )
     if imgui.button(f"{_taking(actions[wanted.action])}###take"):
         wanted.take(actions)
     workspace.remember("take the key")

@@ -9,18 +9,18 @@ from enliven.mapping import own_clips, play_own_clip, played_clip
 from enliven.modeling.edits import handle_characters
 from enliven.wire import MAX_EXAGGERATION
 from enliven_viewer.language import Texts, labelled, later, tr, tr_n
-from enliven_viewer.studio.panels.fields import character_name, slider, told
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.panels.fields import character_name, slider, tooltip
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.modal import action_button
 from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import heading, panel, quiet
-from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.tools import BRUSHES, LARGEST, SMALLEST, PaintTool
+from enliven_viewer.studio.tools import BRUSHES, MAX_RADIUS_PX, MIN_RADIUS_PX, PaintTool
 from enliven_viewer.studio.workspace import Workspace
 
-_HALF = 126.0
+_BUTTON_WIDTH = 126.0
 """Width of a button in pixels: two are side by side."""
-_DEEDS = (
+_CHARACTER_ACTIONS = (
     "edit.duplicate",
     "shape.mirror",
     "shape.larger",
@@ -28,8 +28,8 @@ _DEEDS = (
     "shape.turn_left",
     "shape.turn_right",
 )
-_TOGETHER = (
-    *_DEEDS,
+_SELECTION_ACTIONS = (
+    *_CHARACTER_ACTIONS,
     "motion.earlier",
     "motion.later",
     "motion.mute",
@@ -38,13 +38,13 @@ _TOGETHER = (
     "edit.delete",
 )
 """Actions on the whole selection."""
-_SWING = later("of soft spots")
+_SWING_TITLE = later("of soft spots")
 """Name of the slider's value in the history."""
 _NO_CLIP, _OTHER_MOTION = later("no clip"), later("other motion")
 """Labels of the clip field if none of the clips plays."""
-_JOINTED = ("motion.spread", "motion.clear")
+_BONE_ACTIONS = ("motion.spread", "motion.clear")
 """Actions of characters with bones only."""
-_WORDS = Texts({"possessed mesh": "possessed character", "puppet": "puppet", "shape": "shape"})
+_KIND_LABELS = Texts({"possessed mesh": "possessed character", "puppet": "puppet", "shape": "shape"})
 """Names of the kinds of characters for artists, by the word of the rig."""
 
 
@@ -59,7 +59,7 @@ def draw_side(workspace: Workspace, area: Area) -> None:
         elif isinstance(workspace.input.tool, PaintTool):
             _brush(workspace, workspace.input.tool)
         elif chosen is not None:
-            _chosen(workspace, chosen)
+            _draw_selection(workspace, chosen)
         chosen, layer = editor.chosen(), editor.selection.layer
         if chosen is not None and layer is not None and not several:
             draw_layer(workspace, chosen, layer)
@@ -67,9 +67,9 @@ def draw_side(workspace: Workspace, area: Area) -> None:
             workspace.shown_layer = None
 
 
-def _chosen(workspace: Workspace, character: RigBase) -> None:
+def _draw_selection(workspace: Workspace, character: RigBase) -> None:
     editor = workspace.editor
-    heading(tr("Chosen {0}", _WORDS.get(character.word, character.word)))
+    heading(tr("Chosen {0}", _KIND_LABELS.get(character.word, character.word)))
     character_name(workspace, character)
     if editor.chosen() is not character:
         return
@@ -78,7 +78,7 @@ def _chosen(workspace: Workspace, character: RigBase) -> None:
     if isinstance(character, Shape):
         _clips(workspace, character)
     draw_numbers(workspace)
-    _buttons(workspace, (*_DEEDS, *_JOINTED) if jointed else _DEEDS)
+    _buttons(workspace, (*_CHARACTER_ACTIONS, *_BONE_ACTIONS) if jointed else _CHARACTER_ACTIONS)
 
 
 def made_of(character: RigBase) -> str:
@@ -107,7 +107,7 @@ def _clips(workspace: Workspace, shape: Shape) -> None:
             workspace.remember(f"play {name or 'none'}")
         imgui.end_combo()
     workspace.remember("clip")
-    told("The model's clip that plays instead of its other motion; keys stay")
+    tooltip("The model's clip that plays instead of its other motion; keys stay")
 
 
 def _play(workspace: Workspace, name: str, clip: str | None) -> None:
@@ -125,19 +125,19 @@ def _brush(workspace: Workspace, tool: PaintTool) -> None:
         if imgui.radio_button(f"{tr(word)}###brush {brush}", tool.brush == brush):
             workspace.actions.do(f"paint.{brush}")
         workspace.remember(f"brush {brush}")
-        told(workspace.actions.tip(workspace.actions[f"paint.{brush}"]))
+        tooltip(workspace.actions.tip(workspace.actions[f"paint.{brush}"]))
     imgui.set_next_item_width(-1)
-    tool.radius = imgui.slider_float("##brush", tool.radius, SMALLEST, LARGEST, tr("size %.0f"))[1]
+    tool.radius = imgui.slider_float("##brush", tool.radius, MIN_RADIUS_PX, MAX_RADIUS_PX, tr("size %.0f"))[1]
     workspace.remember("brush size")
-    told("The keys [ and ]")
+    tooltip("The keys [ and ]")
     if imgui.checkbox(labelled(tr("Both sides"), "Both sides"), tool.both_sides)[0]:
         workspace.actions.do("paint.both_sides")
     workspace.remember("both sides")
-    told(workspace.actions.tip(workspace.actions["paint.both_sides"]))
+    tooltip(workspace.actions.tip(workspace.actions["paint.both_sides"]))
     character = workspace.editor.chosen()
     if character is not None and character.mesh is not None and character.kind == "graph":
         _swing(workspace, character.id)
-    action_button(workspace, "paint.clear", 2 * _HALF)
+    action_button(workspace, "paint.clear", 2 * _BUTTON_WIDTH)
     quiet("Performers feel it as soon as they hold it. Soft spots swing past what they do.")
 
 
@@ -153,8 +153,8 @@ def _swing(workspace: Workspace, name: str) -> None:
     def change(project: Project, wanted: float) -> Project:
         return handle_characters(project, [name], exaggeration=wanted)
 
-    slider(workspace, f"swing {_SWING}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
-    told("How far soft spots swing past the motion. 0: not at all. 1: like a mass on a spring")
+    slider(workspace, f"swing {_SWING_TITLE}", far, 0.0, MAX_EXAGGERATION, tr("swing %.1f"), change)
+    tooltip("How far soft spots swing past the motion. 0: not at all. 1: like a mass on a spring")
 
 
 def _several(workspace: Workspace) -> None:
@@ -163,11 +163,11 @@ def _several(workspace: Workspace) -> None:
     heading(tr("{0} shapes are chosen", len(names)))
     quiet(", ".join(names))
     draw_numbers(workspace)
-    _buttons(workspace, _TOGETHER)
+    _buttons(workspace, _SELECTION_ACTIONS)
 
 
 def _buttons(workspace: Workspace, actions: tuple[str, ...]) -> None:
     for place, action in enumerate(actions):
         if place % 2:
             imgui.same_line()
-        action_button(workspace, action, _HALF)
+        action_button(workspace, action, _BUTTON_WIDTH)

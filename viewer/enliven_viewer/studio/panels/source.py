@@ -7,28 +7,28 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH, MotionQuality, Plan, limb_of
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
-from enliven_viewer.studio.places import Area
-from enliven_viewer.studio.sources import Offer
+from enliven_viewer.studio.sources import MotionMatch
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, QUIET, UNTINTED
 
-_SHARE = 0.56
+_HEIGHT_FRACTION = 0.56
 """Fraction of the side panel's height for the source view, so that the list of shapes still fits above."""
-_ROWS = 34.0
+_BUTTONS_HEIGHT = 34.0
 """Height in pixels of the row of buttons below the view."""
-_SAID = 4 * 20.0
+_QUALITY_HEIGHT = 4 * 20.0
 """Height in pixels of the lines about the quality of a motion."""
-_LEAST = 340.0
+_MIN_SPLIT_HEIGHT = 340.0
 """Panel height in pixels below which the source view takes all of it."""
-_THUMB = ImVec2(92, 92)
+_THUMBNAIL_SIZE = ImVec2(92, 92)
 
 
 def split_side(side: Area) -> tuple[Area, Area]:
     """Splits the right panel: the list of shapes above, the source view below."""
-    high = round(_SHARE * side.height) if side.height >= _LEAST else side.height
+    high = round(_HEIGHT_FRACTION * side.height) if side.height >= _MIN_SPLIT_HEIGHT else side.height
     above = Area(side.x, side.y, side.width, side.height - high)
     return above, Area(side.x, side.y + side.height - high, side.width, high)
 
@@ -39,7 +39,10 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         heading("Source")
         _takes(workspace, tool)
         size = imgui.get_content_region_avail()
-        tool.source.size = (max(size.x, 1.0), max(size.y - _ROWS - (_SAID if tool.made else 0.0), 1.0))
+        tool.source.size = (
+            max(size.x, 1.0),
+            max(size.y - _BUTTONS_HEIGHT - (_QUALITY_HEIGHT if tool.last_mapping else 0.0), 1.0),
+        )
         _picture(workspace, tool, texture)
         _, tool.loop = imgui.checkbox(labelled(tr("loop"), "loop"), tool.loop)
         workspace.remember("loop")
@@ -47,22 +50,22 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         if imgui.button(labelled(tr("Matches"), "Matches")):
             tool.rank()
         workspace.remember("find matches")
-        told("Find the parts of the chosen shape that look most like the take now")
+        tooltip("Find the parts of the chosen shape that look most like the take now")
         imgui.same_line()
         if imgui.button(labelled(tr("Whole body"), "Whole body"), ImVec2(-34, 0)):
             tool.map_whole()
         workspace.remember("whole body")
-        told("Map every limb of the take onto a limb of the chosen shape at once")
-        _how(workspace, tool)
-        if tool.made is not None:
+        tooltip("Map every limb of the take onto a limb of the chosen shape at once")
+        _draw_options(workspace, tool)
+        if tool.last_mapping is not None:
             with small():
-                for line in _said(*tool.made[2:]):
+                for line in _quality_lines(*tool.last_mapping[2:]):
                     quiet(line)
     if tool.offered:
         _offers(workspace, tool, viewport)
 
 
-_WHOLE = (
+_WHOLE_BODY_OPTIONS = (
     ("floor", later("On the floor"), later("Keep the lowest point of a standing shape on the floor")),
     (
         "steps",
@@ -85,20 +88,20 @@ _WHOLE = (
 """Options of whole-body retargeting: the setting, its label, and its effect."""
 
 
-def _how(workspace: Workspace, tool: MapTool) -> None:
+def _draw_options(workspace: Workspace, tool: MapTool) -> None:
     """Draws the button that opens the options of whole-body retargeting."""
     imgui.same_line()
     if imgui.button("\uf013##how", ImVec2(-1, 0)):
         imgui.open_popup("whole body how")
     workspace.remember("whole how")
-    told("How a whole body is mapped: floor, steps, travel")
+    tooltip("How a whole body is mapped: floor, steps, travel")
     if not imgui.begin_popup("whole body how"):
         return
-    for name, label, about in _WHOLE:
-        on = imgui.checkbox(f"{tr(label)}###{name}", getattr(tool.whole, name))[1]
-        setattr(tool.whole, name, on)
+    for name, label, about in _WHOLE_BODY_OPTIONS:
+        on = imgui.checkbox(f"{tr(label)}###{name}", getattr(tool.whole_body, name))[1]
+        setattr(tool.whole_body, name, on)
         workspace.remember(f"whole {name}")
-        told(about)
+        tooltip(about)
     _, tool.gentle = imgui.checkbox(
         labelled(
             tr("Move limbs less where the surface would stretch"),
@@ -107,11 +110,11 @@ def _how(workspace: Workspace, tool: MapTool) -> None:
         tool.gentle,
     )
     workspace.remember("whole gentle")
-    told("Reduces the motion equally on both sides until the surface stretches only a little")
+    tooltip("Reduces the motion equally on both sides until the surface stretches only a little")
     imgui.end_popup()
 
 
-def _said(plan: Plan, quality: MotionQuality) -> list[str]:
+def _quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
     """Returns the quality of a retargeted motion, line by line."""
     worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
     if not quality.worst_limbs:
@@ -186,41 +189,44 @@ def _picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
 
 def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
     """Draws thumbnails of the matches along the top, best first. A click accepts the highlighted one."""
-    wide = len(tool.offered) * (_THUMB.x + 8) + 24
+    wide = len(tool.offered) * (_THUMBNAIL_SIZE.x + 8) + 24
     imgui.set_next_window_pos(ImVec2(viewport.x + 14, viewport.y + 56))
-    imgui.set_next_window_size(ImVec2(wide, _THUMB.y + 46))
+    imgui.set_next_window_size(ImVec2(wide, _THUMBNAIL_SIZE.y + 46))
     imgui.begin("matches", None, FIXED | imgui.WindowFlags_.no_scrollbar)
     quiet("Matches, the best first. Click one to accept it.")
-    tool.lit = tool.offered[0]
-    taken: Offer | None = None
+    tool.highlighted = tool.offered[0]
+    taken: MotionMatch | None = None
     for number, offer in enumerate(tool.offered):
         if number:
             imgui.same_line()
         at = imgui.get_cursor_screen_pos()
-        if imgui.invisible_button(f"##match {number}", _THUMB):
+        if imgui.invisible_button(f"##match {number}", _THUMBNAIL_SIZE):
             taken = offer
         workspace.remember(f"match {number}")
         if imgui.is_item_hovered():
-            tool.lit = offer
-        _thumbnail(workspace, offer, at, tool.lit is offer)
+            tool.highlighted = offer
+        _thumbnail(workspace, offer, at, tool.highlighted is offer)
     imgui.end()
     if taken is not None:
         tool.accept(taken)
-        tool.offered, tool.lit = [], None
+        tool.offered, tool.highlighted = [], None
 
 
-def _thumbnail(workspace: Workspace, offer: Offer, at: ImVec2, lit: bool) -> None:
+def _thumbnail(workspace: Workspace, offer: MotionMatch, at: ImVec2, lit: bool) -> None:
     """Draws the shape's bones as currently seen, with the driven ones in colour."""
     draw = imgui.get_window_draw_list()
-    corner = ImVec2(at.x + _THUMB.x, at.y + _THUMB.y)
+    corner = ImVec2(at.x + _THUMBNAIL_SIZE.x, at.y + _THUMBNAIL_SIZE.y)
     draw.add_rect_filled(at, corner, packed(DARK), 6.0)
     if lit:
         draw.add_rect(at, corner, packed(ACCENT), 6.0, 1.5)
-    posed = workspace.editor.posed(offer.shape)
+    posed = workspace.editor.stage_character(offer.shape)
     pixels = workspace.editor.lens.project(posed.handles)[0]
     low, high = np.nanmin(pixels, axis=0), np.nanmax(pixels, axis=0)
-    scale = (_THUMB.x - 26) / max(float((high - low).max()), 1.0)
-    places = (pixels - (low + high) / 2) * scale + [at.x + _THUMB.x / 2, at.y + _THUMB.y / 2 + 5]
+    scale = (_THUMBNAIL_SIZE.x - 26) / max(float((high - low).max()), 1.0)
+    places = (pixels - (low + high) / 2) * scale + [
+        at.x + _THUMBNAIL_SIZE.x / 2,
+        at.y + _THUMBNAIL_SIZE.y / 2 + 5,
+    ]
     driven = {b for _, chain in offer.pairs for b in chain[1:]}
     for parent, joint in posed.bones:
         a, b = ImVec2(*places[parent]), ImVec2(*places[joint])

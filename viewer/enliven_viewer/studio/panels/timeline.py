@@ -6,14 +6,14 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.live import time_text
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panel_layout import LEAST, Area
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.modal import action_tip
-from enliven_viewer.studio.panels.stage import draw_growing
+from enliven_viewer.studio.panels.stage import draw_recorded_clip
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
 from enliven_viewer.studio.panels.timeline_lanes import LanePainter
 from enliven_viewer.studio.panels.timeline_markers import draw_markers, draw_sounds, draw_span
 from enliven_viewer.studio.panels.timeline_puppets import draw_details, tell_details
-from enliven_viewer.studio.places import LEAST, Area
 from enliven_viewer.studio.timeline import LABELS, RULER
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, LINE, QUIET
@@ -22,16 +22,16 @@ _START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
 """Icons of Font Awesome 4 on the buttons of the transport."""
 _SPLIT, _FLAG, _MAGNET, _ALL = "\uf0c4", "\uf024", "\uf076", "\uf07e"
 """Icons of Font Awesome 4: split, marker, snapping, and the whole project."""
-_CLICKED = (
+_CLICKABLE_PARTS = (
     *("bar", "mute", "lock", "fold", "solo", "name", "marker", "marked", "takes"),
     *("pose", "suggested", "held", "found"),
 )
 """Parts over which the pointer becomes a hand."""
-_GRIP = 7.0
+_GRIP_HEIGHT = 7.0
 """Height in pixels of the upper edge, which can be dragged to resize the timeline."""
-_ROOMY = 760.0
+_MIN_WIDTH_WITH_MARKS = 760.0
 """Minimum window width in pixels for the in and out buttons."""
-_WHEEL = 40.0
+_PAN_PER_NOTCH = 40.0
 """Pixels that the timeline pans per notch of the wheel with Shift."""
 _PAINTER = LanePainter()
 _NO_MOTION = later(
@@ -51,7 +51,7 @@ def draw_timeline(workspace: Workspace, area: Area) -> None:
         workspace.timeline.width = size.x
         imgui.invisible_button("##track", ImVec2(max(size.x, 1), max(size.y, 1)))
         workspace.remember("timeline")
-        workspace.timeline.follow(size.y, workspace.perform.recording.seen())
+        workspace.timeline.follow(size.y, workspace.perform.recording.take_last_character())
         _listen(workspace, origin, size)
         draw = imgui.get_window_draw_list()
         draw.push_clip_rect(origin, ImVec2(origin.x + size.x, origin.y + size.y), True)
@@ -67,7 +67,7 @@ def _grip(workspace: Workspace, area: Area) -> None:
     """Draws the upper edge. A drag changes the timeline's height; a double click resets it."""
     preferences, place = workspace.preferences, imgui.get_cursor_pos()
     imgui.set_cursor_pos(ImVec2(0, 0))
-    imgui.invisible_button("##height", ImVec2(area.width, _GRIP))
+    imgui.invisible_button("##height", ImVec2(area.width, _GRIP_HEIGHT))
     workspace.remember("timeline height")
     held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
     if hovered or held:
@@ -100,7 +100,7 @@ def _transport(workspace: Workspace) -> None:
         editor.loop = not editor.loop
     if looping:
         imgui.pop_style_color()
-    told("Begin again at the end, or at the out point")
+    tooltip("Begin again at the end, or at the out point")
     _points(workspace)
     imgui.same_line(0.0, 18.0)
     imgui.align_text_to_frame_padding()
@@ -110,14 +110,14 @@ def _transport(workspace: Workspace) -> None:
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
     if changed:
         editor.speed = speed
-    told("Drag: how fast it plays here; the project does not change")
+    tooltip("Drag: how fast it plays here; the project does not change")
     _tracking(workspace)
     _buttons(workspace)
 
 
 def _points(workspace: Workspace) -> None:
     """Draws the buttons of the loop's in and out points; a narrow window has them only in the menu."""
-    if imgui.get_window_width() < _ROOMY:
+    if imgui.get_window_width() < _MIN_WIDTH_WITH_MARKS:
         return
     chosen = workspace.editor.marked is not None
     for label, action in (("[", "view.in_point"), ("]", "view.out_point")):
@@ -150,23 +150,23 @@ def _buttons(workspace: Workspace) -> None:
     if imgui.button(_SPLIT + "##split", ImVec2(34, 0)):
         workspace.actions.do("clip.split")
     workspace.remember("split")
-    told("Split the clip under the playhead  (Shift+S)")
+    tooltip("Split the clip under the playhead  (Shift+S)")
     imgui.same_line()
     if imgui.button(_FLAG + "##marker", ImVec2(34, 0)):
         workspace.actions.do("clip.mark")
     workspace.remember("add marker")
-    told("A marker at the playhead  (Shift+M); double-click one to name it")
+    tooltip("A marker at the playhead  (Shift+M); double-click one to name it")
     imgui.same_line()
     with tinted(ACCENT if timeline.snapping else QUIET, imgui.Col_.text):
         if imgui.button(_MAGNET + "##snap", ImVec2(34, 0)):
             timeline.snapping = not timeline.snapping
     workspace.remember("snapping")
-    told("Dragged items snap to clips, markers, the playhead and frames")
+    tooltip("Dragged items snap to clips, markers, the playhead and frames")
     imgui.same_line()
     if imgui.button(_ALL + "##all", ImVec2(34, 0)):
         timeline.show_all()
     workspace.remember("show all")
-    told("Show the whole project; Ctrl+wheel zooms, Shift+wheel scrolls")
+    tooltip("Show the whole project; Ctrl+wheel zooms, Shift+wheel scrolls")
 
 
 def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
@@ -179,7 +179,7 @@ def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         elif imgui.is_mouse_clicked(0):
             io = imgui.get_io()
             timeline.press(x, y, alt=io.key_alt, ctrl=io.key_ctrl)
-        _turned(workspace, x, size)
+        _handle_wheel(workspace, x, size)
         if imgui.is_mouse_dragging(2, 0.0):
             timeline.pan(-imgui.get_io().mouse_delta.x)
         _cursor(timeline.layout.handle_at(x, y).kind)
@@ -191,13 +191,13 @@ def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         timeline.release(x)
 
 
-def _turned(workspace: Workspace, x: float, size: ImVec2) -> None:
+def _handle_wheel(workspace: Workspace, x: float, size: ImVec2) -> None:
     """Handles the wheel: scrolls the lanes, pans with Shift, zooms with Ctrl."""
     io, timeline = imgui.get_io(), workspace.timeline
     if io.key_ctrl and io.mouse_wheel:
         timeline.zoom(io.mouse_wheel, x)
     elif io.mouse_wheel_h or (io.key_shift and io.mouse_wheel):
-        timeline.pan(-_WHEEL * (io.mouse_wheel_h or io.mouse_wheel))
+        timeline.pan(-_PAN_PER_NOTCH * (io.mouse_wheel_h or io.mouse_wheel))
     elif io.mouse_wheel:
         low = max(timeline.layout.height - size.y, 0.0)
         timeline.scrolled = min(max(timeline.scrolled - 24 * io.mouse_wheel, 0.0), low)
@@ -206,7 +206,7 @@ def _turned(workspace: Workspace, x: float, size: ImVec2) -> None:
 def _cursor(kind: str) -> None:
     if kind in ("edge", "begin", "blend", "switch", "from", "to"):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-    elif kind in _CLICKED:
+    elif kind in _CLICKABLE_PARTS:
         imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
 
 
@@ -237,9 +237,9 @@ def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         else:
             draw_details(workspace, layout, lane, origin, size)
     tell_details(workspace, layout, origin)
-    if not draw_growing(workspace, layout, origin, size.y) and not lanes:
+    if not draw_recorded_clip(workspace, layout, origin, size.y) and not lanes:
         imgui.set_cursor_screen_pos(ImVec2(origin.x + LABELS + 8, origin.y + RULER + 12))
-        performs = workspace.perform.room == "Perform"
+        performs = workspace.perform.active_workspace == "Perform"
         usual = _NO_RECORDING if performs else _NO_MOTION
         quiet(_NO_TAKE if workspace.editor.puppets.puppet is not None else usual)
 

@@ -29,9 +29,9 @@ from enliven_viewer.theme import ACCENT, DARK, INK, LANES, LINE, ON_COLOUR, QUIE
 
 _LOCK, _UNLOCK, _SOLO, _OPEN, _FOLDED = "\uf023", "\uf09c", "\uf025", "\uf0d7", "\uf0da"
 """Icons of Font Awesome 4: a closed lock and an open one, headphones, triangles down and to the right."""
-_BETWEEN = 26.0
+_THUMBNAIL_SPACING = 26.0
 """Distance in pixels between two thumbnails."""
-_NAME = 14.0
+_TITLE_HEIGHT = 14.0
 """Height in pixels of a clip's title; the thumbnails are below and behind it."""
 
 
@@ -125,7 +125,7 @@ class LanePainter:
         label = layer.take if clip.speed == 1.0 else f"{layer.take}  {clip.speed:.2g}x"
         with small():
             wide = imgui.calc_text_size(label).x
-            corner = ImVec2(min(low.x + wide + 12, high.x), low.y + _NAME)
+            corner = ImVec2(min(low.x + wide + 12, high.x), low.y + _TITLE_HEIGHT)
             draw.add_rect_filled(low, corner, packed(tint, 0.9), 4.0)
             draw.add_text(ImVec2(low.x + 6, low.y), packed(ON_COLOUR), label)
         draw.pop_clip_rect()
@@ -153,11 +153,11 @@ class LanePainter:
         draw, side = imgui.get_window_draw_list(), high.y - low.y - 2
         ink, picture = packed(DARK, 0.75 * faded), imgui.ImTextureRef(texture.glo)
         left, right = imgui.get_window_pos().x + LABELS, imgui.get_window_pos().x + imgui.get_window_width()
-        first = max(int((left - low.x) / _BETWEEN), 0)
-        count = int((min(high.x, right) - low.x) / _BETWEEN) + 1
+        first = max(int((left - low.x) / _THUMBNAIL_SPACING), 0)
+        count = int((min(high.x, right) - low.x) / _THUMBNAIL_SPACING) + 1
         origin = low.x - layout.x(clip.begin)
         for k in range(first, count):
-            x = low.x + k * _BETWEEN
+            x = low.x + k * _THUMBNAIL_SPACING
             second = clip.second(layout.time(x + side / 2 - origin))
             share = min(max(second / max(take.duration, take.step), 0.0), 1.0)
             pose = round(share * (POSES - 1))

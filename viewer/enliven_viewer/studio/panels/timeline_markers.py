@@ -14,8 +14,8 @@ from enliven_viewer.studio.timeline import LABELS, RULER, SPAN
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, CHAIN, DARK, INK
 
-_POPUP = "marker name"
-_COLUMN = 2.0
+_POPUP_ID = "marker name"
+_WAVEFORM_LINE_WIDTH = 2.0
 """Width in pixels of a line of a sound's waveform."""
 
 
@@ -35,24 +35,27 @@ def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
                 ImVec2(at + 1, top + 9), ImVec2(at + wide + 8, top + RULER), packed(DARK, 0.9), 3.0
             )
             draw.add_text(ImVec2(at + 5, top + 10), packed(INK, 0.95), marker.id)
-    if timeline.marker and not imgui.is_popup_open(_POPUP):
-        imgui.open_popup(_POPUP)
-    _named(workspace)
+    if timeline.marker and not imgui.is_popup_open(_POPUP_ID):
+        imgui.open_popup(_POPUP_ID)
+    _marker_popup(workspace)
 
 
 def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
     """Draws the waveform of the sounds along the ruler, with their names at the left."""
     draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     first, last = LABELS, workspace.timeline.width
-    count = int((last - first) / _COLUMN)
+    count = int((last - first) / _WAVEFORM_LINE_WIDTH)
     if not layout.project.sounds or count < 1:
         return
-    middle, tint = origin.y + RULER / 2, packed(ACCENT, 0.5 if workspace.sound.heard else 0.2)
+    middle, tint = origin.y + RULER / 2, packed(ACCENT, 0.5 if workspace.sound.is_on else 0.2)
     for sound in layout.project.sounds.values():
-        loud = envelope(sound, layout.time(first), layout.time(first + count * _COLUMN), count)
+        loud = envelope(sound, layout.time(first), layout.time(first + count * _WAVEFORM_LINE_WIDTH), count)
         for column in np.flatnonzero(loud):
-            x, high = origin.x + first + column * _COLUMN, max(loud[column] * (RULER / 2 - 2), 0.5)
-            draw.add_line(ImVec2(x, middle - high), ImVec2(x, middle + high), tint, _COLUMN)
+            x, high = (
+                origin.x + first + column * _WAVEFORM_LINE_WIDTH,
+                max(loud[column] * (RULER / 2 - 2), 0.5),
+            )
+            draw.add_line(ImVec2(x, middle - high), ImVec2(x, middle + high), tint, _WAVEFORM_LINE_WIDTH)
     with small():
         name = f"\uf001  {', '.join(layout.project.sounds)}"
         draw.add_text(ImVec2(origin.x + 8, origin.y + 5), packed(INK, 0.9), name)
@@ -66,7 +69,7 @@ def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     if layout.marked is None:
         return
-    tint = BAD if workspace.perform.room == "Perform" else ACCENT
+    tint = BAD if workspace.perform.active_workspace == "Perform" else ACCENT
     low, high = (origin.x + max(layout.x(end), LABELS - 1) for end in layout.marked)
     top, bottom = origin.y + RULER - SPAN, origin.y + RULER
     draw.add_rect_filled(ImVec2(low, bottom), ImVec2(high, origin.y + size.y), packed(tint, 0.07))
@@ -77,11 +80,11 @@ def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         draw.add_triangle_filled(*grip, packed(tint))
 
 
-def _named(workspace: Workspace) -> None:
+def _marker_popup(workspace: Workspace) -> None:
     """Draws the popup that renames or removes a marker."""
     timeline, editor = workspace.timeline, workspace.editor
     name = timeline.marker
-    if not imgui.begin_popup(_POPUP):
+    if not imgui.begin_popup(_POPUP_ID):
         return
     imgui.text(tr("Marker"))
     imgui.set_next_item_width(160)

@@ -29,8 +29,8 @@ from enliven_viewer.theme import (
     point_colour,
 )
 
-_LABELS = {"poses": later("key poses"), "band": later("on the floor"), "held": later("held hard")}
-_FAR = 1.15
+_ROW_LABELS = {"poses": later("key poses"), "band": later("on the floor"), "held": later("held hard")}
+_MAX_COVERAGE_DISTANCE = 1.15
 """Maximum of the coverage curve's scale; 1 is the largest distance without any example."""
 
 
@@ -44,9 +44,9 @@ def draw_details(
     details = workspace.timeline.rows.details
     edited = lane.kind == "band" and details.layer(lane.layers[0]).switches is not None
     with small():
-        label = tr(_LABELS[lane.kind]) + ("   \uf0e2 " + tr("find again") if edited else "")
+        label = tr(_ROW_LABELS[lane.kind]) + ("   \uf0e2 " + tr("find again") if edited else "")
         draw.add_text(ImVec2(origin.x + 28, top + lane.height / 2 - 7), packed(QUIET), label)
-    {"poses": _poses, "band": _bands, "held": _held}[lane.kind](workspace, layout, lane, origin)
+    {"poses": _poses, "band": _bands, "held": _draw_constraints}[lane.kind](workspace, layout, lane, origin)
 
 
 def _poses(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
@@ -65,7 +65,7 @@ def _poses(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
         )
         away = away if lane.layer.speed > 0 else away[::-1]
         xs = np.linspace(start, end, count)
-        ys = top + lane.height - 3 - (lane.height - 8) * np.clip(away / _FAR, 0.0, 1.0)
+        ys = top + lane.height - 3 - (lane.height - 8) * np.clip(away / _MAX_COVERAGE_DISTANCE, 0.0, 1.0)
         for k in range(count - 1):
             tint = _between(GOOD, BAD, float(np.clip((away[k] - 0.45) / 0.4, 0.0, 1.0)))
             corners = (
@@ -76,7 +76,7 @@ def _poses(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
             )
             draw.add_quad_filled(*corners, packed(tint, 0.26))
             draw.add_line(corners[0], corners[1], packed(tint, 0.85), 1.3)
-    for _, x in details.suggested(layout, lane):
+    for _, x in details.suggested_marks(layout, lane):
         _diamond(draw, origin.x + x, top + lane.height / 2, 5.5, packed(CHAIN, 0.9), filled=False)
     for number, x in poses:
         chosen = puppets.number == number
@@ -107,13 +107,13 @@ def _bands(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImV
             draw.add_rect_filled(ImVec2(x - 2, top), ImVec2(x + 2, top + lane.height), packed(tint), 1.0)
 
 
-def _held(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
+def _draw_constraints(workspace: Workspace, layout: TimelineLayout, lane: Lane, origin: ImVec2) -> None:
     """Draws a mark for every hard constraint.
 
     A dot is a position, a bar is standing still, and two dots are level.
     """
     draw, middle = imgui.get_window_draw_list(), origin.y + lane.top + lane.height / 2
-    for _, held, x in workspace.timeline.rows.details.held(layout, lane):
+    for _, held, x in workspace.timeline.rows.details.constraint_marks(layout, lane):
         red, green, blue = point_colour(lane.character.handles.index(held.point))
         tint, x = packed((red / 255, green / 255, blue / 255, 1.0)), origin.x + x
         if isinstance(held, Position):

@@ -6,33 +6,33 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.modal import action_tip
 from enliven_viewer.studio.panels.style import packed, panel
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 
-_WIDE = 72.0
+_BUTTON_WIDTH = 72.0
 """Width of a button in pixels: the longest name."""
-_HIGH = (13.0, 50.0)
+_BUTTON_HEIGHTS = (13.0, 50.0)
 """Minimum and maximum height of a button in pixels. In a low window buttons are lower, so that all are
 visible.
 """
-_STACKED = 34.0
+_MIN_STACKED_HEIGHT = 34.0
 """Height in pixels below which a button shows the name next to the icon instead of below it."""
-_APART = 4.0
+_BUTTON_GAP = 4.0
 """Gap in pixels between two buttons; half of it in a low window."""
-_LOW_PAD = 3.0
+_LOW_PADDING = 3.0
 """Margin in pixels above the first and below the last button in a low window."""
-_ICON = 18.0
+_ICON_SIZE = 18.0
 """Size in pixels of an icon above its name: recognisable at a glance."""
-_NAME = 12.0
+_NAME_TEXT_SIZE = 12.0
 """Text size in pixels of a name below its icon: the longest name fits the button."""
-_LOW_ICON = 13.0
+_LOW_ICON_SIZE = 13.0
 """Size in pixels of an icon next to its name: as tall as the letters."""
-_LOW_NAME = 11.0
+_LOW_NAME_TEXT_SIZE = 11.0
 """Text size in pixels of a name next to its icon: the smallest readable size."""
-_ICON_SPACE = 19.0
+_ICON_WIDTH = 19.0
 """Width in pixels of the icon's space in a low button, left of the name."""
 
 
@@ -41,15 +41,15 @@ def draw_toolbar(workspace: Workspace, area: Area) -> None:
     actions = workspace.actions.menus["Tools"]
     with panel("tools", area, imgui.WindowFlags_.no_scrollbar):
         each = imgui.get_content_region_avail().y / len(actions)
-        is_low = each - _APART < _STACKED
-        apart = _APART / 2 if is_low else _APART
+        is_low = each - _BUTTON_GAP < _MIN_STACKED_HEIGHT
+        apart = _BUTTON_GAP / 2 if is_low else _BUTTON_GAP
         if is_low:  # The window is low, so use smaller margins to keep every tool visible.
-            imgui.set_cursor_pos_y(_LOW_PAD)
-            each = (area.height - 2 * _LOW_PAD) / len(actions)
-        size = ImVec2(_WIDE, min(max(each - apart, _HIGH[0]), _HIGH[1]))
+            imgui.set_cursor_pos_y(_LOW_PADDING)
+            each = (area.height - 2 * _LOW_PADDING) / len(actions)
+        size = ImVec2(_BUTTON_WIDTH, min(max(each - apart, _BUTTON_HEIGHTS[0]), _BUTTON_HEIGHTS[1]))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0, apart))
         for action in actions:
-            name, chosen = action.id.removeprefix("tool."), action.on is not None and action.on()
+            name, chosen = action.id.removeprefix("tool."), action.is_on is not None and action.is_on()
             at = imgui.get_cursor_screen_pos()
             if imgui.invisible_button(f"##{name}", size):
                 workspace.actions.do(action.id)
@@ -68,17 +68,17 @@ def _face(at: ImVec2, size: ImVec2, action: Action, chosen: bool, hovered: bool)
         draw.add_rect_filled(at, ImVec2(at.x + size.x, at.y + size.y), tint, 7.0)
     label = tr(action.label)
     colours = (ACCENT, ACCENT) if chosen else (INK, QUIET)
-    if size.y >= _STACKED:
-        top = at.y + max((size.y - _ICON - _NAME - 6.0) / 2, 0.0)
-        name_top = min(top + _ICON + 6.0, at.y + size.y - _NAME - 2.0)
-        _centred(action.icon, _ICON, at.x, size.x, top, colours[0])
-        _centred(label, _NAME, at.x, size.x, name_top, colours[1])
+    if size.y >= _MIN_STACKED_HEIGHT:
+        top = at.y + max((size.y - _ICON_SIZE - _NAME_TEXT_SIZE - 6.0) / 2, 0.0)
+        name_top = min(top + _ICON_SIZE + 6.0, at.y + size.y - _NAME_TEXT_SIZE - 2.0)
+        _centred(action.icon, _ICON_SIZE, at.x, size.x, top, colours[0])
+        _centred(label, _NAME_TEXT_SIZE, at.x, size.x, name_top, colours[1])
         return
-    icon, letters = min(_LOW_ICON, size.y - 1.0), min(_LOW_NAME, size.y - 2.0)
-    _centred(action.icon, icon, at.x, _ICON_SPACE, at.y + (size.y - icon) / 2 - 1.0, colours[0])
+    icon, letters = min(_LOW_ICON_SIZE, size.y - 1.0), min(_LOW_NAME_TEXT_SIZE, size.y - 2.0)
+    _centred(action.icon, icon, at.x, _ICON_WIDTH, at.y + (size.y - icon) / 2 - 1.0, colours[0])
     grown = letters / imgui.get_font_size()
-    room = min(imgui.calc_text_size(label).x * grown, size.x - _ICON_SPACE)
-    _centred(label, letters, at.x + _ICON_SPACE, room, at.y + (size.y - letters) / 2 - 1.0, colours[1])
+    room = min(imgui.calc_text_size(label).x * grown, size.x - _ICON_WIDTH)
+    _centred(label, letters, at.x + _ICON_WIDTH, room, at.y + (size.y - letters) / 2 - 1.0, colours[1])
 
 
 def _centred(text: str, high: float, left: float, room: float, top: float, colour: Colour) -> None:

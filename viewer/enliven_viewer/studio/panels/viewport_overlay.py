@@ -6,22 +6,22 @@ import numpy as np
 from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import spoken
+from enliven_viewer.studio.actions import key_label
+from enliven_viewer.studio.panel_layout import HOLDER, Area
 from enliven_viewer.studio.panels.start import draw_start
 from enliven_viewer.studio.panels.style import SMALL, packed
-from enliven_viewer.studio.places import HOLDER, Area
 from enliven_viewer.studio.toasts import Toast
 from enliven_viewer.studio.viewport import Disc, Fill, Label, Line, axes_marks
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, DARK, GLASS, GOOD, INK, QUIET
 
-_AIR = 8.0
+_BRACKET_GAP = 8.0
 """Gap in pixels between a selected character and its corner brackets."""
-_CORNER = 10.0
+_BRACKET_LENGTH = 10.0
 """Length in pixels of a bracket's arms."""
-_LEAST_LETTERS = 9.0
+_MIN_HINT_TEXT_SIZE = 9.0
 """Minimum text size in pixels of a long hint in the strip below a narrow view."""
-_WIDE = 380.0
+_MAX_MESSAGE_WIDTH = 380.0
 """Maximum width in pixels of a message line: about sixty letters, easy to read."""
 
 
@@ -67,16 +67,19 @@ def _brackets(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     editor = workspace.editor
     if not editor.selection.several:
         return
-    for character in editor.seen:
+    for character in editor.visible_characters:
         pixels = editor.lens.pixels_of(
             np.asarray(character.extent, float)[:: max(len(character.extent) // 300, 1)]
         )
         if character.id not in editor.selection.characters or not pixels:
             continue
         colour = packed(ACCENT if character.id == editor.selection.character else INK, 0.9)
-        (left, top), (right, bottom) = np.min(pixels, axis=0) - _AIR, np.max(pixels, axis=0) + _AIR
-        for x, inward in ((left, _CORNER), (right, -_CORNER)):
-            for y, down in ((top, _CORNER), (bottom, -_CORNER)):
+        (left, top), (right, bottom) = (
+            np.min(pixels, axis=0) - _BRACKET_GAP,
+            np.max(pixels, axis=0) + _BRACKET_GAP,
+        )
+        for x, inward in ((left, _BRACKET_LENGTH), (right, -_BRACKET_LENGTH)):
+            for y, down in ((top, _BRACKET_LENGTH), (bottom, -_BRACKET_LENGTH)):
                 at = ImVec2(area.x + x, area.y + y)
                 ends: list[ImVec2Like] = [ImVec2(at.x + inward, at.y), at, ImVec2(at.x, at.y + down)]
                 draw.add_polyline(ends, colour, 2.0, 0)
@@ -121,7 +124,7 @@ def _hint(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(GLASS), 9.0)
     workspace.widgets["hint"] = (x, y, x + wide, y + high)
     draw.add_text(ImVec2(x + 13, y + 8), packed(ACCENT), tr(tool.label))
-    _wrapped(draw, ImVec2(x + 13 + shift, y + 8), packed(INK), tr(tool.hint), room)
+    _draw_wrapped_text(draw, ImVec2(x + 13 + shift, y + 8), packed(INK), tr(tool.hint), room)
     if tool.warning:
         _warning(tool.warning, draw, x, y + high + 6)
 
@@ -136,7 +139,7 @@ def _hint_strip(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> Non
     words = f"{tr(tool.label)}   {tr(tool.hint)}"
     grown = size / imgui.get_font_size()
     high = imgui.calc_text_size(words, wrap_width=room / grown).y * grown
-    while high > area.height - 6 and size > _LEAST_LETTERS:
+    while high > area.height - 6 and size > _MIN_HINT_TEXT_SIZE:
         size -= 0.5
         grown = size / imgui.get_font_size()
         high = imgui.calc_text_size(words, wrap_width=room / grown).y * grown
@@ -165,7 +168,7 @@ def _caption(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     )
     draw.add_text(font, size, ImVec2(x, y), packed(INK), workspace.caption)
     if workspace.pressed:
-        key = spoken(workspace.pressed)
+        key = key_label(workspace.pressed)
         left = x + wide + 34
         right = left + imgui.calc_text_size(key).x + 22
         draw.add_rect_filled(ImVec2(left, y - 6), ImVec2(right, y + 28), packed(INK), 7.0)
@@ -174,12 +177,12 @@ def _caption(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
 
 def _toasts(workspace: Workspace, draw: imgui.ImDrawList, area: Area) -> None:
     perform = workspace.perform
-    live = perform.room == "Play" and perform.live is not None
+    live = perform.active_workspace == "Play" and perform.live is not None
     bottom = area.y + area.height - (70 if live else 14)  # Leave room for the live timeline.
-    if perform.room in ("Perform", "Play"):
+    if perform.active_workspace in ("Perform", "Play"):
         # Also leave room for the lines about performers, and for the line that shows what a press of Possess
         # waits for.
-        bottom -= HOLDER * (len(perform.holders) + perform.stepping_in.waits)
+        bottom -= HOLDER * (len(perform.holders) + perform.possession_requests.waits)
     for toast in reversed(workspace.editor.toasts.shown):
         bottom = _toast(draw, area, toast, bottom) - 8
 
@@ -188,22 +191,22 @@ def _toast(draw: imgui.ImDrawList, area: Area, toast: Toast, bottom: float) -> f
     """Draws one message above ``bottom``. Returns its top."""
 
     texts = [(text, colour) for text, colour in ((toast.text, INK), (toast.mend, QUIET)) if text]
-    extents = [imgui.calc_text_size(text, wrap_width=_WIDE) for text, _ in texts]
+    extents = [imgui.calc_text_size(text, wrap_width=_MAX_MESSAGE_WIDTH) for text, _ in texts]
     wide = max(extent.x for extent in extents) + 34
     left, top = area.x + 14, bottom - sum(extent.y for extent in extents) - 16
-    seen = min(toast.left / 0.6, 1.0)
+    seen = min(toast.remaining_s / 0.6, 1.0)
     draw.add_rect_filled(
         ImVec2(left, top), ImVec2(left + wide, bottom), packed((*GLASS[:3], 0.85), seen), 9.0
     )
-    tint = packed(BAD if toast.bad else GOOD, seen)
+    tint = packed(BAD if toast.is_error else GOOD, seen)
     draw.add_rect_filled(ImVec2(left + 7, top + 9), ImVec2(left + 10, bottom - 9), tint, 2.0)
     line = top + 8
     for (text, colour), extent in zip(texts, extents, strict=True):
-        _wrapped(draw, ImVec2(left + 20, line), packed(colour, seen), text, _WIDE)
+        _draw_wrapped_text(draw, ImVec2(left + 20, line), packed(colour, seen), text, _MAX_MESSAGE_WIDTH)
         line += extent.y
     return top
 
 
-def _wrapped(draw: imgui.ImDrawList, at: ImVec2, colour: int, text: str, width: float) -> None:
+def _draw_wrapped_text(draw: imgui.ImDrawList, at: ImVec2, colour: int, text: str, width: float) -> None:
     """Draws text wrapped to a maximum width."""
     draw.add_text(imgui.get_font(), imgui.get_font_size(), at, colour, text, width)

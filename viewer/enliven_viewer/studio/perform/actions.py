@@ -28,10 +28,10 @@ class PerformAction:
     label: str
     key: str
     do: Callable[[PerformSession], object]
-    rooms: tuple[str, ...] = ()
+    workspaces: tuple[str, ...] = ()
     live: bool = True
     why_not: Callable[[PerformSession], str] = lambda session: ""
-    on: Callable[[PerformSession], bool] | None = None
+    is_on: Callable[[PerformSession], bool] | None = None
     about: str = ""
     group: str = ""
     apart: bool = False
@@ -39,7 +39,7 @@ class PerformAction:
     @property
     def id(self) -> str:
         """Returns a permanent name such as "perform.possess_alone"."""
-        if self.label == _STAND:
+        if self.label == _STAND_LABEL:
             return "perform.stand"  # The start page refers to this action, so its name is fixed.
         return "perform." + re.sub(r"[^a-z]+", "_", self.label.lower()).strip("_")
 
@@ -55,7 +55,7 @@ NO_STAGE = later("No stage is connected. Connect to one, or start one, in the Pe
 def perform_actions(session: PerformSession) -> Iterator[Action]:
     """Yields every action, for menus, the command palette and the list of shortcuts."""
     for action in PERFORM_ACTIONS:
-        on = None if action.on is None else partial(action.on, session)
+        on = None if action.is_on is None else partial(action.is_on, session)
         yield Action(
             action.id,
             "Perform",
@@ -67,7 +67,7 @@ def perform_actions(session: PerformSession) -> Iterator[Action]:
             about=action.about,
             apart=action.apart,
             group=action.group,
-            rooms=action.rooms,
+            workspaces=action.workspaces,
         )
 
 
@@ -78,7 +78,7 @@ def _live(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], obje
 
 def _step_in(mode: Mode) -> Callable[[PerformSession], object]:
     """Returns a function that lets a performer possess a character, as soon as that is possible."""
-    return lambda session: session.stepping_in.press(mode)
+    return lambda session: session.possession_requests.press(mode)
 
 
 def _several(
@@ -90,13 +90,13 @@ def _several(
 
 
 def _go(room: str) -> Callable[[PerformSession], object]:
-    return lambda session: setattr(session, "room", room)
+    return lambda session: setattr(session, "active_workspace", room)
 
 
-_HERE = ("Perform", "Play")
-_STAND = "Stand in front of the camera"
+_LIVE_WORKSPACES = ("Perform", "Play")
+_STAND_LABEL = "Stand in front of the camera"
 PERFORM_ACTIONS = (
-    PerformAction(_STAND, "", _go("Perform"), live=False),
+    PerformAction(_STAND_LABEL, "", _go("Perform"), live=False),
     *(
         PerformAction(
             f"Workspace: {room}",
@@ -104,7 +104,7 @@ PERFORM_ACTIONS = (
             _go(room),
             live=False,
             group="Workspace",
-            on=lambda session, room=room: session.room == room,
+            is_on=lambda session, room=room: session.active_workspace == room,
         )
         for n, room in enumerate(ROOMS)
     ),
@@ -154,30 +154,30 @@ PERFORM_ACTIONS = (
         ("Perform",),
         live=False,
     ),
-    PerformAction("Possess alone", "p", _step_in("alone"), _HERE, apart=True),
-    PerformAction("Possess beside others", "j", _step_in("join"), _HERE),
-    PerformAction("Hold with these parts as well", "e", _step_in("extend"), _HERE),
-    PerformAction("Release", "r", _live(LiveStage.release), _HERE),
+    PerformAction("Possess alone", "p", _step_in("alone"), _LIVE_WORKSPACES, apart=True),
+    PerformAction("Possess beside others", "j", _step_in("join"), _LIVE_WORKSPACES),
+    PerformAction("Hold with these parts as well", "e", _step_in("extend"), _LIVE_WORKSPACES),
+    PerformAction("Release", "r", _live(LiveStage.release), _LIVE_WORKSPACES),
     PerformAction(
         "Scale with both hands, or let it stay",
         "x",
         _live(LiveStage.scale_by_hands),
-        _HERE,
+        _LIVE_WORKSPACES,
         why_not=PerformSession.lacks_edge,
     ),
     PerformAction(
         "Its own size again",
         "z",
-        lambda session: session.live and session.sizes.reset(session.meant, session.live.feed.ask),
-        _HERE,
-        why_not=lambda session: session.lacks_edge() or session.sizes.lacks_size(session.meant),
+        lambda session: session.live and session.sizes.reset(session.target, session.live.feed.ask),
+        _LIVE_WORKSPACES,
+        why_not=lambda session: session.lacks_edge() or session.sizes.lacks_size(session.target),
     ),
     *(
         PerformAction(
             f"With: {part}",
             str(n + 1),
             _live(lambda live, n=n: live.choose_parts(n)),
-            _HERE,
+            _LIVE_WORKSPACES,
             group="With",
             apart=n == 0,
         )
@@ -185,7 +185,7 @@ PERFORM_ACTIONS = (
     ),
     *_several(
         "Performers",
-        _HERE,
+        _LIVE_WORKSPACES,
         ("Next performer", "b", LiveStage.choose_performer),
         ("Less smoothed", "comma", lambda live: live.smoother(-1)),
         ("More smoothed", "period", lambda live: live.smoother(1)),
@@ -193,7 +193,7 @@ PERFORM_ACTIONS = (
     ),
     *_several(
         "Matches",
-        _HERE,
+        _LIVE_WORKSPACES,
         ("Next match with the pose", "n", lambda live: live.browse(1)),
         ("Match before", "m", lambda live: live.browse(-1)),
     ),
@@ -202,7 +202,7 @@ PERFORM_ACTIONS = (
         "",
         lambda session: session.voice.toggle(session.client),
         why_not=PerformSession.lacks_voice,
-        on=lambda session: session.voice.is_on,
+        is_on=lambda session: session.voice.is_on,
         about="Spoken commands: the Perform panel shows what was heard, and lists the phrases.",
     ),
     *(
@@ -211,7 +211,7 @@ PERFORM_ACTIONS = (
             "",
             lambda session, number=number: session.physics.ask(session.client, number),
             why_not=PerformSession.lacks_physics,
-            on=lambda session, number=number: session.physics.number == number,
+            is_on=lambda session, number=number: session.physics.number == number,
             group="Physics",
         )
         for number, label in enumerate(LOOSE_LABELS)
@@ -220,12 +220,12 @@ PERFORM_ACTIONS = (
         "See more of the bones",
         "v",
         lambda p: p.live and p.live.show_bones(p.editor.camera),
-        _HERE,
+        _LIVE_WORKSPACES,
         group="See",
     ),
     *_several(
         "See",
-        _HERE,
+        _LIVE_WORKSPACES,
         ("Graph of the meshes", "g", lambda live: live.switch("graph")),
         ("Performers' skeletons", "s", lambda live: live.switch("body", "reveal", "cues")),
     ),
@@ -233,12 +233,14 @@ PERFORM_ACTIONS = (
         "Close to the limb that takes hold",
         "c",
         lambda session: session.close_up.toggle(),
-        _HERE,
-        on=lambda session: session.close_up.on,
+        _LIVE_WORKSPACES,
+        is_on=lambda session: session.close_up.on,
         about="The view moves to the limb while a pose chooses it, shows its side too, and then moves back.",
         group="See",
     ),
-    *_several("Playing back", _HERE, ("Back to what is live", "l", lambda live: live.playhead.go_live())),
+    *_several(
+        "Playing back", _LIVE_WORKSPACES, ("Back to what is live", "l", lambda live: live.playhead.go_live())
+    ),
     *_several(
         "Playing back",
         ("Play",),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from enliven.files import own_folder
 
-_KEPT = 6
+_MAX_ADDRESSES = 6
 """Maximum number of stored addresses: a list that can be read at a glance."""
 
 
@@ -23,17 +23,17 @@ class Addresses:
         self._known: tuple[str, ...] | None = None
 
     @property
-    def known(self) -> tuple[str, ...]:
+    def addresses(self) -> tuple[str, ...]:
         """Returns the addresses, newest first; the file is read once."""
         if self._known is None:
             self._known = ()
             with contextlib.suppress(OSError, UnicodeDecodeError):
-                self._known = tuple(self._path.read_text("utf-8").split()[:_KEPT])
+                self._known = tuple(self._path.read_text("utf-8").split()[:_MAX_ADDRESSES])
         return self._known
 
     def remember(self, address: str) -> None:
         """Moves an address to the top."""
-        addresses = (address, *(other for other in self.known if other != address))[:_KEPT]
+        addresses = (address, *(other for other in self.addresses if other != address))[:_MAX_ADDRESSES]
         self._known = addresses
         with contextlib.suppress(OSError):  # A failure to store the address must not prevent the connection.
             self._path.write_text("\n".join(addresses) + "\n", "utf-8")

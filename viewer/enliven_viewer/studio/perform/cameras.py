@@ -19,11 +19,11 @@ from enliven_viewer.language import later, tr
 
 log = logging.getLogger(__name__)
 
-_SECONDS = "0.6"
+_TEST_DURATION_S = "0.6"
 """Duration in seconds of a test: enough for some images, and the frame rate."""
-_MOST = 1 << 20
+_MAX_ANSWER_BYTES = 1 << 20
 """Maximum number of bytes read of the edge's answer: a thousand cameras."""
-_MISSING = later("The edge is not installed here, so only cameras of other computers can be used.")
+_MISSING_EDGE = later("The edge is not installed here, so only cameras of other computers can be used.")
 
 
 class Camera(msgspec.Struct, frozen=True):
@@ -94,7 +94,7 @@ class CameraSearch:
         if self._search is not None:
             return
         if find_spec("enliven_edge") is None:
-            self.cameras, self.problem = (), _MISSING
+            self.cameras, self.problem = (), _MISSING_EDGE
             return
         out = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115, it is read when the search ends
         self._search = start_process(["sensors", "--json"], stdout=out), out
@@ -108,7 +108,17 @@ class CameraSearch:
         path.unlink(missing_ok=True)
         output = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115, it is read when the look ends
         _, sensor, *settings = camera.words
-        words = ["sensors", sensor, *settings, "-o", str(path), "--seconds", _SECONDS, "--picture", "none"]
+        words = [
+            "sensors",
+            sensor,
+            *settings,
+            "-o",
+            str(path),
+            "--seconds",
+            _TEST_DURATION_S,
+            "--picture",
+            "none",
+        ]
         self._look = start_process(words, stderr=output, stdout=output), output, camera, path
 
     def poll(self) -> None:
@@ -161,4 +171,4 @@ def _text(file: IO[str]) -> str:
     """Returns what a process has written into a file, and closes the file."""
     file.seek(0)
     with file:
-        return file.read(_MOST)
+        return file.read(_MAX_ANSWER_BYTES)

@@ -12,17 +12,17 @@ from enliven_viewer.render import Box, OrbitCamera, Scene, SceneCharacter
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Lens
 
-_ROOM = 1.7
+_FRAMING_MARGIN = 1.7
 """Framing margin around the limb, so that neighbouring parts are visible too."""
-_WHOLE = 0.75
+_MAX_PART_FRACTION = 0.75
 """If the part to be attached is larger than this fraction of the character, the view does not move."""
-_DWELL = 0.7
+_MIN_STAY_S = 0.7
 """Minimum time in seconds that the view stays at a limb, so that it does not jump between two similar
 ones.
 """
-_MOVED = 0.35
+_MIN_LIMB_MOVEMENT = 0.35
 """Minimum movement of a limb, as a fraction of its size, before the view follows."""
-_SAME = 1e-6
+_VIEW_TOLERANCE = 1e-6
 """Tolerance in metres and radians for the view being unchanged; otherwise the artist has turned it."""
 
 
@@ -50,13 +50,19 @@ class CloseUp:
     def advance(self, seconds: float, scene: Scene | None, meant: str | None) -> None:
         """Moves the view to the part that is about to be attached, of a given character or of any."""
         self._since += seconds
-        box = None if scene is None or not self.on else about_to_be_held(scene, meant)
-        if box is None and self.box is not None and self.on and scene is not None and self._since < _DWELL:
+        box = None if scene is None or not self.on else pending_limb_box(scene, meant)
+        if (
+            box is None
+            and self.box is not None
+            and self.on
+            and scene is not None
+            and self._since < _MIN_STAY_S
+        ):
             return
         self.box = box
         if box is None:
             self._go_back()
-        elif self._framed is None or (self._since > _DWELL and _elsewhere(box, self._framed)):
+        elif self._framed is None or (self._since > _MIN_STAY_S and _elsewhere(box, self._framed)):
             self._go_to(box)
 
     def lens(self, width: float, height: float) -> Lens | None:
@@ -66,35 +72,37 @@ class CloseUp:
         camera = OrbitCamera(self.editor.camera.field_of_view)
         azimuth, elevation = self.editor.camera.goal[3:5]
         camera.face(azimuth + math.pi / 2, elevation)
-        camera.frame(self.box, width / height, at_once=True, room=_ROOM)
+        camera.frame(self.box, width / height, at_once=True, room=_FRAMING_MARGIN)
         return Lens(camera.view(width / height), (width, height))
 
     @property
-    def _turned(self) -> bool:
+    def _view_was_turned(self) -> bool:
         """Returns True if the artist has moved the view since it was sent to the limb."""
-        return not np.allclose(self.editor.camera.goal, self._sent, atol=_SAME)
+        return not np.allclose(self.editor.camera.goal, self._sent, atol=_VIEW_TOLERANCE)
 
     def _go_to(self, box: Box) -> None:
         """Frames a limb, unless the artist has moved the view meanwhile."""
         camera, size = self.editor.camera, self.editor.size
-        if self._framed is not None and self._turned:
+        if self._framed is not None and self._view_was_turned:
             self._before = None
         else:
             if self._framed is None:
                 self._before = camera.goal
-            camera.frame(box, size[0] / max(size[1], 1.0), room=_ROOM, at_once=self.editor.less_motion())
+            camera.frame(
+                box, size[0] / max(size[1], 1.0), room=_FRAMING_MARGIN, at_once=self.editor.less_motion()
+            )
             self._sent = camera.goal
         self._framed, self._since = box, 0.0
 
     def _go_back(self) -> None:
         """Restores the previous view, unless the artist has moved the view."""
-        if self._before is not None and not self._turned:
+        if self._before is not None and not self._view_was_turned:
             *target, azimuth, elevation, distance = self._before
             self.editor.camera.go(target, azimuth, elevation, distance)
         self._before = self._framed = None
 
 
-def about_to_be_held(scene: Scene, meant: str | None = None) -> Box | None:
+def pending_limb_box(scene: Scene, meant: str | None = None) -> Box | None:
     """Returns the bounding box of the limb that the next possession would attach.
 
     Returns None without such a limb, or if it is most of a character.
@@ -105,7 +113,7 @@ def about_to_be_held(scene: Scene, meant: str | None = None) -> Box | None:
     for actor in scene.actors:
         points = _limb(scene, actor) if meant in (None, actor.character.id) else None
         box, whole = bounds_of([points]) if points is not None else None, bounds_of([actor.extent])
-        if box is not None and whole is not None and _size(box) < _WHOLE * _size(whole):
+        if box is not None and whole is not None and _size(box) < _MAX_PART_FRACTION * _size(whole):
             return box
     return None
 
@@ -131,5 +139,5 @@ def _size(box: Box) -> float:
 
 def _elsewhere(box: Box, before: Box) -> bool:
     """Returns True if a limb has moved, or is another one."""
-    least = _MOVED * max(_size(box), _size(before))
+    least = _MIN_LIMB_MOVEMENT * max(_size(box), _size(before))
     return max(float(np.abs(box[k] - before[k]).max()) for k in (0, 1)) > least

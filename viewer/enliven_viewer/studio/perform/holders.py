@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enliven.wire import HoldMessage
 from enliven_viewer.language import later, tr
 
-_WORDS = {
+_PART_LABELS = {
     "all": later("the whole body"),
     "arms": later("both arms"),
     "legs": later("both legs"),
@@ -36,7 +36,7 @@ class Holder:
     @property
     def words(self) -> str:
         """Returns a text for an audience: "Performer 1 is in the horse: both arms"."""
-        parts = [tr(_WORDS.get(part, part)) for part in self.parts]
+        parts = [tr(_PART_LABELS.get(part, part)) for part in self.parts]
         return tr(
             "Performer {0} is in the {1}: {2}",
             self.number or self.body,

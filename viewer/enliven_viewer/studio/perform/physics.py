@@ -8,14 +8,14 @@ from enliven.wire import PHYSICS, Answer, PhysicsMessage, PlayPhysics, Refused
 from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform.edge_state import NOT_READY, EdgeState
+from enliven_viewer.studio.perform.topic_state import NOT_READY, TopicState
 
 LooseWorld = Literal["none", "boxes", "dodgeball"]
 LOOSE_WORLDS: tuple[LooseWorld, ...] = get_args(LooseWorld)
 LOOSE_LABELS = (later("Nothing loose"), later("Towers of boxes"), later("Dodgeball"))
 """The artist's name for each of :data:`LOOSE_WORLDS`."""
 _OLD_EDGE = later("This stage's program is older: start it with --physics boxes.")
-_HINTS = {
+_STATE_HINTS = {
     "off": later("Boxes and balls that a character can knock over."),
     "preparing": later("The objects are being made ready."),
     "on": later("They appear once a performer stands still. Step in, and knock them over."),
@@ -27,7 +27,7 @@ class StagePhysics:
 
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
-        self._state: EdgeState[PhysicsMessage] = EdgeState(PHYSICS)
+        self._state: TopicState[PhysicsMessage] = TopicState(PHYSICS)
 
     def advance(self, client: EdgeClient) -> None:
         """Processes the edge's messages."""
@@ -54,8 +54,8 @@ class StagePhysics:
         state = self.state
         if state is None:
             return _OLD_EDGE if self._state.is_unsupported else NOT_READY
-        if state.state in _HINTS:
-            return _HINTS[state.state]
+        if state.state in _STATE_HINTS:
+            return _STATE_HINTS[state.state]
         return f"{state.what[:1].upper()}{state.what[1:]}. {state.mend}"
 
     @property
@@ -66,8 +66,8 @@ class StagePhysics:
     def ask(self, client: EdgeClient | None, number: int) -> None:
         """Puts one of :data:`LOOSE_WORLDS` on the stage."""
         if client is not None and self.state is not None:
-            client.ask(PlayPhysics(LOOSE_WORLDS[number]), self._answered)
+            client.ask(PlayPhysics(LOOSE_WORLDS[number]), self._take_answer)
 
-    def _answered(self, answer: Answer) -> None:
+    def _take_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self._editor.toasts.say(tr("This stage has no physics"), answer.reason)

@@ -13,7 +13,7 @@ from enliven_viewer.playback import NS
 from enliven_viewer.studio.perform.holders import Holders
 from enliven_viewer.studio.perform.stillness import Stillness
 
-_BEFORE = 18_000
+_MAX_EARLIER_FRAMES = 18_000
 """Maximum number of body frames stored from before a recording: ten minutes, since an attachment may be that
 old.
 """
@@ -32,7 +32,7 @@ class LiveRecorder:
         self.holders = Holders()
         self.newest_ns: int | None = None
         self.cut, self.stillness = False, Stillness()
-        self._frames: deque[BodyFrame] = deque(maxlen=_BEFORE)
+        self._frames: deque[BodyFrame] = deque(maxlen=_MAX_EARLIER_FRAMES)
         self._kept: PerformedMotion | None = None
         self._delay_ns: int | None = None
 
@@ -98,7 +98,7 @@ class LiveRecorder:
             poses={key: list(poses) for key, poses in kept.poses.items()},
         )
 
-    def heard(self, topic: Topic, value: Any) -> None:
+    def record(self, topic: Topic, value: Any) -> None:
         """Processes a value of a topic from the link."""
         if topic is POSE:
             self._pose(value)

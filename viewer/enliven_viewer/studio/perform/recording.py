@@ -12,18 +12,18 @@ from enliven.takes import PerformedMotion, with_performed
 from enliven_viewer.language import later, tr
 from enliven_viewer.live import LiveStage
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform.guests import Guest
 from enliven_viewer.studio.perform.recorder import LiveRecorder
+from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge
 
-_COUNT = 3.0
+_COUNT_IN_S = 3.0
 """Length of the count-in in seconds: one beat per second."""
-_GONE = 4.0
+_SILENCE_TIMEOUT_S = 4.0
 """Seconds without messages from an edge after which a recording ends. A weak link recovers sooner."""
-_SHORTEST = 0.05
+_MIN_SPAN_S = 0.05
 """Minimum length of the marked span in seconds. A shorter one is an accident."""
-_RECORD = "record "
+_RECORD_PREFIX = "record "
 """Prefix of the history name of a recording."""
-_SILENCE = "silence "
+_MUTE_PREFIX = "silence "
 """Prefix of the history name of an edit that mutes takes before recording an alternative."""
 Phase = Literal["idle", "counting", "recording"]
 
@@ -57,7 +57,7 @@ class StageRecording:
         connected: Callable[[], bool],
         may: Callable[[str], bool],
         lacks: Callable[[], str],
-        guests: Sequence[Guest] = (),
+        guests: Sequence[SecondaryEdge] = (),
     ) -> None:
         self.editor = editor
         self.recorder = LiveRecorder()
@@ -85,8 +85,8 @@ class StageRecording:
             if self.hold_still and self.recorder.still > self.hold_still:
                 self.stop(self.recorder.stillness.since_ns)
             elif self.span is not None and self.seconds >= self.span[1] - self._start:
-                self._span_ended(self.span)
-            elif (self.recorder.cut and not self._guests) or self._silent > _GONE:
+                self._end_span(self.span)
+            elif (self.recorder.cut and not self._guests) or self._silent > _SILENCE_TIMEOUT_S:
                 self.stop()
                 self.editor.toasts.say(
                     tr("The edge is gone, so the recording ended"),
@@ -101,7 +101,7 @@ class StageRecording:
         )
 
     @property
-    def counted(self) -> int:
+    def beat(self) -> int:
         """Returns the current beat of the count-in: 3, 2, 1; 0 without one."""
         return int(self._left) + 1 if self.phase == "counting" else 0
 
@@ -130,7 +130,7 @@ class StageRecording:
         if self.phase != "idle":
             self.stop()
         elif self._may(self._lacks()):
-            self.phase, self._left = "counting", _COUNT if self.count_in else 0.0
+            self.phase, self._left = "counting", _COUNT_IN_S if self.count_in else 0.0
 
     def again(self, *, beside: bool = False) -> None:
         """Starts again where the recording began. A running recording is dropped; a finished one is undone.
@@ -139,27 +139,27 @@ class StageRecording:
             beside: whether to keep the finished one, muted, as an alternative of the new one.
         """
         if self.phase == "idle":
-            if not self.recorded:
+            if not self.last_recording:
                 self.editor.toasts.say(tr("Nothing was recorded yet"), tr("Record first."))
                 return
-            alternatives = alternatives_of(self.editor.project, self.recorded)
+            alternatives = alternatives_of(self.editor.project, self.last_recording)
             if beside:
                 self._silence(alternatives)
             else:
-                self._beside = alternatives if alternatives != self.recorded else ""
+                self._beside = alternatives if alternatives != self.last_recording else ""
                 self.editor.undo()
         elif self.phase == "recording":
-            self._ended()
+            self._end_recorders()
             self.editor.growing = 0.0
         self.phase = "idle"
         self.editor.scrub(self._start)
         self.record()
 
     @property
-    def recorded(self) -> str:
+    def last_recording(self) -> str:
         """Returns the name of the recording if it was the last edit; else empty."""
         name = self.editor.history.undo_name or ""
-        return name.removeprefix(_RECORD) if name.startswith(_RECORD) else ""
+        return name.removeprefix(_RECORD_PREFIX) if name.startswith(_RECORD_PREFIX) else ""
 
     def _silence(self, alternatives: str) -> None:
         """Mutes all takes of a group, before another one is recorded."""
@@ -184,11 +184,11 @@ class StageRecording:
         phase, self.phase = self.phase, "idle"
         beside, self._beside = self._beside, ""
         if phase != "recording":
-            if beside and (self.editor.history.undo_name or "").startswith(_SILENCE):
+            if beside and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
                 self.editor.undo()
             return
         editor = self.editor
-        (performed, *others), start, replaces = self._ended(), self._start, self.replaces
+        (performed, *others), start, replaces = self._end_recorders(), self._start, self.replaces
         if until_ns is not None:
             others = [other.until(other.since_ns + until_ns - performed.since_ns) for other in others]
             performed = performed.until(until_ns)
@@ -196,7 +196,9 @@ class StageRecording:
         added: list[str] = []
 
         def change(project: Project) -> Project:
-            after, names = _recorded(project, (performed, *others), start, replaces=replaces, beside=beside)
+            after, names = _insert_recording(
+                project, (performed, *others), start, replaces=replaces, beside=beside
+            )
             added.extend(names)
             return after
 
@@ -219,24 +221,24 @@ class StageRecording:
         recorders = (self.recorder, *(guest.recorder for guest in self._guests))
         copies = [copy for copy in (recorder.so_far() for recorder in recorders) if copy is not None]
         start, replaces, beside = self._start, self.replaces, self._beside
-        return lambda project: _recorded(project, copies, start, replaces=replaces, beside=beside)[0]
+        return lambda project: _insert_recording(project, copies, start, replaces=replaces, beside=beside)[0]
 
     def drop(self) -> None:
         """Discards the count-in or the running recording."""
         phase, self.phase = self.phase, "idle"
         beside, self._beside = self._beside, ""
         if phase == "recording":
-            self._ended()
+            self._end_recorders()
             self.editor.growing, self.editor.playing = 0.0, False
-        if beside and (self.editor.history.undo_name or "").startswith(_SILENCE):
+        if beside and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
             self.editor.undo()
 
-    def seen(self) -> str:
+    def take_last_character(self) -> str:
         """Returns the character that was recorded last, only once; empty if it was requested already."""
         fresh, self._fresh = self._fresh, ""
         return fresh
 
-    def _ended(self) -> list[PerformedMotion]:
+    def _end_recorders(self) -> list[PerformedMotion]:
         """Ends all recorders and returns their recordings, the primary edge's first."""
         return [
             recorder.end()
@@ -244,12 +246,12 @@ class StageRecording:
             if recorder.recording
         ]
 
-    def _span_ended(self, span: tuple[float, float]) -> None:
+    def _end_span(self, span: tuple[float, float]) -> None:
         """Keeps the recording of the span. In loop mode the next pass starts at once."""
         begun = self.recorder.since_ns + round((span[1] - self._start) * 1e9)
         self.stop(begun)
         if self.loops:
-            if alternatives := alternatives_of(self.editor.project, self.recorded):
+            if alternatives := alternatives_of(self.editor.project, self.last_recording):
                 self._silence(alternatives)
             self._begin()
 
@@ -258,7 +260,7 @@ class StageRecording:
         editor, live = self.editor, self._live()
         assert live is not None
         self.phase, self._silent = "recording", 0.0
-        usual = editor.time if editor.time < editor.length - _SHORTEST else 0.0
+        usual = editor.time if editor.time < editor.length - _MIN_SPAN_S else 0.0
         self._start = editor.growing = usual if self.span is None else self.span[0]
         name = self._name()
         self.recorder.begin(name, self._delay_ns())
@@ -286,7 +288,7 @@ class StageRecording:
         return f"take {number}"
 
 
-def _recorded(
+def _insert_recording(
     project: Project, performed: Sequence[PerformedMotion], start: float, *, replaces: bool, beside: str
 ) -> tuple[Project, list[str]]:
     """Returns a project with a recording inserted at a time, and the ids of its new items.

@@ -17,17 +17,17 @@ from enliven_viewer.settings import PlaybackSettings
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.addresses import Addresses
 from enliven_viewer.studio.perform.cameras import CameraSearch
+from enliven_viewer.studio.perform.character_sizes import CharacterSizes
 from enliven_viewer.studio.perform.close_up import CloseUp
-from enliven_viewer.studio.perform.guests import Guest, camera_of, together
 from enliven_viewer.studio.perform.holders import Holder
-from enliven_viewer.studio.perform.nearby import NearbyEdge
+from enliven_viewer.studio.perform.live_overlay import LiveOverlay, OverlayConditions
+from enliven_viewer.studio.perform.local_edge import LocalEdge
 from enliven_viewer.studio.perform.physics import StagePhysics
+from enliven_viewer.studio.perform.possession_requests import PossessionRequests
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 from enliven_viewer.studio.perform.recording import StageRecording
-from enliven_viewer.studio.perform.sender import StageSender
-from enliven_viewer.studio.perform.sizes import StageSizes
-from enliven_viewer.studio.perform.stepping_in import SteppingIn
-from enliven_viewer.studio.perform.twins import Telling, Twins
+from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge, camera_of, merge_scenes
+from enliven_viewer.studio.perform.stage_sender import StageSender
 from enliven_viewer.studio.perform.voice import StageVoice
 
 ROOMS = ("Perform", "Animate", "Model", "Play")
@@ -42,14 +42,14 @@ class PerformSession:
         folder: folder of the stored addresses.
 
     Attributes:
-        room: the current workspace, one of :data:`ROOMS`.
+        active_workspace: the current workspace, one of :data:`ROOMS`.
         live: the followed stage or take; None without a link.
         scene: the live scene, shown next to the project's characters; None without a link.
-        there: the character selected in the stage's list, if it is not in the project.
+        stage_selection: the character selected in the stage's list, if it is not in the project.
         recording: records from the stage onto the timeline.
-        guests: secondary edges, which are shown and recorded too.
+        secondary_edges: secondary edges, which are shown and recorded too.
         sizes: sizes of the characters on the stage.
-        stepping_in: handles requests to possess a character, now or as soon as possible.
+        possession_requests: handles requests to possess a character, now or as soon as possible.
         voice: spoken commands.
         physics: loose objects on the stage.
         close_up: the view of the limb that is about to be attached.
@@ -60,24 +60,25 @@ class PerformSession:
     def __init__(self, editor: Editor, folder: Path | None = None) -> None:
         self.editor = editor
         self.addresses = Addresses(folder)
-        self.room = "Animate"
+        self.active_workspace = "Animate"
         self.live: LiveStage | None = None
         self.scene: Scene | None = None
-        self.there = ""
-        self._twins = Twins(editor)
-        self.guests: list[Guest] = []
+        self.stage_selection = ""
+        self._live_overlay = LiveOverlay(editor)
+        self.secondary_edges: list[SecondaryEdge] = []
         self.recording = StageRecording(
-            *(editor, lambda: self.live, lambda: self.connected, self._may, self.lacks_edge), self.guests
+            *(editor, lambda: self.live, lambda: self.connected, self._may, self.lacks_edge),
+            self.secondary_edges,
         )
         self.close_up = CloseUp(editor)
-        self.sender, self.sizes = StageSender(editor.toasts.say), StageSizes(editor)
+        self.sender, self.sizes = StageSender(editor.toasts.say), CharacterSizes(editor)
         self.voice, self.physics = StageVoice(editor), StagePhysics(editor)
-        self.stepping_in = SteppingIn(self)
+        self.possession_requests = PossessionRequests(self)
         self.address, self.cameras = "", CameraSearch()
         self._client: EdgeClient | None = None
-        self._nearby: NearbyEdge | None = None
+        self._local_edge: LocalEdge | None = None
         self._framed: tuple[str, ...] = ()
-        self._soon: tuple[str, ...] = ()  # These characters wait for a stage.
+        self._awaiting_stage: tuple[str, ...] = ()  # These characters wait for a stage.
 
     @property
     def keys_of(self) -> str:
@@ -85,7 +86,7 @@ class PerformSession:
 
         Returns an empty string in *Play* without a stage, where the project plays.
         """
-        return "" if self.room == "Play" and self.live is None else self.room
+        return "" if self.active_workspace == "Play" and self.live is None else self.active_workspace
 
     # The link ---------------------------------------------------------------------------------------------
 
@@ -103,10 +104,10 @@ class PerformSession:
         client = EdgeClient([address], "enliven window")
         self.disconnect()
         self._client, feed = client, EdgeFeed(client)
-        feed.heard, feed.restarted = self._heard, self._began_again
+        feed.on_message, feed.restarted = self._handle_message, self._handle_restart
         self.live = LiveStage(feed, Document(Timeline(settings or PlaybackSettings())))
 
-    def join(self, address: str, settings: PlaybackSettings | None = None) -> None:
+    def add_secondary(self, address: str, settings: PlaybackSettings | None = None) -> None:
         """Adds a secondary edge. Its performers are shown and recorded next to the others.
 
         Raises:
@@ -118,42 +119,42 @@ class PerformSession:
             return
         endpoints = [
             self._client.edges[0].endpoint,
-            *(parse_endpoint(guest.address) for guest in self.guests),
+            *(parse_endpoint(guest.address) for guest in self.secondary_edges),
         ]
         if parse_endpoint(wanted) in endpoints:
             mend = tr("Give the address of another camera's computer.")
             raise InputError(tr("that stage is here already"), where=wanted, mend=mend)
-        self.guests.append(Guest(wanted, len(self.guests) + 1, settings))
+        self.secondary_edges.append(SecondaryEdge(wanted, len(self.secondary_edges) + 1, settings))
         self.addresses.remember(wanted)
 
-    def lead(self, guest: Guest, settings: PlaybackSettings | None = None) -> None:
+    def make_primary(self, guest: SecondaryEdge, settings: PlaybackSettings | None = None) -> None:
         """Makes a secondary edge the primary one, which receives orders and characters."""
         if self._client is None:
             return
         before, others = (
             str(self._client.edges[0].endpoint),
-            [o.address for o in self.guests if o is not guest],
+            [o.address for o in self.secondary_edges if o is not guest],
         )
         self.connect(guest.address, settings)
         for address in (before, *others):
-            self.join(address, settings)
+            self.add_secondary(address, settings)
 
-    def part(self, guest: Guest) -> None:
+    def remove_secondary(self, guest: SecondaryEdge) -> None:
         """Disconnects a secondary edge. Its part of a running recording is kept."""
         guest.close()
-        self.guests.remove(guest)
+        self.secondary_edges.remove(guest)
 
-    def connect_nearby(self, *words: str) -> None:
+    def connect_local(self, *words: str) -> None:
         """Starts an edge on this machine and follows it; ``words`` are its command line arguments.
 
         Raises:
             ResourceError: if the edge's program is not installed.
         """
-        edge = NearbyEdge(*words)
+        edge = LocalEdge(*words)
         self._follow(str(edge.endpoint))
-        self._nearby = edge
+        self._local_edge = edge
         if self.live is not None:
-            self.live.near = True
+            self.live.is_local = True
 
     def follow_take(self, path: Path, settings: PlaybackSettings | None = None) -> None:
         """Plays a recorded take: poses, performers, and attachments.
@@ -173,32 +174,32 @@ class PerformSession:
         A local edge ends together with its stage. Its characters go onto the next stage.
         """
         self.recording.stop()
-        if self._nearby is not None:
+        if self._local_edge is not None:
             stood = (name for name, state in self.sender.states.items() if not state.startswith("refused"))
-            self._soon = tuple(dict.fromkeys((*self._soon, *stood)))
+            self._awaiting_stage = tuple(dict.fromkeys((*self._awaiting_stage, *stood)))
         self.cameras.close()
-        for guest in self.guests:
+        for guest in self.secondary_edges:
             guest.close()
-        self.guests.clear()
+        self.secondary_edges.clear()
         if self.live is not None:
             self.live.close()
-        if self._nearby is not None:
-            self._nearby.close()
-        self.live = self.scene = self._client = self._nearby = None
+        if self._local_edge is not None:
+            self._local_edge.close()
+        self.live = self.scene = self._client = self._local_edge = None
         self.close_up.advance(0.0, None, None)
-        self.there = ""
+        self.stage_selection = ""
         self.editor.beside_box = None
         self.sender.forget()
         self.sizes.forget()
-        self.stepping_in.forget()
+        self.possession_requests.forget()
         self.voice.forget()
         self.physics.forget()
         self.recording.recorder = LiveRecorder()
 
     @property
-    def known(self) -> tuple[str, ...]:
+    def known_addresses(self) -> tuple[str, ...]:
         """Returns the previously used addresses, newest first."""
-        return self.addresses.known
+        return self.addresses.addresses
 
     @property
     def connected(self) -> bool:
@@ -223,12 +224,12 @@ class PerformSession:
     @property
     def holders(self) -> tuple[Holder, ...]:
         """Returns which performers currently control what."""
-        own = _numbered(self.live, self.recording.recorder) if self.connected and self.live else ()
+        own = _numbered_holders(self.live, self.recording.recorder) if self.connected and self.live else ()
         guest_holders = (
             holder
-            for guest in self.guests
+            for guest in self.secondary_edges
             if guest.connected
-            for holder in _numbered(guest.live, guest.recorder)
+            for holder in _numbered_holders(guest.live, guest.recorder)
         )
         return (*own, *guest_holders)
 
@@ -246,24 +247,24 @@ class PerformSession:
         if self.live is None:
             return ()
         people = (tr("Performer {0}", self.live.numbers.number_of(body)) for body in self.performers)
-        beside = (line for guest in self.guests for line in guest.present)
-        return (*people, *self.standing, *beside) or (tr("No one is there yet"),)
+        beside = (line for guest in self.secondary_edges for line in guest.present)
+        return (*people, *self.stage_ids, *beside) or (tr("No one is there yet"),)
 
     @property
-    def standing(self) -> tuple[str, ...]:
+    def stage_ids(self) -> tuple[str, ...]:
         """Returns the ids of the characters on the edge's stage."""
         return () if self._client is None else tuple(self._client.characters)
 
     @property
     def hidden(self) -> frozenset[str]:
         """Returns the characters of the project that are replaced on screen by their live versions."""
-        return self._twins.hidden if self.scene is not None else frozenset()
+        return self._live_overlay.hidden if self.scene is not None else frozenset()
 
     @property
-    def meant(self) -> str | None:
+    def target(self) -> str | None:
         """Returns the character that orders apply to: the selected one; None if it is not on the stage."""
-        chosen = self.editor.selection.character or self.there
-        return chosen if chosen in self.standing else None
+        chosen = self.editor.selection.character or self.stage_selection
+        return chosen if chosen in self.stage_ids else None
 
     # Once per frame ---------------------------------------------------------------------------------------
 
@@ -271,10 +272,10 @@ class PerformSession:
         """Processes received messages, and advances running operations."""
         if self.live is None:
             return
-        self.live.meant, self.live.held = self.meant, {holder.character for holder in self.holders}
+        self.live.target, self.live.held = self.target, {holder.character for holder in self.holders}
         self.live.holding = {holder.body for holder in self.recording.recorder.holders.now}
         self.live.advance(seconds)
-        for guest in self.guests:
+        for guest in self.secondary_edges:
             guest.advance(seconds)
         self.live.report_view(self.editor.lens.view)
         self._watch_edge()
@@ -283,30 +284,36 @@ class PerformSession:
                 self._put_awaited()
                 self.sender.advance(self._client.stage, self.editor.project)
             self.recording.advance(seconds)
-            self.sizes.advance(self._client, self.standing)
-            self.voice.advance(self._client, is_near=self.live is not None and self.live.near)
+            self.sizes.advance(self._client, self.stage_ids)
+            self.voice.advance(self._client, is_near=self.live is not None and self.live.is_local)
             self.physics.advance(self._client)
-            self.stepping_in.advance()
+            self.possession_requests.advance()
         if self.live is None:
             return
-        performs = self.room in ("Perform", "Play")
+        performs = self.active_workspace in ("Perform", "Play")
         heard = self.recording.phase != "idle" or not self.editor.playing
-        telling = Telling(performs and self.connected, heard, self.recording.replaces, self.live.held)
-        self.scene = together(self._twins.shown(self.live.scene, telling), self.guests)
+        telling = OverlayConditions(
+            performs and self.connected, heard, self.recording.replaces, self.live.held
+        )
+        self.scene = merge_scenes(self._live_overlay.merge(self.live.scene, telling), self.secondary_edges)
         self.editor.beside_box = self.scene.box
-        self.close_up.advance(seconds, self.scene if performs else None, self.meant)
+        self.close_up.advance(seconds, self.scene if performs else None, self.target)
         if performs and self.live.present != self._framed and self.live.scene.box:
             self.editor.frame_all(at_once=not self._framed, reset=not self._framed)
             self._framed = self.live.present
 
     def _watch_edge(self) -> None:
         """Detects a local edge that failed to start or has ended."""
-        if self._nearby is not None and not self.connected and (why := self._nearby.ended) is not None:
+        if (
+            self._local_edge is not None
+            and not self.connected
+            and (why := self._local_edge.ended) is not None
+        ):
             problem, _, mend = why.removeprefix("enliven: ").partition(". ")
             self.editor.toasts.complain(EnlivenError(problem, where="the stage on this machine", mend=mend))
             self.disconnect()
 
-    def _began_again(self) -> None:
+    def _handle_restart(self) -> None:
         """Handles a restart of the edge.
 
         Follows its new clock, and puts the characters on its empty stage again.
@@ -315,10 +322,10 @@ class PerformSession:
         if self._client is not None:
             self.sender.again(self._client.stage, self.editor.project)
 
-    def _heard(self, topic: Topic, value: Any) -> None:
+    def _handle_message(self, topic: Topic, value: Any) -> None:
         """Handles commands from a pedal or a voice, and passes all other messages to the recorder."""
         if topic is not CALLS:
-            self.recording.recorder.heard(topic, value)
+            self.recording.recorder.record(topic, value)
         elif value.word == "again":
             self.recording.again()
         elif value.word == "record" or self.recording.phase != "idle":
@@ -330,7 +337,7 @@ class PerformSession:
         """Returns why no edge can be used, with advice; empty if one can."""
         if self.connected:
             return ""
-        if self.live is not None and self.live.near and not len(self.live.document.timeline):
+        if self.live is not None and self.live.is_local and not len(self.live.document.timeline):
             return tr("{0}. Wait until a person is seen", self.live.making)
         return "The stage is silent. Check that its camera's program runs"
 
@@ -344,7 +351,7 @@ class PerformSession:
 
     def lacks_recording(self) -> str:
         """Returns why no alternative of the last recording can be recorded, with advice."""
-        last = self.recording.recorded or self.recording.phase == "recording"
+        last = self.recording.last_recording or self.recording.phase == "recording"
         return self.lacks_edge() or ("" if last else "Nothing was recorded yet. Record first")
 
     def lacks_to_put(self) -> str:
@@ -357,7 +364,7 @@ class PerformSession:
 
     def lacks_to_take_off(self) -> str:
         """Returns why the selected character cannot be removed from the stage, with advice."""
-        there = self.editor.selection.character in self.standing
+        there = self.editor.selection.character in self.stage_ids
         return self.lacks_edge() or ("" if there else "It is not on the stage. Choose one that is")
 
     def put(self) -> None:
@@ -367,7 +374,7 @@ class PerformSession:
 
     def put_soon(self, name: str) -> None:
         """Puts a character on the stage, or on the next one that is connected."""
-        self._soon = (*(other for other in self._soon if other != name), name)
+        self._awaiting_stage = (*(other for other in self._awaiting_stage if other != name), name)
         if not self.connected:
             message = tr("{0} goes onto the stage as soon as there is one", name)
             self.editor.toasts.say(message, tr("Connect to a camera at the right, or to a recorded person."))
@@ -375,15 +382,15 @@ class PerformSession:
     @property
     def waiting(self) -> tuple[str, ...]:
         """Returns the characters that wait for the next stage."""
-        return self._soon
+        return self._awaiting_stage
 
     def _put_awaited(self) -> None:
         """Puts the waiting characters on the stage."""
         if not self.connected or self.stage is None:
             return
-        names, self._soon = self._soon, ()
+        names, self._awaiting_stage = self._awaiting_stage, ()
         for name in names:
-            if name in self.editor.project.characters and name not in self.standing:
+            if name in self.editor.project.characters and name not in self.stage_ids:
                 self.sender.put(self.stage, self.editor.project, name)
 
     def take_off(self, name: str = "") -> None:
@@ -398,7 +405,7 @@ class PerformSession:
         return not lacking
 
 
-def _numbered(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
+def _numbered_holders(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
     """Returns which performers control what on one edge, with the numbers shown to people."""
     return tuple(
         replace(holder, number=live.numbers.number_of(holder.body)) for holder in recorder.holders.now

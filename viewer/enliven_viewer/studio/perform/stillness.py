@@ -8,9 +8,9 @@ from enliven.arrays import Float
 from enliven.frames import BodyFrame
 from enliven_viewer.playback import NS
 
-_STILL = 0.06
+_MAX_MOVEMENT_M = 0.06
 """Maximum movement of a joint in metres while a performer holds still: breathing and sensor noise."""
-_SURE = 0.3
+_MIN_CONFIDENCE = 0.3
 """Minimum confidence of a joint. Unseen joints are guesses that jump."""
 
 
@@ -37,8 +37,8 @@ class Stillness:
             off = 0.0
             if place is not None:
                 far = np.linalg.norm(body.joints - place, axis=1)
-                off = float(np.max(far, where=body.confidence > _SURE, initial=0.0))
-            if place is None or off > _STILL:
+                off = float(np.max(far, where=body.confidence > _MIN_CONFIDENCE, initial=0.0))
+            if place is None or off > _MAX_MOVEMENT_M:
                 self._places[body.id], moved = body.joints, True
                 self._moved |= place is not None
         if moved:

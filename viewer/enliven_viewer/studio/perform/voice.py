@@ -8,7 +8,7 @@ from enliven.wire import HEARD, VOICE, Answer, HeardMessage, Listen, Refused, Vo
 from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform.edge_state import NOT_READY, EdgeState
+from enliven_viewer.studio.perform.topic_state import NOT_READY, TopicState
 
 SHOWN_S = 5.0
 """Seconds for which an utterance is shown: long enough to read across the room, gone before the next one."""
@@ -25,13 +25,13 @@ class StageVoice:
     """The state of an edge's voice control, and the commands that open or close its microphone.
 
     Attributes:
-        wanted: whether to open the microphone of a stage started by this window once it runs.
+        wanted_state: whether to open the microphone of a stage started by this window once it runs.
     """
 
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
-        self.wanted = False
-        self._state: EdgeState[VoiceMessage] = EdgeState(VOICE)
+        self.wanted_state = False
+        self._state: TopicState[VoiceMessage] = TopicState(VOICE)
         self._heard: HeardMessage | None = None
         self._until = 0.0
         self._asked: object = None
@@ -42,7 +42,7 @@ class StageVoice:
             self._heard, self._until = message, time.monotonic() + SHOWN_S
         self._state.advance(client)
         instance = client.edges[0].instance
-        if is_near and self.wanted and self.state is not None and self._asked != instance:
+        if is_near and self.wanted_state and self.state is not None and self._asked != instance:
             self._asked = instance
             self._ask(client, True)
 
@@ -102,14 +102,14 @@ class StageVoice:
 
     def toggle(self, client: EdgeClient | None) -> None:
         """Opens or closes the microphone."""
-        self.wanted = not self.is_on
+        self.wanted_state = not self.is_on
         if client is not None and self.state is not None:
-            self._ask(client, self.wanted)
+            self._ask(client, self.wanted_state)
 
     def _ask(self, client: EdgeClient, on: bool) -> None:
-        client.ask(Listen(on), self._answered)
+        client.ask(Listen(on), self._take_answer)
 
-    def _answered(self, answer: Answer) -> None:
+    def _take_answer(self, answer: Answer) -> None:
         if isinstance(answer, Refused):
-            self.wanted = False
+            self.wanted_state = False
             self._editor.toasts.say(tr("The microphone was not switched"), answer.reason)

@@ -16,17 +16,17 @@ from enliven_viewer.studio.performer.performer_view import PerformerFigure
 from enliven_viewer.studio.viewport import Lens
 from enliven_viewer.theme import FADED, HOVERED, point_colour
 
-_LIMB = 0.026
+_LIMB_RADIUS = 0.026
 """Radius of a limb as a fraction of the performer's height."""
-_JOINT = 0.020
+_JOINT_RADIUS = 0.020
 """Radius of a joint as a fraction of the performer's height: thinner than a limb, so that the limb hides
 it.
 """
-_PAIRED = 0.033
+_PAIRED_JOINT_RADIUS = 0.033
 """Radius of a paired joint as a fraction of the performer's height: thicker than a limb, so that it is
 visible.
 """
-_SEEN_THROUGH = 0.3
+_DEPTH_BIAS_M = 0.3
 """Depth bias in metres: the figure is visible through surfaces that cover it by less. More than a limb's
 thickness.
 """
@@ -50,22 +50,22 @@ class PerformerPicture:
         """
         low, high = figure.joints.min(0), figure.joints.max(0)
         self.renderer.draw(Scene((), (), PLAIN, extent=(low, high)), lens.view)
-        self._tubes.draw(self.renderer.picture, figure_rows(figure, paired, lit), _SEEN_THROUGH)
+        self._tubes.draw(self.renderer.picture, figure_rows(figure, paired, lit), _DEPTH_BIAS_M)
 
 
 def figure_rows(figure: PerformerFigure, paired: Mapping[int, int], lit: int | None) -> Float32:
     """Returns (N, 12) rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: limbs, then joints."""
     parents, tall = figure.skeleton.parents, figure.height
     starts, ends = figure.joints[parents[1:]], figure.joints[1:]
-    radii = np.full(len(starts), _LIMB * tall)
+    radii = np.full(len(starts), _LIMB_RADIUS * tall)
     bones = tube_rows(
         starts, ends, radii, linear_from_srgb(np.tile(np.array(FADED, float), (len(starts), 1)))
     )
     bones[:, 7] *= 0.72
-    sizes = np.full(len(figure.joints), _JOINT * tall)
+    sizes = np.full(len(figure.joints), _JOINT_RADIUS * tall)
     tints = np.tile(np.array(FADED, float), (len(figure.joints), 1))
     for joint, point in paired.items():
-        sizes[joint], tints[joint] = _PAIRED * tall, point_colour(point)
+        sizes[joint], tints[joint] = _PAIRED_JOINT_RADIUS * tall, point_colour(point)
     if lit is not None:
-        sizes[lit], tints[lit] = max(sizes[lit], 0.9 * _PAIRED * tall), HOVERED
+        sizes[lit], tints[lit] = max(sizes[lit], 0.9 * _PAIRED_JOINT_RADIUS * tall), HOVERED
     return np.concatenate([bones, tube_rows(figure.joints, figure.joints, sizes, linear_from_srgb(tints))])

@@ -22,9 +22,9 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of, with_joint
 from enliven_viewer.studio.viewport import Lens, Point, joints_of
 
-_ROOM = 1.3
+_FRAMING_MARGIN = 1.3
 """Framing margin: size of the view relative to the performer at rest, so that raised arms fit."""
-_KEPT = 60
+_MAX_CACHED_FIGURES = 60
 """Maximum number of cached figures. Those of the strip are needed in every frame."""
 
 
@@ -135,7 +135,7 @@ class PerformerView:
             self._framed = framed
             half, tall = 0.42 * figure.height, 1.06 * figure.height
             box = np.array([-half, 0.0, -half]), np.array([half, tall, half])
-            self.camera.frame(box, aspect, at_once=True, reset=True, room=_ROOM)
+            self.camera.frame(box, aspect, at_once=True, reset=True, room=_FRAMING_MARGIN)
         if self.linked:
             way = self.editor.lens.forward
             self.camera.face(math.atan2(-way[0], -way[2]), math.asin(float(np.clip(-way[1], -1.0, 1.0))))
@@ -150,11 +150,14 @@ class PerformerView:
         frame = int(np.clip(round(moment[1] / clip.step), 0, len(clip.turns) - 1))
         cached = self._figures.get((moment[0], frame))
         if cached is None or cached[0] is not clip:
-            cached = (clip, self._made(clip, frame))
-            self._figures = {**dict(list(self._figures.items())[-_KEPT:]), (moment[0], frame): cached}
+            cached = (clip, self._make_figure(clip, frame))
+            self._figures = {
+                **dict(list(self._figures.items())[-_MAX_CACHED_FIGURES:]),
+                (moment[0], frame): cached,
+            }
         return cached[1]
 
-    def _made(self, clip: Clip, frame: int) -> PerformerFigure:
+    def _make_figure(self, clip: Clip, frame: int) -> PerformerFigure:
         joints = joints_of(clip.skeleton, clip.turns[frame], clip.root[frame])
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
         # Turn the performer into the direction of the mesh: remove the performer's yaw and the facing

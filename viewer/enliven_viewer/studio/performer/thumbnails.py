@@ -23,13 +23,13 @@ _SIZE = (176, 160)
 _SETTINGS = RenderSettings(shadow_size=256, contact_size=64, samples=4)
 SIDE = 0.42
 """Azimuth in radians from the front for thumbnails and their stick figures, so that both arms are visible."""
-_ABOVE = 0.16
+_ELEVATION = 0.16
 """Elevation in radians of the thumbnails' camera: slightly above the horizon, so that the feet are
 separate.
 """
-_ROOM = 1.06
+_FRAMING_MARGIN = 1.06
 """Framing margin: size of a thumbnail relative to the puppet. Small, because thumbnails are small."""
-_KEPT = 96
+_MAX_CACHED_THUMBNAILS = 96
 """Maximum number of cached thumbnails, of 110 kB each: several strips of key poses."""
 
 _Key = tuple[object, ...]
@@ -64,7 +64,11 @@ class Thumbnails:
             self._done[key] = self._done.pop(key)
             self._shown[(puppet.id, slot)] = key
             return int(thumbnail[1].glo)
-        future = self._solving[key][1] if key in self._solving else self._surfaces.aside(puppet, places)
+        future = (
+            self._solving[key][1]
+            if key in self._solving
+            else self._surfaces.solve_in_background(puppet, places)
+        )
         if future is not None:
             self._solving[key] = puppet, future
         before = self._done.get(self._shown.get((puppet.id, slot), ()))
@@ -79,12 +83,12 @@ class Thumbnails:
             if future.exception() is not None:
                 log.warning("a key pose cannot be drawn", exc_info=future.exception())
                 continue
-            self._done[key] = puppet.mesh, self._drawn(puppet, future.result())
-            while len(self._done) > _KEPT:
+            self._done[key] = puppet.mesh, self._draw_thumbnail(puppet, future.result())
+            while len(self._done) > _MAX_CACHED_THUMBNAILS:
                 self._done.pop(next(iter(self._done)))[1].release()
             return
 
-    def _drawn(self, puppet: Puppet, vertices: Float) -> moderngl.Texture:
+    def _draw_thumbnail(self, puppet: Puppet, vertices: Float) -> moderngl.Texture:
         if self._renderer is None:
             self._renderer = Renderer(self._ctx, _SIZE, _SETTINGS)
         character = self._characters.of(puppet)
@@ -92,8 +96,8 @@ class Thumbnails:
         low = np.minimum(puppet.mesh.vertices.min(0), vertices.min(0))
         high = np.maximum(puppet.mesh.vertices.max(0), vertices.max(0))
         camera, aspect = OrbitCamera(0.5), _SIZE[0] / _SIZE[1]
-        camera.face(SIDE, _ABOVE)
-        camera.frame((low, high), aspect, at_once=True, room=_ROOM)
+        camera.face(SIDE, _ELEVATION)
+        camera.frame((low, high), aspect, at_once=True, room=_FRAMING_MARGIN)
         camera.advance(10.0)
         actor = SceneCharacter(character, character.rest_pose(), vertices=vertices.astype(np.float32))
         self._renderer.look = look_in_theme("studio")

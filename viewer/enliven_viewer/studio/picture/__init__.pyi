@@ -1,3 +1,3 @@
-from .glance import GlancePictures as GlancePictures, picture_of as picture_of
-from .growing import GrowingPicture as GrowingPicture
+from .preview_textures import PreviewTextures as PreviewTextures, picture_of as picture_of
+from .scan_preview_pass import ScanPreview as ScanPreview
 from .viewport import Viewport as Viewport

@@ -9,30 +9,30 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Float32
 from enliven_viewer.render import linear_from_srgb
 from enliven_viewer.render.overlay import tube_rows
-from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StandingCharacter
+from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StageCharacter
 from enliven_viewer.theme import BONE, CHAINED, CHOSEN, FADED, HOVERED, ROOT
 
-_BONE = 2.3
+_BONE_RADIUS_PX = 2.3
 """Radius in pixels of a bone at its parent: thin, so that the mesh stays visible."""
-_JOINT = 3.9
+_JOINT_RADIUS_PX = 3.9
 """Radius in pixels of a joint: large enough to hit with the pointer."""
-_ROOT = 5.4
+_ROOT_RADIUS_PX = 5.4
 """Radius in pixels of the root, which moves the whole shape: larger than other joints."""
 
 
-_BONE_SHARE = 0.012
+_MAX_BONE_RADIUS = 0.012
 """Maximum radius of a bone as a fraction of the skeleton's size, so that distant bones do not hide the
 surface.
 """
-_JOINT_SHARE = 0.02
+_MAX_JOINT_RADIUS = 0.02
 """Maximum radius of a joint as a fraction of the skeleton's size: a little thicker than a bone."""
-_JOINT_OF_BONE = 0.45
+_MAX_JOINT_PER_BONE = 0.45
 """Maximum radius of a joint as a fraction of its longest bone, so that the joints of a hand do not
 overlap.
 """
 
 
-def skeleton_rows(posed: StandingCharacter, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
+def skeleton_rows(posed: StageCharacter, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
     """Returns (N - 1 + N, 12) rows of ``Tubes``: a character's bones, then its handles."""
     pixel = lens.spans(posed.handles)
     mine = posed.id in selection.characters
@@ -48,14 +48,14 @@ def skeleton_rows(posed: StandingCharacter, lens: Lens, selection: Selection, ov
     above, below = np.array(posed.bones, np.int64).reshape(-1, 2).T
     starts, ends = posed.handles[above], posed.handles[below]
     size = float(np.ptp(posed.handles, axis=0).max()) if len(posed.handles) > 1 else np.inf
-    thick = np.minimum(_BONE * pixel[below], _BONE_SHARE * size)
+    thick = np.minimum(_BONE_RADIUS_PX * pixel[below], _MAX_BONE_RADIUS * size)
     rows = tube_rows(starts, ends, thick, linear_from_srgb(bones[below]))
     rows[:, 7] *= 0.42
-    radii = np.full(len(joints), _JOINT)
-    radii[0] = _ROOT
-    most = _JOINT_SHARE * size * radii / _JOINT
+    radii = np.full(len(joints), _JOINT_RADIUS_PX)
+    radii[0] = _ROOT_RADIUS_PX
+    most = _MAX_JOINT_RADIUS * size * radii / _JOINT_RADIUS_PX
     radii = np.minimum(
-        radii * pixel, np.minimum(most, _JOINT_OF_BONE * _longest(posed.handles, above, below))
+        radii * pixel, np.minimum(most, _MAX_JOINT_PER_BONE * _longest(posed.handles, above, below))
     )
     return np.concatenate([rows, tube_rows(posed.handles, posed.handles, radii, linear_from_srgb(joints))])
 
@@ -72,7 +72,7 @@ def _longest(handles: Float, above: AnyArray, below: AnyArray) -> Float:
     return np.where(longest > 0.0, longest, np.inf)
 
 
-def _tint_chain(posed: StandingCharacter, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
+def _tint_chain(posed: StageCharacter, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
     """Highlights the bones between neighbours of a chain."""
     parents = posed.character.parents
     for a, b in itertools.pairwise(chain):

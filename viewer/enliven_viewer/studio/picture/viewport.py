@@ -14,14 +14,14 @@ from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.overlay import Tubes
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.ghosts import GhostPicture
-from enliven_viewer.studio.picture.growing import GrowingPicture, GrowingSurfacePass
-from enliven_viewer.studio.picture.onion import OnionSkin
+from enliven_viewer.studio.picture.onion_skin import OnionSkin
+from enliven_viewer.studio.picture.scan_preview_pass import ScanPreview, ScanPreviewPass
 from enliven_viewer.studio.picture.skeletons import skeleton_rows
 from enliven_viewer.studio.puppets import PuppetOverlay
 from enliven_viewer.studio.tools import NOTHING, ToolPicture
-from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StandingCharacter
+from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StageCharacter
 
-_SEEN_THROUGH = 0.4
+_DEPTH_BIAS = 0.4
 """Depth bias as a fraction of the camera distance. Bones are visible through geometry that covers them by
 less.
 """
@@ -39,12 +39,12 @@ class Viewport:
         self.renderer = Renderer(ctx, size, settings)
         self._tubes = Tubes(ctx)
         self._puppet_overlay: PuppetOverlay | None = None
-        self._growing: GrowingSurfacePass | None = None
+        self._growing: ScanPreviewPass | None = None
         self._onion: OnionSkin | None = None
 
     def draw(
         self,
-        stage: Sequence[StandingCharacter],
+        stage: Sequence[StageCharacter],
         lens: Lens,
         selection: Selection,
         overlay: Overlay,
@@ -54,7 +54,7 @@ class Viewport:
         meshes: bool = True,
         bones: bool = True,
         live: Scene | None = None,
-        growing: tuple[GrowingPicture, Float] | None = None,
+        growing: tuple[ScanPreview, Float] | None = None,
     ) -> None:
         """Draws and resolves one image.
 
@@ -83,15 +83,15 @@ class Viewport:
             near = min(
                 float(((character.handles - lens.view.eye) @ lens.forward).min()) for character in handled
             )
-            self._tubes.draw(self.renderer.picture, rows, _SEEN_THROUGH * max(near, 0.05))
+            self._tubes.draw(self.renderer.picture, rows, _DEPTH_BIAS * max(near, 0.05))
         if ghosts is not None and len(ghosts.tubes):
             near = float(((ghosts.tubes[:, :3] - lens.view.eye) @ lens.forward).min())
-            self._tubes.draw(self.renderer.picture, ghosts.tubes, _SEEN_THROUGH * max(near, 0.05))
+            self._tubes.draw(self.renderer.picture, ghosts.tubes, _DEPTH_BIAS * max(near, 0.05))
 
-    def _draw_growing(self, growing: tuple[GrowingPicture, Float] | None) -> None:
+    def _draw_growing(self, growing: tuple[ScanPreview, Float] | None) -> None:
         """Draws the running scan; without a scan, frees its GPU memory."""
         if growing is not None:
-            self._growing = self._growing or GrowingSurfacePass(self.renderer.ctx)
+            self._growing = self._growing or ScanPreviewPass(self.renderer.ctx)
             self._growing.draw(self.renderer.picture, *growing)
         elif self._growing is not None:
             self._growing.release()
@@ -104,8 +104,8 @@ class Viewport:
         picture = self.renderer.picture
         if over.shade is not None:
             self._puppet_overlay.shade(picture, *over.shade)
-        if over.crossing is not None:
-            self._puppet_overlay.crossing(picture, *over.crossing)
+        if over.self_intersection is not None:
+            self._puppet_overlay.crossing(picture, *over.self_intersection)
         if over.ghost is not None:
             self._puppet_overlay.outline(picture, *over.ghost)
         for rows, bias in over.tubes:

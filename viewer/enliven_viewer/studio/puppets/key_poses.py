@@ -9,10 +9,10 @@ from enliven.document import KeyPose, Project, Puppet
 from enliven.examples import State
 from enliven.modeling.puppet import add_key_pose, change_key_pose, key_pose_at, remove_key_pose
 from enliven_viewer.language import later, tr
-from enliven_viewer.studio.puppets.editing import Editing
-from enliven_viewer.studio.puppets.playing import take_places
-from enliven_viewer.studio.puppets.selection import PuppetSelection
-from enliven_viewer.studio.puppets.stage import PuppetStage, StandingPuppet
+from enliven_viewer.studio.puppets.protocols import EditorProtocol
+from enliven_viewer.studio.puppets.puppet_selection import PuppetSelection
+from enliven_viewer.studio.puppets.puppet_stage import PuppetStage, StagePuppet
+from enliven_viewer.studio.puppets.puppet_states import take_places
 
 
 class KeyPoses(PuppetSelection):
@@ -22,7 +22,7 @@ class KeyPoses(PuppetSelection):
         start_state: state of the puppet when editing began; it stays there while the key pose is edited.
     """
 
-    def __init__(self, editor: Editing, stage: PuppetStage) -> None:
+    def __init__(self, editor: EditorProtocol, stage: PuppetStage) -> None:
         super().__init__(editor, stage)
         self.start_state: State | None = None
         self._key: tuple[str, int] | None = None
@@ -67,7 +67,7 @@ class KeyPoses(PuppetSelection):
 
         An existing key pose there is edited instead.
         """
-        puppet = self._wanted()
+        puppet = self._selected_puppet()
         if puppet is None:
             return False
         there = self.pose_at(take, time)
@@ -82,11 +82,11 @@ class KeyPoses(PuppetSelection):
 
     def edit_pose(self, number: int) -> bool:
         """Edits an existing key pose."""
-        puppet = self._wanted()
+        puppet = self._selected_puppet()
         if puppet is None or not 0 <= number < len(puppet.poses):
             return False
         before = dict(zip((p.vertex for p in puppet.points), puppet.poses[number].places, strict=True))
-        self._edit(puppet.id, number, before, self.stage.standing_of(puppet.id))
+        self._edit(puppet.id, number, before, self.stage.find(puppet.id))
         return True
 
     def accept(self) -> None:
@@ -114,7 +114,7 @@ class KeyPoses(PuppetSelection):
             )
 
     def _edit(
-        self, puppet: str, number: int, before: dict[int, Float] | None, standing: StandingPuppet | None
+        self, puppet: str, number: int, before: dict[int, Float] | None, standing: StagePuppet | None
     ) -> None:
         """Starts editing a key pose.
 
@@ -134,7 +134,7 @@ class KeyPoses(PuppetSelection):
                 tr("It has no control points yet"), tr("Click the mesh where you want to hold it.")
             )
             return False
-        standing = self.stage.standing_of(puppet.id)
+        standing = self.stage.find(puppet.id)
 
         def adding(project: Project) -> Project:
             return add_key_pose(project, puppet.id, take, time, places)

@@ -15,20 +15,20 @@ from enliven.document import Plane
 from enliven.meshes import Mesh
 from enliven.modeling.mesh import plane_of_symmetry
 
-Found = TypeVar("Found")
-_MOST = 8
+Cached = TypeVar("Cached")
+_MAX_MESHES = 8
 """Maximum number of meshes with cached results. A stage seldom has more puppets."""
 
 
-def by_mesh(find: Callable[[Mesh], Found]) -> Callable[[Mesh], Found]:
+def by_mesh(find: Callable[[Mesh], Cached]) -> Callable[[Mesh], Cached]:
     """Returns the function with a cache for the last few meshes. Meshes are compared by identity."""
-    cache: OrderedDict[int, tuple[Mesh, Found]] = OrderedDict()
+    cache: OrderedDict[int, tuple[Mesh, Cached]] = OrderedDict()
 
     @wraps(find)
-    def ask(mesh: Mesh) -> Found:
+    def ask(mesh: Mesh) -> Cached:
         if id(mesh) not in cache or cache[id(mesh)][0] is not mesh:
             cache[id(mesh)] = (mesh, find(mesh))
-            while len(cache) > _MOST:
+            while len(cache) > _MAX_MESHES:
                 cache.popitem(last=False)
         return cache[id(mesh)][1]
 

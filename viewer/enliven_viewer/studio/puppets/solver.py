@@ -22,13 +22,13 @@ TOLD = 150_000
 """Number of vertices above which the preparation is announced, and scrubbing does not fully settle every
 frame.
 """
-_STILL = 1e-4
+_SETTLED_MOVEMENT = 1e-4
 """Movement per frame, as a fraction of the mesh's size, below which the surface counts as settled: less than
 a pixel.
 """
-_MOST_ROUNDS = 60
+_MAX_SETTLING_FRAMES = 60
 """Maximum number of frames for settling the surface after a drag: one or two seconds."""
-Held = tuple[tuple[int, float | None], ...]
+HeldPoints = tuple[tuple[int, float | None], ...]
 
 
 class Solver:
@@ -48,7 +48,7 @@ class Solver:
         self._places: Float | None = None
         self._surface: PuppetSurface | None = None
         self._rounds = 0
-        self._refused: Held | None = None
+        self._refused: HeldPoints | None = None
         self._work: Future[PuppetSurface] | None = self._begin(puppet)
         if self._count > TOLD:
             toasts.say(
@@ -67,7 +67,7 @@ class Solver:
         if not puppet.points:
             self._shown = self.mesh.vertices
         elif self._places is None or not np.array_equal(places, self._places):
-            self._shown = self._moved(surface, places, warm=warm)
+            self._shown = self._move_points(surface, places, warm=warm)
         return self._shown
 
     def ready(self, puppet: Puppet) -> PuppetSurface | None:
@@ -91,7 +91,7 @@ class Solver:
             return None
         return self._surface if self._work is None else None
 
-    def came(self) -> bool:
+    def has_result(self) -> bool:
         """Returns True if the preparation has finished and its result was not fetched yet."""
         return self._work is not None and self._work.done()
 
@@ -110,16 +110,16 @@ class Solver:
         except EnlivenError:  # This error was reported when the surface was first requested.
             self._rounds = 0
             return False
-        if float(np.abs(self._shown - before).max()) < _STILL * size_of(self.mesh):
+        if float(np.abs(self._shown - before).max()) < _SETTLED_MOVEMENT * size_of(self.mesh):
             self._rounds = 0
         return True
 
-    def _moved(self, surface: PuppetSurface, places: Float, *, warm: bool) -> Float:
+    def _move_points(self, surface: PuppetSurface, places: Float, *, warm: bool) -> Float:
         small = self._count <= TOLD
-        self._places, self._rounds = np.array(places), 0 if small and not warm else _MOST_ROUNDS
+        self._places, self._rounds = np.array(places), 0 if small and not warm else _MAX_SETTLING_FRAMES
         try:
             if not warm and small and np.array_equal(places, self.mesh.vertices[[v for v, _ in self._held]]):
-                surface.hold(*_split(self._held))  # This is the rest pose, which needs no solving.
+                surface.hold(*_split_points(self._held))  # This is the rest pose, which needs no solving.
                 return surface.pose
             return surface.settle(places) if small and not warm else surface.solve(places)
         except EnlivenError as error:
@@ -133,7 +133,7 @@ class Solver:
         self._refused = self._held
 
     def _begin(self, puppet: Puppet) -> Future[PuppetSurface]:
-        held, weights = _split(self._held)
+        held, weights = _split_points(self._held)
         if self._count > AT_ONCE:
             return self._pool.submit(PuppetSurface, puppet.mesh, held, weights, puppet.surface)
         future: Future[PuppetSurface] = Future()
@@ -148,13 +148,13 @@ class Solver:
         if first and self._count > TOLD:
             self._toasts.say(tr("{0} can be dragged now", self._name), *surface.notes[:1])
 
-    def _hold(self, held: Held) -> None:
+    def _hold(self, held: HeldPoints) -> None:
         """Changes the control points; in the background if that takes long."""
         surface, self._held, self._places = self._surface, held, None
         assert surface is not None
 
         def work() -> PuppetSurface:
-            surface.hold(*_split(held))
+            surface.hold(*_split_points(held))
             return surface
 
         if self._count > LARGE:
@@ -163,10 +163,10 @@ class Solver:
             work()
 
 
-def held_by(puppet: Puppet) -> Held:
+def held_by(puppet: Puppet) -> HeldPoints:
     """Returns the vertex and the weight of each control point, which determine the surface."""
     return tuple((point.vertex, point.weight) for point in puppet.points)
 
 
-def _split(held: Held) -> tuple[list[int], list[float | None]]:
+def _split_points(held: HeldPoints) -> tuple[list[int], list[float | None]]:
     return [vertex for vertex, _ in held], [weight for _, weight in held]

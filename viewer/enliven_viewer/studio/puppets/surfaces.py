@@ -41,7 +41,7 @@ class PuppetSurfaces:
         """
         return self._solver(puppet).of(puppet, places, warm=warm)
 
-    def aside(self, puppet: Puppet, places: Float) -> Future[Float] | None:
+    def solve_in_background(self, puppet: Puppet, places: Float) -> Future[Float] | None:
         """Returns the future of the settled surface (V, 3) at other positions (P, 3); or None.
 
         The drag is not affected.
@@ -51,12 +51,12 @@ class PuppetSurfaces:
             return None
         return self._others.submit(surface.aside, places)
 
-    def settled(self, puppet: Puppet, many: Sequence[Float]) -> list[Float] | None:
+    def settle_each(self, puppet: Puppet, many: Sequence[Float]) -> list[Float] | None:
         """Returns the settled surface (V, 3) at each of several positions (P, 3).
 
         Returns None if they cannot be computed yet.
         """
-        futures = [self.aside(puppet, places) for places in many]
+        futures = [self.solve_in_background(puppet, places) for places in many]
         try:
             return [future.result() for future in futures if future is not None] if all(futures) else None
         except EnlivenError:
@@ -64,7 +64,7 @@ class PuppetSurfaces:
 
     def improve(self) -> None:
         """Settles dragged surfaces further, and fetches prepared ones."""
-        moved = [solver.improve() or solver.came() for solver in self._known.values()]
+        moved = [solver.improve() or solver.has_result() for solver in self._known.values()]
         self.version += any(moved)
 
     def settle(self) -> None:
@@ -76,7 +76,7 @@ class PuppetSurfaces:
             solver.forget()
         self.version += 1
 
-    def prepared(self, puppet: Puppet) -> bool:
+    def is_prepared(self, puppet: Puppet) -> bool:
         """Returns True if the surface is prepared. The first call starts the preparation."""
         return self._solver(puppet).ready(puppet) is not None
 

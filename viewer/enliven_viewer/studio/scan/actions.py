@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from enliven_viewer.studio.actions import Action
-from enliven_viewer.studio.scan.session import ScanSession
+from enliven_viewer.studio.scan.scan_session import ScanSession
 
 
 def scan_actions(scan: ScanSession) -> Iterator[Action]:
@@ -26,7 +26,7 @@ def scan_actions(scan: ScanSession) -> Iterator[Action]:
         (),
         scan.pause,
         scan.lacks_scan,
-        on=lambda: scan.said.phase == "paused",
+        is_on=lambda: scan.message.phase == "paused",
         apart=True,
     )
     yield Action(

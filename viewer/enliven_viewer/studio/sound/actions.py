@@ -10,7 +10,7 @@ from enliven_viewer.language import later
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.sound.player import SoundPlayer
 
-_NONE = later("No sound is open. Open one (.wav, .mp3, .ogg, .flac), or drop it onto the window.")
+_NO_SOUND = later("No sound is open. Open one (.wav, .mp3, .ogg, .flac), or drop it onto the window.")
 _MENU = "Sound"
 
 
@@ -19,7 +19,7 @@ def sound_actions(player: SoundPlayer) -> Iterator[Action]:
     editor = player.editor
 
     def lacks() -> str:
-        return "" if editor.project.sounds else _NONE
+        return "" if editor.project.sounds else _NO_SOUND
 
     def begin() -> None:
         def change(project: Project) -> Project:
@@ -39,7 +39,7 @@ def sound_actions(player: SoundPlayer) -> Iterator[Action]:
         ("alt+m",),
         player.toggle,
         lacks,
-        lambda: player.heard,
+        lambda: player.is_on,
         about="While you play, and while you record to it.",
         apart=True,
         group=_MENU,

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float32
 from enliven.sounds import SOUND_RATE, Sound
 
-_LOUDEST = 32767
+_MAX_SAMPLE = 32767
 """The largest 16-bit sample."""
 
 
@@ -20,5 +20,5 @@ def envelope(sound: Sound, begin: float, end: float, columns: int) -> Float32:
     if len(filled):
         part = np.abs(sound.samples[edges[filled[0]] : edges[filled[-1] + 1]].astype(np.int32))
         starts = edges[filled] - edges[filled[0]]
-        loud[filled] = np.maximum.reduceat(part, starts) / _LOUDEST
+        loud[filled] = np.maximum.reduceat(part, starts) / _MAX_SAMPLE
     return loud

@@ -10,7 +10,7 @@ from enliven.sounds import SOUND_RATE, Sound, mixed
 from enliven_viewer.language import tr
 from enliven_viewer.studio.editor import Editor
 
-_APART = 0.08
+_MAX_OFFSET_S = 0.08
 """Maximum time difference of sound and image in seconds. A larger one would be noticed as late."""
 
 
@@ -23,13 +23,13 @@ class Stream(Protocol):
         """Closes the output."""
 
 
-Fill = Callable[[Any, int, Any, Any], None]
+FillSamples = Callable[[Any, int, Any, Any], None]
 """Writes the next N samples into an int16 array (N, 1). Further arguments: N, and the device's times and
 fault flags.
 """
 
 
-def device(fill: Fill) -> Stream:
+def device(fill: FillSamples) -> Stream:
     """Returns the computer's default audio output.
 
     Raises:
@@ -51,12 +51,12 @@ class SoundPlayer:
         opened: opens the audio output.
 
     Attributes:
-        heard: whether sound is on.
+        is_on: whether sound is on.
     """
 
-    def __init__(self, editor: Editor, opened: Callable[[Fill], Stream] = device) -> None:
+    def __init__(self, editor: Editor, opened: Callable[[FillSamples], Stream] = device) -> None:
         self.editor, self._opened = editor, opened
-        self.heard = True
+        self.is_on = True
         self._stream: Stream | None = None
         self._sounds: tuple[Sound, ...] = ()
         self._next = 0  # This is the number of the project's sample that is requested next.
@@ -64,14 +64,14 @@ class SoundPlayer:
 
     def toggle(self) -> None:
         """Turns the sound on or off. A failed device is tried again."""
-        self.heard, self._failed = not self.heard, False
+        self.is_on, self._failed = not self.is_on, False
 
     def follow(self) -> None:
         """Synchronises with the editor. Call once per frame."""
         editor = self.editor
         self._sounds = tuple(editor.project.sounds.values())
         plays = editor.playing and editor.speed == 1.0 and not editor.scrubbing
-        if not (self._sounds and self.heard and plays) or self._failed:
+        if not (self._sounds and self.is_on and plays) or self._failed:
             self.stop()
             return
         if self._stream is None:
@@ -80,7 +80,7 @@ class SoundPlayer:
         if self._stream is not None:
             # The device plays the samples that are requested now after its latency, so request later samples.
             wanted = round((editor.time + self._stream.latency) * SOUND_RATE)
-            if abs(wanted - self._next) > _APART * SOUND_RATE:
+            if abs(wanted - self._next) > _MAX_OFFSET_S * SOUND_RATE:
                 self._next = wanted
 
     def stop(self) -> None:

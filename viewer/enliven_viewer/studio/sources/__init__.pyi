@@ -1,8 +1,8 @@
-from .matches import (
+from .motion_matches import (
     Chain as Chain,
-    Offer as Offer,
-    accepted as accepted,
+    MotionMatch as MotionMatch,
+    apply_match as apply_match,
     matching_view as matching_view,
-    offers as offers,
+    rank_matches as rank_matches,
 )
 from .source_view import SourceView as SourceView

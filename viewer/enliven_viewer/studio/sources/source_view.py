@@ -15,11 +15,11 @@ from enliven_viewer.studio.viewport import (
     Overlay,
     Point,
     Selection,
-    StandingCharacter,
+    StageCharacter,
     joint_at,
 )
 
-_TURN = 0.01
+_ROTATION_PER_PIXEL = 0.01
 """Rotation in radians per pixel of a drag: more than on the stage, since the view is small."""
 SOURCE = "source"
 """Id of the shape that represents a take's skeleton."""
@@ -70,7 +70,7 @@ class SourceView:
             self.camera.orbit(-0.56, 0.0)
             self.camera.advance(10.0)
 
-    def posed(self) -> StandingCharacter | None:
+    def posed_skeleton(self) -> StageCharacter | None:
         """Returns the take's skeleton at the project's time; the take is looped.
 
         While playback is stopped at 0, this is its first frame.
@@ -96,7 +96,7 @@ class SourceView:
         """Highlights the joint under the pointer, or turns the view."""
         if self._last is not None:
             across, down = at[0] - self._last[0], at[1] - self._last[1]
-            self.camera.orbit(-_TURN * across, _TURN * down)
+            self.camera.orbit(-_ROTATION_PER_PIXEL * across, _ROTATION_PER_PIXEL * down)
             self._last = at
         else:
             self._hovered = self._hit(at)
@@ -125,15 +125,13 @@ class SourceView:
         return Overlay((), (SOURCE, self.chain) if self.chain else None, hovered)
 
     def _hit(self, at: Point) -> Hit | None:
-        posed = self.posed()
+        posed = self.posed_skeleton()
         return joint_at([posed], self.lens, at, self.editor.settings.reach) if posed else None
 
 
-def posed_take(clip: Clip, time: float) -> StandingCharacter:
+def posed_take(clip: Clip, time: float) -> StageCharacter:
     """Returns a take's own skeleton at the frame nearest to ``time``, in seconds from its start."""
     frame = int(np.clip(round(time / clip.step), 0, len(clip.turns) - 1))
     frame_clip = clip.mapped(lambda track: track[frame : frame + 1])
     joints, shape = joint_places(frame_clip)[0], still_shape(SOURCE, clip.skeleton)
-    return StandingCharacter(
-        shape, None, pose_from(shape, ShapePose(clip.turns[frame], joints), time), joints
-    )
+    return StageCharacter(shape, None, pose_from(shape, ShapePose(clip.turns[frame], joints), time), joints)

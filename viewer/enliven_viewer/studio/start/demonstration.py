@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from enliven_viewer.studio.start.steps import TourPart
 from enliven_viewer.studio.start.target import Target
-from enliven_viewer.studio.start.toured import Toured
+from enliven_viewer.studio.start.tour_state import TourState
+from enliven_viewer.studio.start.tour_steps import TourPart
 from enliven_viewer.studio.viewport import Point
 
 _GLIDE_S = 0.9
@@ -17,7 +17,7 @@ _DRAG_S = 1.4
 """Duration in seconds of a drag along a path."""
 _LETTER_S = 0.06
 """Time in seconds between two letters of a typed name."""
-_APART = 5.0
+_MAX_STEP_PX = 5.0
 """Maximum distance in pixels between two points of a dragged path, so that a slow frame does not make the
 stroke coarse.
 """
@@ -39,7 +39,7 @@ class Demonstration:
         typed: letters to type into the focused field; :meth:`take_typed` fetches them.
     """
 
-    def __init__(self, toured: Toured, part: TourPart, start: Point) -> None:
+    def __init__(self, toured: TourState, part: TourPart, start: Point) -> None:
         self.part, self.hand, self.presses, self.shift, self.ended = part, start, False, False, False
         self.typed = ""
         self._toured, self._start, self._at = toured, start, 0.0
@@ -127,7 +127,7 @@ class Demonstration:
         self.ended, self.presses, self.shift = True, False, False
 
 
-def _free_name(toured: Toured, name: str) -> str:
+def _free_name(toured: TourState, name: str) -> str:
     """Returns a file name that does not exist yet, so that nothing is replaced."""
     browser, number, free = toured.desk.browser, 1, name
     while browser is not None and (browser.folder / f"{free}.enliven").exists():
@@ -149,5 +149,5 @@ def _along(path: tuple[Point, ...], share: float) -> Point:
 
 def _steps(start: Point, end: Point) -> list[Point]:
     """Returns points along a segment, close to each other."""
-    count = max(math.ceil(math.dist(start, end) / _APART), 1)
+    count = max(math.ceil(math.dist(start, end) / _MAX_STEP_PX), 1)
     return [_between(start, end, (k + 1) / count) for k in range(count)]

@@ -8,7 +8,7 @@ from enliven_viewer.studio.viewport import Point
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom in pixels."""
-_STALE = 2
+_STALE_FRAMES = 2
 """Number of frames after which a widget that was not drawn again counts as gone: menus close, panels
 change.
 """
@@ -56,7 +56,7 @@ class DrawnWidgets:
     def find(self, names: tuple[str, ...]) -> tuple[str, Rectangle] | None:
         """Returns the first of several widgets that is on screen, with its place; None if there is none."""
         for name in names:
-            picture, rectangle = self._drawn.get(name, (-_STALE - 1, (0.0, 0.0, 0.0, 0.0)))
-            if self.picture - picture <= _STALE:
+            picture, rectangle = self._drawn.get(name, (-_STALE_FRAMES - 1, (0.0, 0.0, 0.0, 0.0)))
+            if self.picture - picture <= _STALE_FRAMES:
                 return name, rectangle
         return None

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 
+from enliven_viewer.studio.start.chair_legs import chair_in_picture
 from enliven_viewer.studio.start.demonstration import Demonstration
-from enliven_viewer.studio.start.legs import chair_in_picture
-from enliven_viewer.studio.start.steps import ENDING, TOUR, TourPart, TourStep
 from enliven_viewer.studio.start.target import DrawnWidgets, Rectangle, Target
-from enliven_viewer.studio.start.toured import Desk, Toured
+from enliven_viewer.studio.start.tour_state import TourState, TourWorkspace
+from enliven_viewer.studio.start.tour_steps import ENDING, TOUR, TourPart, TourStep
 from enliven_viewer.studio.viewport import Point
 
-_STAYS_S = 1.2
+_DONE_DISPLAY_S = 1.2
 """Seconds that a finished step stays on screen with a tick before the next one."""
-_AGAIN_S = 6.0
+_REPEAT_DELAY_S = 6.0
 """Seconds without an effect after which a part is demonstrated again: the stage may have been busy."""
-_NEAR = 30.0
+_PAUSE_DISTANCE_PX = 30.0
 """Distance in pixels from the target within which the pointer pauses a dancing chair."""
-_MISSING_S = 2.0
+_MISSING_TIMEOUT_S = 2.0
 """Seconds for which a precondition must be missing before the tour goes back. A dancer may be lost for a
 moment.
 """
@@ -41,8 +41,8 @@ class Tour:
         card: last position of the card, in the window's pixels. card_key: its content at that time.
     """
 
-    def __init__(self, desk: Desk, widgets: DrawnWidgets, number: int = 0) -> None:
-        self._toured, self._widgets = Toured(desk), widgets
+    def __init__(self, desk: TourWorkspace, widgets: DrawnWidgets, number: int = 0) -> None:
+        self._toured, self._widgets = TourState(desk), widgets
         self.number, self.ticked, self.reviewing = min(number, len(TOUR) - 1), 0.0, False
         self.shows = False
         self.demonstration: Demonstration | None = None
@@ -103,7 +103,7 @@ class Tour:
         widget = self._widgets.find(self.target.widgets)
         return None if widget is None else widget[1]
 
-    def covered(self, origin: Point) -> Rectangle | None:
+    def chair_rectangle(self, origin: Point) -> Rectangle | None:
         """Returns the bounding box of the chair, in the window's pixels, so that nothing covers it.
 
         Returns None without a chair.
@@ -124,7 +124,7 @@ class Tour:
             self._tick(seconds)
         elif not self.reviewing:
             if self._is_done(step):
-                self.ticked = _STAYS_S
+                self.ticked = _DONE_DISPLAY_S
                 self._stop_showing()
             else:
                 self._look_for_needs(step, seconds)
@@ -193,7 +193,7 @@ class Tour:
     def _look_for_needs(self, step: TourStep, seconds: float) -> None:
         """Goes back if the preconditions of a step have been missing for a while."""
         self._missing = 0.0 if step.ready(self._toured) else self._missing + seconds
-        if self._missing > _MISSING_S:
+        if self._missing > _MISSING_TIMEOUT_S:
             number = self.number
             while number and not TOUR[number].ready(self._toured):
                 number -= 1
@@ -216,7 +216,7 @@ class Tour:
     def _show_next(self, seconds: float) -> None:
         """Starts to demonstrate the next part of the step once the last one had its effect."""
         part, self._rested = self.part, self._rested + seconds
-        if part is None or part.waits or (part is self._shown and self._rested < _AGAIN_S):
+        if part is None or part.waits or (part is self._shown and self._rested < _REPEAT_DELAY_S):
             return
         self._shown = part
         self.demonstration = Demonstration(self._toured, part, self._hand)
@@ -231,5 +231,8 @@ class Tour:
 def _is_near(at: Point, box: Rectangle, begin: Point) -> bool:
     """Returns True if a pixel is in a box with a margin, or near the start of a drag."""
     left, top, right, bottom = box
-    inside = left - _NEAR < at[0] < right + _NEAR and top - _NEAR < at[1] < bottom + _NEAR
-    return inside or math.dist(at, begin) < _NEAR
+    inside = (
+        left - _PAUSE_DISTANCE_PX < at[0] < right + _PAUSE_DISTANCE_PX
+        and top - _PAUSE_DISTANCE_PX < at[1] < bottom + _PAUSE_DISTANCE_PX
+    )
+    return inside or math.dist(at, begin) < _PAUSE_DISTANCE_PX

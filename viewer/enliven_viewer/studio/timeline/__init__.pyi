@@ -1,4 +1,4 @@
-from .drag import TimelineInput as TimelineInput
+from .timeline_input import TimelineInput as TimelineInput
 from .layout import (
     GAP as GAP,
     HEAD as HEAD,

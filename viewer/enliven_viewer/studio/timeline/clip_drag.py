@@ -15,9 +15,9 @@ from enliven.modeling.edits import (
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor import Edit
 from enliven_viewer.studio.timeline.layout import Lane, LaneHandle, TimelineLayout
-from enliven_viewer.studio.timeline.snapping import places_of, snapped
+from enliven_viewer.studio.timeline.snapping import snap_offset, snap_times
 
-_WORDS = {
+_EDIT_TITLES = {
     "bar": later("move clip"),
     "slip": later("slip clip"),
     "begin": later("trim clip"),
@@ -58,7 +58,7 @@ class ClipDrag:
         kind = changed.get(handle.kind, handle.kind)
         lanes = (bar for bar in layout.bars() if bar.character.id == handle.character)
         lane = next((bar for bar in lanes if bar.layers == handle.layers), None)
-        is_clip_handle = kind in _WORDS and lane is not None
+        is_clip_handle = kind in _EDIT_TITLES and lane is not None
         return (
             ClipDrag(handle, kind, lane, layout, playhead, frame)
             if is_clip_handle and lane is not None
@@ -68,7 +68,7 @@ class ClipDrag:
     @property
     def word(self) -> str:
         """Returns the name of the edit in the history."""
-        return _WORDS[self.how]
+        return _EDIT_TITLES[self.how]
 
     @property
     def clip(self) -> Segment:
@@ -84,18 +84,18 @@ class ClipDrag:
             overlap = clip.end - self.lane.clips[item + 1].begin
             return lambda p: blend_clips(p, name, numbers, item, max(overlap + 2.0 * moved, 0.0)), None
         if self.how == "bar":
-            more, stuck = self._snapped(clip.begin + moved, clip.end + moved)
+            more, stuck = self._snap(clip.begin + moved, clip.end + moved)
             delay = moved + more
             return lambda p: move_clip(p, name, numbers, item, delay), stuck
         at = clip.begin if self.how in ("begin", "stretch begin") else clip.end
-        more, stuck = self._snapped(at + moved)
+        more, stuck = self._snap(at + moved)
         at += moved + more
         end = {"begin" if self.how in ("begin", "stretch begin") else "end": at}
         change = stretch_clip if self.how.startswith("stretch") else trim_clip
         return lambda p: change(p, name, numbers, item, **end), stuck
 
-    def _snapped(self, *times: float) -> tuple[float, float | None]:
+    def _snap(self, *times: float) -> tuple[float, float | None]:
         if self.frame <= 0.0:
             return 0.0, None
-        places = places_of(self.layout, self.playhead, self.handle)
-        return snapped(self.layout, times, places, self.frame)
+        places = snap_times(self.layout, self.playhead, self.handle)
+        return snap_offset(self.layout, times, places, self.frame)

@@ -17,15 +17,15 @@ COLUMNS = 8
 """Number of tiles in a row of the sheet."""
 TILE = 48
 """Width and height of a tile in pixels: twice the lane height, for high-resolution screens."""
-_ROOM = 0.9
+_FIGURE_FRACTION = 0.9
 """Fraction of a tile that the take's largest pose fills."""
-_LINES = 400
+_MAX_LINES = 400
 """Maximum number of lines in a figure. A mesh with more edges shows a subset."""
-_THICK = 1.6
+_THICK_HALF_WIDTH_PX = 1.6
 """Half of the line width, in pixels, of a figure with few lines."""
-_THIN = 0.45
+_THIN_HALF_WIDTH_PX = 0.45
 """Half of the line width, in pixels, of a figure with many lines, so that it does not become a blot."""
-_MANY = 60
+_MIN_THIN_LINES = 60
 """Minimum number of lines of a figure with thin lines. A performer has about twenty bones."""
 
 
@@ -45,7 +45,7 @@ class ClipPictures:
         if future is None:
             self._pool = self._pool or ThreadPoolExecutor(1, "pictures of clips")
             work = _figures(project, take)
-            future = self._known[take] = self._pool.submit(lambda: drawn(*work()))
+            future = self._known[take] = self._pool.submit(lambda: draw_sheet(*work()))
         return future.result() if future.done() and future.exception() is None else None
 
     def finish(self) -> None:
@@ -88,10 +88,10 @@ def _edges(shape: GraphShape, nodes: AnyArray) -> AnyArray:
     """Returns (L, 2) the lines between the nodes of a stream; a part plays the first of its nodes."""
     inside = (shape.edges < len(nodes)).all(1)
     lines = np.asarray(nodes)[shape.edges[inside]]
-    return lines[:: max(len(lines) // _LINES, 1)]
+    return lines[:: max(len(lines) // _MAX_LINES, 1)]
 
 
-def drawn(points: Float, lines: AnyArray) -> UInt8:
+def draw_sheet(points: Float, lines: AnyArray) -> UInt8:
     """Returns the (R, C, 4) sheet of figures with points (P, N, 3) in metres.
 
     Each is centred and seen from the front.
@@ -101,7 +101,7 @@ def drawn(points: Float, lines: AnyArray) -> UInt8:
     low, high = flat.min(1), flat.max(1)
     wide = max(float((high[:, 0] - low[:, 0]).max()), 1e-6)
     tall = max(float(flat[..., 1].max() - flat[..., 1].min()), 1e-6)
-    scale = _ROOM * TILE / max(wide, tall)
+    scale = _FIGURE_FRACTION * TILE / max(wide, tall)
     middle = np.stack([(low[:, 0] + high[:, 0]) / 2, np.full(len(flat), flat[..., 1].max() - tall / 2)], 1)
     flat = (flat - middle[:, None]) * scale + TILE / 2
     tiles = np.stack([_figure(figure, lines) for figure in flat])
@@ -124,5 +124,5 @@ def _figure(points: Float, lines: AnyArray) -> UInt8:
     along = ((pixels - start) * way).sum(-1) / np.maximum((way**2).sum(-1), 1e-12)
     nearest = start + np.clip(along, 0.0, 1.0)[..., None] * way
     away = np.sqrt(((pixels - nearest) ** 2).sum(-1)).min(1)
-    half = _THICK if len(lines) < _MANY else _THIN
+    half = _THICK_HALF_WIDTH_PX if len(lines) < _MIN_THIN_LINES else _THIN_HALF_WIDTH_PX
     return np.asarray(255 * np.clip(half + 0.5 - away, 0.0, 1.0), np.uint8).reshape(TILE, TILE)

@@ -6,9 +6,9 @@ import re
 
 from enliven.document import LayerBase, RigBase, Shape
 
-_PLAIN = {"girdle": "shoulder", "trunk": "body", "whole": "whole body", "way": "path"}
+_PLAIN_WORDS = {"girdle": "shoulder", "trunk": "body", "whole": "whole body", "way": "path"}
 """Words of the retargeting code, and the artist's words for them."""
-_LEGS = {"shoulder": "hip"}
+_LEG_WORDS = {"shoulder": "hip"}
 """The artist's word for a girdle that legs are attached to."""
 
 
@@ -31,10 +31,10 @@ def lane_name(character: RigBase, layer: LayerBase) -> str:
 def plain_limb(role: str) -> str:
     """Returns a limb's name in an artist's words: "left hip" for "left leg 1 girdle"."""
     words = [word for word in role.split() if not re.fullmatch(r"1", word)]
-    plain = [_PLAIN.get(word, word) for word in words]
+    plain = [_PLAIN_WORDS.get(word, word) for word in words]
     if "shoulder" in plain:
         legs = any(word.startswith("leg") for word in plain)
-        joint = _LEGS["shoulder"] if legs else "shoulder"
+        joint = _LEG_WORDS["shoulder"] if legs else "shoulder"
         sides = [word for word in plain if word in ("left", "right")]
         numbers = [word for word in plain if word.isdecimal()]
         return " ".join([*sides, joint, *numbers])

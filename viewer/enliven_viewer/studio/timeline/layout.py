@@ -36,11 +36,11 @@ SPAN = 8.0
 """Height in pixels of the band on the ruler that shows the recording range."""
 MARK = 6.0
 """Distance in pixels from a marker on the ruler within which it can be grabbed."""
-_FEW = 12
+_MAX_TAKE_LANES = 12
 """Maximum number of layers of one take that get a lane each. Models with one layer per bone have more, and
 these share lanes.
 """
-_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0)
+_TICK_INTERVALS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 60.0, 300.0)
 """Time intervals between two numbers on the ruler, in seconds."""
 
 
@@ -152,7 +152,7 @@ class TimelineLayout:
         return max(self.width - LABELS - END, 1.0)
 
     @property
-    def shown(self) -> float:
+    def visible_s(self) -> float:
         """Returns the visible time span in seconds."""
         return self.span or self.length
 
@@ -164,11 +164,11 @@ class TimelineLayout:
 
     def x(self, time: float) -> float:
         """Returns the x coordinate of a time, in pixels."""
-        return LABELS + self.track * (time - self.start) / self.shown
+        return LABELS + self.track * (time - self.start) / self.visible_s
 
     def time(self, x: float) -> float:
         """Returns the time of an x coordinate, in seconds; extrapolates outside the track."""
-        return self.start + (x - LABELS) / self.track * self.shown
+        return self.start + (x - LABELS) / self.track * self.visible_s
 
     def x_of(self, lane: Lane, second: float) -> float:
         """Returns the x coordinate of a time in a lane's take."""
@@ -223,7 +223,7 @@ class TimelineLayout:
             for number, layer in enumerate(playing):
                 if number in hidden:
                     continue
-                few = sum(other.take == layer.take for other in playing) <= _FEW
+                few = sum(other.take == layer.take for other in playing) <= _MAX_TAKE_LANES
                 alone = number if few and layer.source == "takes" else -1
                 how = (layer.take, layer.muted, layer.when())
                 groups.setdefault((key, *how, alone), []).append(number)
@@ -261,10 +261,10 @@ class TimelineLayout:
 
         Numbers are at least 60 pixels apart.
         """
-        wanted = 60.0 * self.shown / self.track
-        step = next((s for s in _STEPS if s >= wanted), _STEPS[-1])
+        wanted = 60.0 * self.visible_s / self.track
+        step = next((s for s in _TICK_INTERVALS_S if s >= wanted), _TICK_INTERVALS_S[-1])
         small = step / 5
-        first, last = -int(-self.start / small), int((self.start + self.shown) / small + 1e-9)
+        first, last = -int(-self.start / small), int((self.start + self.visible_s) / small + 1e-9)
         return tuple((k * small, k % 5 == 0) for k in range(first, last + 1))
 
     def handle_at(self, x: float, y: float) -> LaneHandle:

@@ -16,7 +16,7 @@ POSES = 30.0
 """Height in pixels of the row of key poses: the coverage curve with diamonds over it."""
 BAND = 15.0
 """Height in pixels of the rows of contacts and of hard constraints."""
-_NEAR = 7.0
+_CLICK_DISTANCE_PX = 7.0
 """Distance in pixels within which a mark can be clicked."""
 
 
@@ -56,7 +56,7 @@ class PuppetDetails:
             if pose.take == lane.layer.take and _plays(layout, lane, pose.time)
         )
 
-    def suggested(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
+    def suggested_marks(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[float, float], ...]:
         """Returns the time and the x coordinate of each missing (suggested) key pose."""
         coverage = self.coverage(lane.layer.take)
         times = coverage.times if coverage is not None else ()
@@ -71,7 +71,9 @@ class PuppetDetails:
             for switch, end in zip(switches, ends, strict=True)
         )
 
-    def held(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[int, HardConstraint, float], ...]:
+    def constraint_marks(
+        self, layout: TimelineLayout, lane: Lane
+    ) -> tuple[tuple[int, HardConstraint, float], ...]:
         """Returns the number, the constraint and the x coordinate of each hard constraint."""
         step = layout.project.takes[lane.layer.take].step
         constraints = constraints_of(layout.project, lane.character.id, lane.layers[0])
@@ -85,8 +87,12 @@ class PuppetDetails:
         if x < LABELS - END:
             return ("found" if lane.kind == "band" else "label"), 0
         if lane.kind == "poses":
-            pose = _nearest(((number, at) for number, at in self.poses(layout, lane)), x, _NEAR)
-            tick = _nearest(((k, at) for k, (_, at) in enumerate(self.suggested(layout, lane))), x, _NEAR)
+            pose = _nearest(((number, at) for number, at in self.poses(layout, lane)), x, _CLICK_DISTANCE_PX)
+            tick = _nearest(
+                ((k, at) for k, (_, at) in enumerate(self.suggested_marks(layout, lane))),
+                x,
+                _CLICK_DISTANCE_PX,
+            )
             return (
                 ("pose", pose)
                 if pose is not None
@@ -94,12 +100,12 @@ class PuppetDetails:
             )
         if lane.kind == "band":
             starts = ((k, left) for k, (_, left, _) in enumerate(self.bands(layout, lane)) if k)
-            switch = _nearest(starts, x, _NEAR - 2)
+            switch = _nearest(starts, x, _CLICK_DISTANCE_PX - 2)
             if switch is not None:
                 return "switch", switch
             left, right = sorted((lane.left, lane.right))
             return ("band" if left <= x <= right else "nothing"), 0
-        mark = _nearest(((k, at) for k, _, at in self.held(layout, lane)), x, _NEAR)
+        mark = _nearest(((k, at) for k, _, at in self.constraint_marks(layout, lane)), x, _CLICK_DISTANCE_PX)
         return ("nothing" if mark is None else "held"), mark or 0
 
     def layer(self, number: int) -> PuppetLayer:

@@ -10,7 +10,7 @@ SNAP = 6.0
 """Snapping distance in pixels."""
 
 
-def places_of(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list[float]:
+def snap_times(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list[float]:
     """Returns the times that a drag snaps to.
 
     These are 0, the playhead, markers, and the ends of all clips except the held one.
@@ -24,7 +24,7 @@ def places_of(layout: TimelineLayout, playhead: float, held: LaneHandle) -> list
     return places
 
 
-def snapped(
+def snap_offset(
     layout: TimelineLayout, times: Sequence[float], places: Sequence[float], frame: float
 ) -> tuple[float, float | None]:
     """Returns the offset that moves one of ``times`` to a place, or else the first to a whole frame.
@@ -38,6 +38,6 @@ def snapped(
     """
     moves = [(abs(place - time), place - time, place) for time in times for place in places]
     nearest = min(moves, default=None)
-    if nearest is not None and nearest[0] * layout.track / layout.shown <= SNAP:
+    if nearest is not None and nearest[0] * layout.track / layout.visible_s <= SNAP:
         return nearest[1], nearest[2]
     return round(times[0] / frame) * frame - times[0], None

@@ -10,7 +10,7 @@ from enliven.arrays import Float, Float32, Int32, UInt8
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Hit, Overlay, Point, bone_at, joint_at, surface_at
 
-_AS_NEAR = 3.0
+_DISTANCE_TOLERANCE_PX = 3.0
 """Tolerance in pixels within which two joints count as equally near: after a cut, two joints coincide."""
 
 
@@ -28,15 +28,15 @@ class ToolPicture:
     """The geometry that a tool draws into the 3D image, over the meshes.
 
     Attributes:
-        crossing: vertices (V, 3) metres in the world, and the self-intersecting faces (K, 3) to highlight, or
-            None.
+        self_intersection: vertices (V, 3) metres in the world, and the self-intersecting faces (K, 3) to
+            highlight, or None.
         ghost: vertices (V, 3), faces, and size in metres of a mesh to outline, or None.
         shade: vertices (V, 3) metres in the world, faces, and (V, 4) uint8 sRGB and opacity to overlay; or
             None.
         tubes: rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes` and their bias, metres.
     """
 
-    crossing: tuple[Float32, Int32] | None = None
+    self_intersection: tuple[Float32, Int32] | None = None
     ghost: tuple[Float32, Int32, float] | None = None
     tubes: tuple[tuple[Float32, float], ...] = ()
     shade: tuple[Float | Float32, Int32, UInt8] | None = None
@@ -113,12 +113,14 @@ class Tool:
 
         If two are equally near, the selected character wins.
         """
-        reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.handled
+        reach, lens, stage = self.editor.settings.reach, self.editor.lens, self.editor.editable_characters
         chosen = [character for character in stage if character.id == self.editor.selection.character]
         for pick, within in ((joint_at, reach), (bone_at, reach * 0.7)):
             hit, mine = pick(stage, lens, pointer.at, within), pick(chosen, lens, pointer.at, within)
             if hit is not None:
-                return mine if mine is not None and mine.pixels <= hit.pixels + _AS_NEAR else hit
+                return (
+                    mine if mine is not None and mine.pixels <= hit.pixels + _DISTANCE_TOLERANCE_PX else hit
+                )
         return None
 
     def character_at(self, pointer: Pointer, without: str = "") -> Hit | None:
@@ -127,14 +129,14 @@ class Tool:
         The surface of `without` is ignored.
         """
         hit = None if without else self.handle_at(pointer)
-        stage = [character for character in self.editor.reachable if character.id != without]
+        stage = [character for character in self.editor.pickable_characters if character.id != without]
         return hit or surface_at(stage, self.editor.lens, pointer.at)
 
     def on_bone(self, hit: Hit | None) -> Point | None:
         """Returns the pixel of a hit position on a bone, if the bone still exists."""
         if hit is None or hit.character not in self.editor.project.characters:
             return None
-        posed = self.editor.posed(hit.character)
+        posed = self.editor.stage_character(hit.character)
         if hit.handle >= len(posed.handles):
             return None
         pixels = self.editor.lens.pixels_of(posed.on_bone(hit.handle, hit.along)[None])
@@ -156,7 +158,7 @@ class StrokeTool(Tool):
         super().__init__(editor)
         self._stroke: list[Point] = []
 
-    def taken(self) -> list[Point]:
+    def take_points(self) -> list[Point]:
         """Returns the points of the stroke, and clears it."""
         stroke, self._stroke = self._stroke, []
         return stroke

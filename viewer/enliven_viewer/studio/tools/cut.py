@@ -46,13 +46,13 @@ class CutTool(StrokeTool):
         super().drag(pointer)
         if len(self._stroke) == count:
             return
-        hits = crossings(editor.handled, editor.lens, np.array(self._stroke))
+        hits = crossings(editor.editable_characters, editor.lens, np.array(self._stroke))
         # If the stroke crosses the selected shape, do not cut shapes behind it or in front of it.
         self._crossed = [hit for hit in hits if hit.character == editor.selection.character] or hits
 
     def release(self, pointer: Pointer) -> None:
         """Cuts the characters that the stroke crosses, at the current time."""
-        stroke, crossed, self._crossed = self.taken(), self._crossed, []
+        stroke, crossed, self._crossed = self.take_points(), self._crossed, []
         if not stroke:
             return
         names = list(dict.fromkeys(hit.character for hit in crossed)) or self._others(stroke)
@@ -87,7 +87,7 @@ class CutTool(StrokeTool):
         """Returns the characters without bones that a stroke may cut: the selected one, or else all."""
         if len(stroke) < 2:
             return []
-        boneless = [character.id for character in self.editor.reachable if not character.bones]
+        boneless = [character.id for character in self.editor.pickable_characters if not character.bones]
         chosen = self.editor.selection.character
         return [chosen] if chosen in boneless else boneless
 

@@ -24,7 +24,7 @@ from enliven.mapping import (
 from enliven.motion.layers import bind_chain, goes_down
 from enliven_viewer.language import later, tr, tr_n
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.sources import Chain, Offer, SourceView, accepted, offers
+from enliven_viewer.studio.sources import Chain, MotionMatch, SourceView, apply_match, rank_matches
 from enliven_viewer.studio.tools.base import Pointer, Tool
 from enliven_viewer.studio.viewport import Overlay
 
@@ -58,9 +58,9 @@ class MapTool(Tool):
     Attributes:
         source: the view of the take.
         loop: whether newly mapped motion loops.
-        whole: settings of whole-body retargeting.
+        whole_body: settings of whole-body retargeting.
         gentle: if True, limbs that would stretch the surface move less.
-        made: the last whole-body retargeting: shape, take, plan, and quality.
+        last_mapping: the last whole-body retargeting: shape, take, plan, and quality.
         offered: suggested matches that one click accepts. The first is highlighted unless another one is.
     """
 
@@ -70,10 +70,10 @@ class MapTool(Tool):
         super().__init__(editor)
         self.source = SourceView(editor)
         self.loop = True
-        self.offered: list[Offer] = []
-        self.lit: Offer | None = None
-        self.whole, self.gentle = WholeBody(), False
-        self.made: tuple[str, str, Plan, MotionQuality] | None = None
+        self.offered: list[MotionMatch] = []
+        self.highlighted: MotionMatch | None = None
+        self.whole_body, self.gentle = WholeBody(), False
+        self.last_mapping: tuple[str, str, Plan, MotionQuality] | None = None
         self._start: tuple[str, int] | None = None
         self._last: MappedChain | None = None
 
@@ -90,7 +90,7 @@ class MapTool(Tool):
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.handle_at(pointer)
-        if hit is None or not self.editor.posed(hit.character).bones:
+        if hit is None or not self.editor.stage_character(hit.character).bones:
             return False
         self.editor.select(character=hit.character)
         if self._start is None or self._start[0] != hit.character:
@@ -122,8 +122,8 @@ class MapTool(Tool):
 
     def overlay(self) -> Overlay:
         plain = super().overlay()
-        if self.lit is not None:
-            return Overlay(plain.marks, (self.lit.shape, self.lit.joints), plain.hovered)
+        if self.highlighted is not None:
+            return Overlay(plain.marks, (self.highlighted.shape, self.highlighted.joints), plain.hovered)
         return plain
 
     def rank(self) -> None:
@@ -138,9 +138,9 @@ class MapTool(Tool):
         editor = self.editor
         try:
             time = editor.time % max(clip.duration, clip.step)
-            posed = editor.posed(shape.id)
+            posed = editor.stage_character(shape.id)
             most = editor.settings.matches
-            self.offered = offers(clip, time, shape, posed.handles, editor.lens, self.source.lens, most)
+            self.offered = rank_matches(clip, time, shape, posed.handles, editor.lens, self.source.lens, most)
         except EnlivenError as error:
             editor.toasts.complain(error)
 
@@ -155,7 +155,7 @@ class MapTool(Tool):
 
         before, gentle, loop = editor.project, self.gentle, self.loop
         itself = is_own_take(clip, shape)
-        plan = replace(automatic(clip, shape), **vars(self.whole))
+        plan = replace(automatic(clip, shape), **vars(self.whole_body))
         if not (itself or plan.chains):
             mend = tr("Map it chain by chain, or pose the take and find matches.")
             error = InputError(tr("no limb of the take fits a limb of the shape"), where=clip.id, mend=mend)
@@ -187,7 +187,7 @@ class MapTool(Tool):
                 return retargeted.project if project is before else fitted(project).project
 
             if editor.edit(later("map all of {0}", clip.id), change):
-                self._last, self.made = None, (shape.id, clip.id, retargeted.plan, quality)
+                self._last, self.last_mapping = None, (shape.id, clip.id, retargeted.plan, quality)
                 count = len(retargeted.limited)
                 limited_text = (
                     " " + tr_n("{0} joint kept within limits.", "{0} joints kept within limits.", count)
@@ -199,14 +199,14 @@ class MapTool(Tool):
                     tr("Space plays it, Ctrl+Z takes it back.") + limited_text,
                 )
 
-        editor.beside.begin(tr("Fitting {0} to {1}", clip.id, shape.id), work, then)
+        editor.background.begin(tr("Fitting {0} to {1}", clip.id, shape.id), work, then)
 
-    def accept(self, offer: Offer) -> None:
+    def accept(self, offer: MotionMatch) -> None:
         """Maps every chain of a suggested match."""
         editor, lens, other = self.editor, self.editor.lens, self.source.lens
         if editor.edit(
             later("map {0}", offer.take),
-            lambda p: accepted(_without_clip(p, offer.shape), offer, lens, other, self.loop),
+            lambda p: apply_match(_without_clip(p, offer.shape), offer, lens, other, self.loop),
         ):
             self._last = None
             count = len(offer.pairs)

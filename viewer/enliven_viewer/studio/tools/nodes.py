@@ -21,7 +21,7 @@ class InsertTool(Tool):
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
-        return bone_at(editor.handled, editor.lens, pointer.at, editor.settings.reach)
+        return bone_at(editor.editable_characters, editor.lens, pointer.at, editor.settings.reach)
 
     def press(self, pointer: Pointer) -> bool:
         hit = self.handle_at(pointer)
@@ -57,7 +57,7 @@ class RemoveTool(Tool):
     def handle_at(self, pointer: Pointer) -> Hit | None:
         editor = self.editor
         return joint_at(
-            [character for character in editor.handled if character.bones],
+            [character for character in editor.editable_characters if character.bones],
             editor.lens,
             pointer.at,
             editor.settings.reach,

@@ -13,7 +13,7 @@ from enliven.modeling.mesh import plane_of_symmetry
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import NOTHING, Pointer, Tool, ToolPicture
-from enliven_viewer.studio.viewport import Disc, Overlay, StandingCharacter, surface_at
+from enliven_viewer.studio.viewport import Disc, Overlay, StageCharacter, surface_at
 from enliven_viewer.theme import AFTER, BEFORE, MARK, PLAIN_SURFACE, SHADOW, Colour
 
 BRUSHES: dict[Brush, str] = {
@@ -22,27 +22,27 @@ BRUSHES: dict[Brush, str] = {
     "erase": later("As it was"),
 }
 """Brush modes, with the labels of their buttons."""
-SMALLEST = 6.0
+MIN_RADIUS_PX = 6.0
 """Minimum brush radius in pixels: a few vertices of a detailed mesh."""
-LARGEST = 200.0
+MAX_RADIUS_PX = 200.0
 """Maximum brush radius in pixels: covers half of a large view's width."""
-STEP = 1.25
+RADIUS_STEP = 1.25
 """Scale factor of the brush radius for one press of its shortcut."""
-_FIRST = 34.0
+_INITIAL_RADIUS_PX = 34.0
 """Initial brush radius in pixels: the width of a limb that fills a third of the view."""
-_DENSE = 0.35
+_POINT_SPACING = 0.35
 """Spacing of points along a stroke, as a fraction of the radius, so that the stroke is even."""
-_LEAP = 4.0
+_MAX_GAP = 4.0
 """Maximum gap, as a multiple of the radius, that a stroke fills. A wider gap means that it jumped to another
 part of the mesh.
 """
-_WASH = 0.62
+_UNPAINTED_OPACITY = 0.62
 """Opacity of the overlay on unpainted areas: the shading stays visible, the mesh's own colours hardly."""
-_FULL = 0.82
+_FULL_OPACITY = 0.82
 """Opacity of the overlay at full strength."""
-_RING_EDGE = 0.45
+_RING_EDGE_OPACITY = 0.45
 """Opacity of the ring's dark edge, which makes the ring visible on meshes of any brightness."""
-_OTHER_SIDE = 0.75
+_MIRRORED_RING_OPACITY = 0.75
 """Opacity of the ring on the mirrored side."""
 
 
@@ -60,7 +60,7 @@ class PaintTool(Tool):
     def __init__(self, editor: Editor) -> None:
         super().__init__(editor)
         self.brush: Brush = "softer"
-        self.radius = _FIRST
+        self.radius = _INITIAL_RADIUS_PX
         self.both_sides = False
         self._stroke: list[Float] = []
         self._now: Brush = "softer"
@@ -97,7 +97,7 @@ class PaintTool(Tool):
 
     def resize(self, factor: float) -> None:
         """Multiplies the brush radius by a factor."""
-        self.radius = float(np.clip(self.radius * factor, SMALLEST, LARGEST))
+        self.radius = float(np.clip(self.radius * factor, MIN_RADIUS_PX, MAX_RADIUS_PX))
 
     def clear(self) -> None:
         """Removes all paint from the selected mesh."""
@@ -131,9 +131,9 @@ class PaintTool(Tool):
         if not self._stroke or over is None or over[0] != self.editor.selection.character:
             return
         way = over[1] - self._stroke[-1]
-        far, fine = float(np.linalg.norm(way)), _DENSE * self._metres
+        far, fine = float(np.linalg.norm(way)), _POINT_SPACING * self._metres
         if far >= fine:
-            steps = int(np.ceil(far / fine)) if far <= _LEAP * self._metres else 1
+            steps = int(np.ceil(far / fine)) if far <= _MAX_GAP * self._metres else 1
             last = self._stroke[-1]
             self._stroke += [last + way * (k + 1) / steps for k in range(steps)]
             self._over = over
@@ -162,7 +162,7 @@ class PaintTool(Tool):
             return Overlay()
         colour = _ring(self._now if self._stroke else self.brush)
         marks = [
-            Disc(self._at, self.radius, (*SHADOW[:3], _RING_EDGE), 4.0),
+            Disc(self._at, self.radius, (*SHADOW[:3], _RING_EDGE_OPACITY), 4.0),
             Disc(self._at, self.radius, colour, 2.0),
         ]
         character = self.editor.chosen()
@@ -177,11 +177,11 @@ class PaintTool(Tool):
             and character.mesh is not None
             and self._over is not None
         ):
-            posed = self.editor.posed(character.id)
+            posed = self.editor.stage_character(character.id)
             other = reflected(self._over[1], np.asarray(plane.point), np.asarray(plane.normal))
             nearest = int(np.linalg.norm(character.mesh.vertices - other, axis=1).argmin())
             marks += [
-                Disc(at, self.radius, (*MARK[:3], _OTHER_SIDE), 1.5)
+                Disc(at, self.radius, (*MARK[:3], _MIRRORED_RING_OPACITY), 1.5)
                 for at in self.editor.lens.pixels_of(posed.vertices[[nearest]])
             ]
         return Overlay(tuple(marks))
@@ -193,7 +193,7 @@ class PaintTool(Tool):
         stiffness = self._shown(character, character.mesh)
         if stiffness is None:
             stiffness = np.ones(len(character.mesh.vertices), np.float32)
-        posed = self.editor.posed(character.id)
+        posed = self.editor.stage_character(character.id)
         seen = posed.solved if posed.solved is not None else posed.vertices
         return ToolPicture(shade=(seen, character.mesh.faces, shades(stiffness)))
 
@@ -221,10 +221,10 @@ class PaintTool(Tool):
         If `measure` is set, also updates the brush size in metres.
         """
         lens = self.editor.lens
-        hit = surface_at(self.editor.reachable, lens, pointer.at)
+        hit = surface_at(self.editor.pickable_characters, lens, pointer.at)
         if hit is None:
             return None
-        posed = self.editor.posed(hit.character)
+        posed = self.editor.stage_character(hit.character)
         mesh = posed.character.mesh
         assert mesh is not None
         place = lens.view.eye + hit.depth * lens.ray(pointer.at)
@@ -233,7 +233,7 @@ class PaintTool(Tool):
         return hit.character, _at_rest(posed, mesh, hit.face, place)
 
 
-def _at_rest(posed: StandingCharacter, mesh: Mesh, face: int, place: Float) -> Float:
+def _at_rest(posed: StageCharacter, mesh: Mesh, face: int, place: Float) -> Float:
     """Returns (3,) metres: the rest position of a point on a face."""
     own = mesh.faces[face]
     share = barycentric(place[None], posed.vertices[own][None])[0]
@@ -253,5 +253,5 @@ def shades(stiffness: Float32) -> UInt8:
     strength = np.minimum(np.abs(doublings), 1.0)[:, None]
     full = np.where(doublings[:, None] > 0, np.array(BEFORE), np.array(AFTER))
     colours = np.array(PLAIN_SURFACE) + np.sqrt(strength) * (full - np.array(PLAIN_SURFACE))
-    opacity = 255 * (_WASH + (_FULL - _WASH) * strength)
+    opacity = 255 * (_UNPAINTED_OPACITY + (_FULL_OPACITY - _UNPAINTED_OPACITY) * strength)
     return np.concatenate([colours, opacity], 1).astype(np.uint8)

@@ -13,13 +13,13 @@ from enliven.modeling.edits import drag_handle, key_handle, keys_of
 from enliven_viewer.language import later
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, Tool
-from enliven_viewer.studio.tools.drag import CharacterDrag
+from enliven_viewer.studio.tools.character_drag import CharacterDrag
 from enliven_viewer.studio.viewport import Disc, Overlay
 from enliven_viewer.theme import ACCENT, GOOD, QUIET
 
-_DOT = 3.5
+_NODE_RADIUS_PX = 3.5
 """Radius in pixels of a node's dot."""
-_KEYED = 5.0
+_KEYED_NODE_RADIUS_PX = 5.0
 """Radius in pixels of the dot of a node with keys."""
 
 
@@ -69,7 +69,7 @@ class PoseTool(Tool):
                 if self.editor.keying
                 else later("pose {0}", whole.character)
             )
-            name = keyed if handle else later("turn {0}", whole.told)
+            name = keyed if handle else later("turn {0}", whole.description)
             self.editor.edit(name, lambda p: self._posed(p, pointer))
         self._held = self._node = None
 
@@ -81,19 +81,23 @@ class PoseTool(Tool):
         """Returns the dots of possessed meshes in auto-key mode. Nodes with keys have larger dots."""
         plain, editor = super().overlay(), self.editor
         dots = list[Disc]()
-        for character in editor.reachable if editor.keying else ():
+        for character in editor.pickable_characters if editor.keying else ():
             chosen = editor.selection.handle if editor.selection.character == character.id else None
             for node, (x, y) in enumerate(editor.lens.project(np.asarray(character.nodes, np.float64))[0]):
                 keyed = bool(keys_of(editor.project, character.id, node))
                 colour = GOOD if node == chosen else ACCENT if keyed else QUIET
                 if np.isfinite([x, y]).all():
-                    dots.append(Disc((float(x), float(y)), _KEYED if keyed else _DOT, colour))
+                    dots.append(
+                        Disc(
+                            (float(x), float(y)), _KEYED_NODE_RADIUS_PX if keyed else _NODE_RADIUS_PX, colour
+                        )
+                    )
         return Overlay((*plain.marks, *dots), plain.chain, plain.hovered)
 
     def _node_at(self, pointer: Pointer) -> tuple[str, int, Float] | None:
         """Returns the possessed mesh's dot under the pointer: character, node, and position."""
         editor, candidates = self.editor, list[tuple[float, str, int, Float]]()
-        for character in editor.reachable if editor.keying else ():
+        for character in editor.pickable_characters if editor.keying else ():
             nodes = np.asarray(character.nodes, np.float64)
             if len(nodes):
                 away = np.linalg.norm(editor.lens.project(nodes)[0] - np.array(pointer.at), axis=1)
@@ -112,7 +116,7 @@ class PoseTool(Tool):
         assert self._held is not None
         (whole, handle), editor = self._held, self.editor
         if not handle:
-            return whole.turned(project, pointer)
+            return whole.turn(project, pointer)
         place = editor.lens.on_plane(pointer.at, whole.handles[handle])
         keyed = editor.keying and isinstance(project.character(whole.character), Shape)
         change = key_handle if keyed else drag_handle

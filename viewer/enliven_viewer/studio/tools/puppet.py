@@ -9,20 +9,20 @@ from enliven_viewer.language import tr
 from enliven_viewer.render import DRAG_TURN
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.puppets import (
-    Manipulator,
+    Gizmo,
     PointSuggestions,
-    StandingPuppet,
+    StagePuppet,
     ghost_at,
 )
 from enliven_viewer.studio.tools.base import NOTHING, Pointer, Tool, ToolPicture
 from enliven_viewer.studio.tools.puppet_marks import PointDrag, marks_of, picture_of
 from enliven_viewer.studio.viewport import Overlay, Point, joint_at, surface_at, vertex_hit
 
-_STILL = 4.0
+_MAX_CLICK_MOVEMENT_PX = 4.0
 """Maximum pointer movement of a click, in pixels."""
-_MANY = 1_000_000
+_MAX_HOVER_FACES = 1_000_000
 """Number of faces above which the hovered vertex is not searched, since that would be slow."""
-_NUDGES: dict[str, tuple[float, float]] = {
+_NUDGE_STEPS: dict[str, tuple[float, float]] = {
     "left": (-1.0, 0.0),
     "right": (1.0, 0.0),
     "up": (0.0, 1.0),
@@ -68,7 +68,7 @@ class PuppetTool(Tool):
     @property
     def warning(self) -> str:
         """Returns a line about self-intersecting parts while a key pose is edited; else empty."""
-        return self.puppets.crossing.said if self.puppets.warn and self.puppets.shaping else ""
+        return self.puppets.self_intersection.message if self.puppets.warn and self.puppets.shaping else ""
 
     @property
     def held(self) -> PointDrag | None:
@@ -76,7 +76,7 @@ class PuppetTool(Tool):
         return self._drag
 
     def hover(self, pointer: Pointer) -> None:
-        standing = self.puppets.shown
+        standing = self.puppets.stage_puppet
         self.hovered_part, self.hovered_point, self.hovered_vertex = "", None, None
         if standing is None:
             return
@@ -88,12 +88,12 @@ class PuppetTool(Tool):
             return
         hit = joint_at([standing], lens, pointer.at, self.editor.settings.reach)
         self.hovered_point = None if hit is None else hit.handle
-        if hit is None and len(standing.character.mesh.faces) <= _MANY:
+        if hit is None and len(standing.character.mesh.faces) <= _MAX_HOVER_FACES:
             self.hovered_vertex = self._vertex_at(standing, pointer)
 
     def press(self, pointer: Pointer) -> bool:
         self.hover(pointer)
-        puppets, standing = self.puppets, self.puppets.shown
+        puppets, standing = self.puppets, self.puppets.stage_puppet
         self._last, self._turning = pointer.at, False
         if standing is not None and self.hovered_part and puppets.point is not None:
             self._drag = PointDrag(self.editor, standing, puppets.point, self.hovered_part, pointer.at)
@@ -139,7 +139,7 @@ class PuppetTool(Tool):
             return puppets.remove_point() or True
         if key == "r":
             return puppets.reset_point() or True
-        if key.removeprefix("shift+") in _NUDGES and puppets.posing:
+        if key.removeprefix("shift+") in _NUDGE_STEPS and puppets.posing:
             return self._nudge(key.removeprefix("shift+"), 10.0 if key.startswith("shift+") else 1.0)
         return False
 
@@ -150,53 +150,53 @@ class PuppetTool(Tool):
         self.puppets.accept()
 
     def overlay(self) -> Overlay:
-        standing = self.puppets.shown
+        standing = self.puppets.stage_puppet
         if standing is None:
             return Overlay()
         return Overlay(marks_of(self, standing, self.editor.lens))
 
     def picture(self) -> ToolPicture:
-        standing = self.puppets.shown
+        standing = self.puppets.stage_puppet
         return NOTHING if standing is None else picture_of(self, standing, self.editor.lens)
 
-    def manipulator(self) -> Manipulator | None:
+    def manipulator(self) -> Gizmo | None:
         """Returns the gizmo at the selected control point.
 
         Returns None during playback, or right after a point was added.
 
         Right after a click the gizmo would be in the way of the next click on the mesh.
         """
-        standing, point = self.puppets.shown, self.puppets.point
+        standing, point = self.puppets.stage_puppet, self.puppets.point
         if point == self._fresh and not self.puppets.posing:
             return None
         if self.editor.playing or standing is None or point is None or point >= len(standing.handles):
             return None
-        return Manipulator(standing.handles[point], self.editor.lens)
+        return Gizmo(standing.handles[point], self.editor.lens)
 
-    def _vertex_at(self, standing: StandingPuppet, pointer: Pointer) -> int | None:
+    def _vertex_at(self, standing: StagePuppet, pointer: Pointer) -> int | None:
         """Returns the vertex of the selected puppet under the pointer, snapped to a suggested one nearby."""
         lens = self.editor.lens
         ghost = ghost_at(standing, self.suggested.of(standing.character), lens, pointer.at)
         if ghost is not None:
             return ghost
-        hit = surface_at(self.puppets.standing, lens, pointer.at)
+        hit = surface_at(self.puppets.stage_puppets, lens, pointer.at)
         if hit is None or hit.character != standing.id:
             return None
         place = lens.view.eye + hit.depth * lens.ray(pointer.at)
         return vertex_hit(standing.vertices, standing.character.mesh.faces[hit.face], place)
 
     def _far(self, pointer: Pointer, start: Pointer) -> bool:
-        return float(np.hypot(*np.subtract(pointer.at, start.at))) > _STILL
+        return float(np.hypot(*np.subtract(pointer.at, start.at))) > _MAX_CLICK_MOVEMENT_PX
 
     def _clicked(self, pointer: Pointer) -> None:
         """Handles a click: adds a control point, selects another puppet, or clears the selected point."""
-        standing = self.puppets.shown
+        standing = self.puppets.stage_puppet
         vertex = self._vertex_at(standing, pointer) if standing is not None else None
         if vertex is not None:
             self._fresh = self.puppets.point if self.puppets.add_point(vertex) else None
             return
         hit = surface_at(
-            [character for character in self.editor.reachable if character.own_tool],
+            [character for character in self.editor.pickable_characters if character.own_tool],
             self.editor.lens,
             pointer.at,
         )
@@ -229,12 +229,12 @@ class PuppetTool(Tool):
         return False
 
     def _nudge(self, key: str, pixels: float) -> bool:
-        manipulator, standing = self.manipulator(), self.puppets.shown
+        manipulator, standing = self.manipulator(), self.puppets.stage_puppet
         if manipulator is None or standing is None:
             return False
         lens = self.editor.lens
         right: Float = np.asarray(lens.view.camera_from_world[0, :3])
-        across, up = _NUDGES[key]
+        across, up = _NUDGE_STEPS[key]
         way = (across * right + up * lens.up) * pixels * manipulator.pixel
-        self.puppets.nudge(standing.way_into(way))
+        self.puppets.nudge(standing.direction_to_mesh(way))
         return True

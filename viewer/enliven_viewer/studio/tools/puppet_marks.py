@@ -12,10 +12,10 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.puppets import (
     GHOST_RADIUS,
     POINT_RADIUS,
-    Manipulator,
+    Gizmo,
     PointSuggestions,
     PuppetEditor,
-    StandingPuppet,
+    StagePuppet,
     middle_of,
     normals_of,
     partner_vertex,
@@ -26,11 +26,11 @@ from enliven_viewer.studio.tools.base import Pointer, ToolPicture
 from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line, Point
 from enliven_viewer.theme import ACCENT, INK, MARK, QUIET, SHADOW
 
-_SEEN_THROUGH = 0.08
+_DEPTH_BIAS = 0.08
 """Depth bias as a fraction of the camera distance. Control points are visible through geometry that covers
 them by less.
 """
-_ALWAYS = 0.8
+_GIZMO_DEPTH_BIAS = 0.8
 """The same for the gizmo, which nothing covers."""
 
 Mark = Line | Disc | Fill | Label
@@ -45,22 +45,22 @@ class PointDrag:
         moved: whether the point has moved.
     """
 
-    def __init__(self, editor: Editor, standing: StandingPuppet, point: int, part: str, at: Point) -> None:
+    def __init__(self, editor: Editor, standing: StagePuppet, point: int, part: str, at: Point) -> None:
         self.editor, self.point, self.part = editor, point, part
         self._standing, self._start = standing, at
         self._from: Float = np.array(standing.handles[point])
         # Keep the gizmo of the start of the drag. The drawn arrows follow the point, but the movement is
         # measured from where it started.
-        self._manipulator = Manipulator(self._from, editor.lens)
+        self._manipulator = Gizmo(self._from, editor.lens)
         self.moved = False
 
     def drag(self, pointer: Pointer) -> None:
         """Handles pointer movement: moves the control point and deforms the surface."""
-        way = self._manipulator.dragged(self.part, self._start, pointer.at, snap=pointer.shift)
+        way = self._manipulator.drag_offset(self.part, self._start, pointer.at, snap=pointer.shift)
         if way is None or (not self.moved and not way.any()):
             return
         self.moved = True
-        self.editor.puppets.drag(self.point, self._standing.into(self._from + way))
+        self.editor.puppets.drag(self.point, self._standing.to_mesh(self._from + way))
 
     def drop(self) -> None:
         """Handles the release of the button: keeps the pose."""
@@ -82,11 +82,11 @@ class Pointing(Protocol):
     def held(self) -> PointDrag | None:
         """Returns the current drag of a control point; None for none."""
 
-    def manipulator(self) -> Manipulator | None:
+    def manipulator(self) -> Gizmo | None:
         """Returns the gizmo of the selected control point."""
 
 
-def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark, ...]:
+def marks_of(tool: Pointing, standing: StagePuppet, lens: Lens) -> tuple[Mark, ...]:
     """Returns the marks: suggestions, the ring of the next point, names, and the squares of the gizmo."""
     marks: list[Mark] = []
     if tool.held is None:
@@ -100,7 +100,7 @@ def marks_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> tuple[Mark
     return tuple(marks)
 
 
-def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
+def _suggestions(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
     """Returns rings at the ends of limbs.
 
     They are shown only before any key pose exists; later they would be in the way.
@@ -111,7 +111,10 @@ def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[M
     for vertex in tool.suggested.of(standing.character):
         place = standing.vertices[vertex]
         # Draw rings on the far side fainter.
-        seen = standing.way_into(lens.view.eye - place) @ normals_of(standing.character.mesh)[vertex] > 0.0
+        seen = (
+            standing.direction_to_mesh(lens.view.eye - place) @ normals_of(standing.character.mesh)[vertex]
+            > 0.0
+        )
         bright, dark = (0.8, 0.35) if seen else (0.3, 0.12)
         white = (*MARK[:3], bright)
         for pixel in lens.pixels_of(place[None]):
@@ -121,7 +124,7 @@ def _suggestions(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[M
     return marks
 
 
-def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
+def _next_point(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
     """Returns a ring at the place where a click adds a control point, and one at its mirror image."""
     if tool.hovered_vertex is None:
         return []
@@ -136,7 +139,7 @@ def _next_point(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Ma
     return marks
 
 
-def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
+def _names(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
     """Returns the names of the selected and the hovered control point, and a ring around the selected one."""
     marks: list[Mark] = []
     chosen, points = tool.puppets.point, standing.character.points
@@ -154,17 +157,17 @@ def _names(tool: Pointing, standing: StandingPuppet, lens: Lens) -> list[Mark]:
     return marks
 
 
-def picture_of(tool: Pointing, standing: StandingPuppet, lens: Lens) -> ToolPicture:
+def picture_of(tool: Pointing, standing: StagePuppet, lens: Lens) -> ToolPicture:
     """Returns the control points, gizmo arrows, outline of another key pose, and self-intersecting faces."""
     puppets, mesh = tool.puppets, standing.character.mesh
-    warned, ghost = puppets.crossing.faces, puppets.stage.ghost
-    near = float(np.linalg.norm(standing.out(middle_of(mesh)[None])[0] - lens.view.eye))
-    tubes = [(point_rows(standing, lens, puppets.point, tool.hovered_point), _SEEN_THROUGH * max(near, 0.05))]
+    warned, ghost = puppets.self_intersection.faces, puppets.stage.ghost
+    near = float(np.linalg.norm(standing.to_world(middle_of(mesh)[None])[0] - lens.view.eye))
+    tubes = [(point_rows(standing, lens, puppets.point, tool.hovered_point), _DEPTH_BIAS * max(near, 0.05))]
     manipulator = tool.manipulator()
     if manipulator is not None:
         part = tool.held.part if tool.held is not None else ""
         away = float(np.linalg.norm(manipulator.place - lens.view.eye))
-        tubes.append((manipulator.rows(part or tool.hovered_part, part), _ALWAYS * away))
+        tubes.append((manipulator.rows(part or tool.hovered_part, part), _GIZMO_DEPTH_BIAS * away))
     return ToolPicture(
         (standing.solved, mesh.faces[warned]) if puppets.warn and len(warned) else None,
         (ghost.solved, mesh.faces, size_of(mesh)) if ghost is not None else None,

@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 from enliven_viewer.studio.tools.base import Tool
-from enliven_viewer.studio.tools.carry import CarryTool
-from enliven_viewer.studio.tools.choose import ChooseTool
 from enliven_viewer.studio.tools.cut import CutTool
-from enliven_viewer.studio.tools.ends import EndsTool
+from enliven_viewer.studio.tools.limb_ends import LimbEndsTool
 from enliven_viewer.studio.tools.map import MapTool
+from enliven_viewer.studio.tools.move import MoveTool
 from enliven_viewer.studio.tools.nodes import InsertTool, RemoveTool
 from enliven_viewer.studio.tools.paint import PaintTool
 from enliven_viewer.studio.tools.pose import PoseTool
 from enliven_viewer.studio.tools.puppet import PuppetTool
+from enliven_viewer.studio.tools.select import SelectTool
 from enliven_viewer.studio.tools.sketch import SketchTool
 
 TOOLS: tuple[type[Tool], ...] = (
-    ChooseTool,
+    SelectTool,
     SketchTool,
-    CarryTool,
+    MoveTool,
     PoseTool,
     InsertTool,
     RemoveTool,
     CutTool,
     MapTool,
     PuppetTool,
-    EndsTool,
+    LimbEndsTool,
     PaintTool,
 )
 """Every tool."""

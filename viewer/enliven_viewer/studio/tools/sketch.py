@@ -12,9 +12,9 @@ from enliven_viewer.studio.tools.base import Pointer, StrokeTool
 from enliven_viewer.studio.viewport import Disc, Line, Overlay, Point
 from enliven_viewer.theme import GOOD, STROKE
 
-_CLOSED = 22.0
+_CLOSING_DISTANCE_PX = 22.0
 """Distance in pixels from its start within which a stroke counts as closed."""
-_FEWEST = 8
+_MIN_POINTS = 8
 """Minimum number of points of a stroke. Fewer are an accidental click and outline nothing."""
 
 
@@ -36,10 +36,10 @@ class SketchTool(StrokeTool):
 
     def release(self, pointer: Pointer) -> None:
         """Turns a closed stroke into a part."""
-        stroke = self.taken()
+        stroke = self.take_points()
         if not stroke:
             return
-        if len(stroke) < _FEWEST:
+        if len(stroke) < _MIN_POINTS:
             self.editor.toasts.say(tr("The stroke is too short"), tr("Draw all around the part."))
             return
         plane, points = self._in_plane(stroke)
@@ -67,10 +67,10 @@ class SketchTool(StrokeTool):
 
     @property
     def _closed(self) -> bool:
-        if len(self._stroke) < _FEWEST:
+        if len(self._stroke) < _MIN_POINTS:
             return False
         (ax, ay), (bx, by) = self._stroke[0], self._stroke[-1]
-        return bool(np.hypot(ax - bx, ay - by) < _CLOSED)
+        return bool(np.hypot(ax - bx, ay - by) < _CLOSING_DISTANCE_PX)
 
     def _in_plane(self, stroke: list[Point]) -> tuple[SketchPlane, Float]:
         """Returns the plane through the camera's target parallel to the image, and the stroke in it.

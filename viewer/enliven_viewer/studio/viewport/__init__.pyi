@@ -16,8 +16,8 @@ from .picking import (
     joint_at as joint_at,
     surface_at as surface_at,
 )
-from .playback import length_of as length_of
+from .project_length import length_of as length_of
 from .ray import moved as moved, vertex_hit as vertex_hit
 from .snapping import Snapping as Snapping
 from .selection import Selection as Selection
-from .standing import StandingCharacter as StandingCharacter, joints_of as joints_of
+from .stage_character import StageCharacter as StageCharacter, joints_of as joints_of

@@ -8,7 +8,7 @@ from enliven_viewer.studio.viewport.overlay import Disc, Label, Line, Point
 from enliven_viewer.studio.viewport.picking import Lens
 from enliven_viewer.theme import AXES, Colour
 
-_LENGTH = 24.0
+_AXIS_LENGTH_PX = 24.0
 """Length of an axis in pixels."""
 
 
@@ -20,7 +20,7 @@ def axes_marks(lens: Lens, at: Point) -> tuple[Line | Disc | Label, ...]:
         right, up, nearer = (float(value) for value in seen[:, axis])
         red, green, blue = AXES[axis]
         tint: Colour = (red / 255, green / 255, blue / 255, 0.55 if nearer < -0.15 else 1.0)
-        end = (at[0] + _LENGTH * right, at[1] - _LENGTH * up)
+        end = (at[0] + _AXIS_LENGTH_PX * right, at[1] - _AXIS_LENGTH_PX * up)
         marks.append(Line((at, end), tint, 2.4))
         if np.hypot(right, up) > 0.3:
             marks.append(Label((end[0] + 7 * right - 3, end[1] - 8 * up), "xyz"[axis], tint))

@@ -15,7 +15,7 @@ from enliven.arrays import Float
 from enliven_viewer.render import CameraView
 from enliven_viewer.studio.viewport.overlay import Point
 from enliven_viewer.studio.viewport.ray import NEAREST, first_hit
-from enliven_viewer.studio.viewport.standing import StandingCharacter
+from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Hit:
     face: int = -1
 
 
-def joint_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
+def joint_at(stage: Iterable[StageCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
     """Returns the handle nearest to a pixel within ``reach`` pixels.
 
     If two are equally near, the one in front wins.
@@ -105,7 +105,7 @@ def joint_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: f
     return min(hits, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def bone_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
+def bone_at(stage: Iterable[StageCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
     """Returns the bone nearest to a pixel within ``reach`` pixels, with the position on it."""
     hits = []
     for character in stage:
@@ -119,7 +119,7 @@ def bone_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point, reach: fl
     return min(hits, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def surface_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point) -> Hit | None:
+def surface_at(stage: Iterable[StageCharacter], lens: Lens, at: Point) -> Hit | None:
     """Returns the first surface that a pixel's ray hits, and the face."""
     way, eye, hits = lens.ray(at), lens.view.eye, list[Hit]()
     for character in stage:
@@ -130,7 +130,7 @@ def surface_at(stage: Iterable[StandingCharacter], lens: Lens, at: Point) -> Hit
     return min(hits, key=lambda hit: hit.depth, default=None)
 
 
-def crossings(stage: Iterable[StandingCharacter], lens: Lens, stroke: Float) -> list[Hit]:
+def crossings(stage: Iterable[StageCharacter], lens: Lens, stroke: Float) -> list[Hit]:
     """Returns the bones that a stroke (P, 2) in pixels crosses, each once, with the crossing's position."""
     hits: list[Hit] = []
     for character in stage:

@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import Float
 
-_STILL = 1e-9
+_MOVEMENT_TOLERANCE_M = 1e-9
 """Movement in metres below which a coordinate counts as unmoved and keeps its value."""
 
 
@@ -38,7 +38,7 @@ class Snapping:
         the floor.
         """
         end = np.round((start + way) / self.grid) * self.grid
-        return np.where(np.abs(way) > _STILL, end - start, way)
+        return np.where(np.abs(way) > _MOVEMENT_TOLERANCE_M, end - start, way)
 
     def turn(self, radians: float) -> float:
         """Returns the angle in radians, rounded to the nearest step."""

@@ -11,19 +11,19 @@ from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.numbers import view_actions
-from enliven_viewer.studio.outliner import alone, choosing_actions
+from enliven_viewer.studio.outliner import choosing_actions, single_shape_action
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools import TOOLS
+from enliven_viewer.studio.workspace.brush_actions import painting_actions
 from enliven_viewer.studio.workspace.clip_actions import clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.files import SAMPLES, exportable
-from enliven_viewer.studio.workspace.fitting import fitting_actions
-from enliven_viewer.studio.workspace.input import ViewportInput
-from enliven_viewer.studio.workspace.painting import painting_actions
+from enliven_viewer.studio.workspace.size_matching import fitting_actions
 from enliven_viewer.studio.workspace.take_commands import take_actions
-from enliven_viewer.studio.workspace.view_table import camera_actions, playing_actions, reading_actions
+from enliven_viewer.studio.workspace.view_actions import camera_actions, playing_actions, reading_actions
+from enliven_viewer.studio.workspace.viewport_input import ViewportInput
 
-_ALONE = (
+_SINGLE_SHAPE_ACTIONS = (
     "file.session",
     *(f"motion.{deed}" for deed in ("copy", "paste", "spread", "clear", "pin")),
     *(f"shape.{deed}" for deed in ("solve", "puppet", "bake")),
@@ -33,26 +33,26 @@ _ALONE = (
 """Actions that work on a single shape. If several shapes are selected, these actions are disabled and report
 why.
 """
-_SHIFT = 0.1
+_TIME_SHIFT_S = 0.1
 """Time shift in seconds per key press: clearly visible, yet fine enough to stagger copies."""
-Ask = Callable[[str], None]
+OpenDialog = Callable[[str], None]
 """Opens the dialogue of that name in the window, or runs the command directly if it needs no dialogue."""
 
 
 def studio_actions(
-    commands: Commands, user_input: ViewportInput, ask: Ask, preferences: Preferences
+    commands: Commands, user_input: ViewportInput, ask: OpenDialog, preferences: Preferences
 ) -> Iterator[Action]:
     """Yields every action of the studio's own menus, in menu order."""
     editor = commands.editor
     for action in _every(commands, user_input, ask, preferences):
-        yield alone(action, editor) if action.id in _ALONE else action
+        yield single_shape_action(action, editor) if action.id in _SINGLE_SHAPE_ACTIONS else action
 
 
 def _every(
-    commands: Commands, user_input: ViewportInput, ask: Ask, preferences: Preferences
+    commands: Commands, user_input: ViewportInput, ask: OpenDialog, preferences: Preferences
 ) -> Iterator[Action]:
     yield from _file(ask, preferences)
-    yield from _out(commands, ask)
+    yield from _export_actions(commands, ask)
     yield from _edit(commands, user_input, ask)
     yield from choosing_actions(commands.editor)
     yield _snap(commands.editor)
@@ -86,7 +86,7 @@ def _every(
     yield Action("help.keys", "Help", "Keys", ("f1", "h"), lambda: ask("help"))
 
 
-def _file(ask: Ask, preferences: Preferences) -> Iterator[Action]:
+def _file(ask: OpenDialog, preferences: Preferences) -> Iterator[Action]:
     def lacks_recent() -> str:
         return "" if preferences.recent else "No file was opened yet. Open one with Ctrl+O."
 
@@ -105,7 +105,7 @@ def _file(ask: Ask, preferences: Preferences) -> Iterator[Action]:
     yield Action("file.save_as", "File", "Save as...", ("ctrl+shift+s",), lambda: ask("save as"))
 
 
-def _out(commands: Commands, ask: Ask) -> Iterator[Action]:
+def _export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action]:
     def lacks_export() -> str:
         try:
             exportable(commands.editor.project)
@@ -147,7 +147,7 @@ def _out(commands: Commands, ask: Ask) -> Iterator[Action]:
     yield Action("file.quit", "File", "Quit", ("ctrl+q",), lambda: ask("quit"), apart=True)
 
 
-def _edit(commands: Commands, user_input: ViewportInput, ask: Ask) -> Iterator[Action]:
+def _edit(commands: Commands, user_input: ViewportInput, ask: OpenDialog) -> Iterator[Action]:
     c, editor = commands, commands.editor
     yield Action("edit.undo", "Edit", "Undo", ("ctrl+z",), editor.undo, c.lacks_undo)
     yield Action("edit.redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y"), editor.redo, c.lacks_redo)
@@ -181,7 +181,7 @@ def _snap(editor: Editor) -> Action:
 
     about = "Moves go to a grid of 10 cm and the floor, turns by 15 degrees. Ctrl held does the opposite."
     on = lambda: editor.snapping.on  # noqa: E731
-    return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, on=on, about=about, apart=True)
+    return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, is_on=on, about=about, apart=True)
 
 
 def _motion(c: Commands) -> Iterator[Action]:
@@ -221,7 +221,7 @@ def _motion(c: Commands) -> Iterator[Action]:
         c.lacks_shape,
         about="Removes all motion from the chosen chain, or from the whole shape.",
     )
-    for name, label, seconds in (("later", "Later", _SHIFT), ("earlier", "Earlier", -_SHIFT)):
+    for name, label, seconds in (("later", "Later", _TIME_SHIFT_S), ("earlier", "Earlier", -_TIME_SHIFT_S)):
         yield Action(
             f"motion.{name}",
             "Motion",
@@ -232,7 +232,7 @@ def _motion(c: Commands) -> Iterator[Action]:
             about="All motion of the selection, by a tenth of a second.",
             apart=seconds > 0,
         )
-    yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.mute, c.lacks_playing, c.muted)
+    yield Action("motion.mute", "Motion", "Mute", ("shift+u",), c.mute, c.lacks_playing, c.is_muted)
     yield Action(
         "motion.pin",
         "Motion",
@@ -251,7 +251,7 @@ def _keys(c: Commands) -> Iterator[Action]:
         "Keys while posing",
         ("shift+k",),
         c.keys.toggle,
-        on=lambda: c.editor.keying,
+        is_on=lambda: c.editor.keying,
         about="Posing (R) or moving (G) sets a key at the playhead: for a joint, a dot, or the whole.",
         apart=True,
     )
@@ -344,6 +344,6 @@ def _tools(user_input: ViewportInput) -> Iterator[Action]:
             kind.label,
             (kind.key,),
             lambda name=kind.name: user_input.take(name),
-            on=lambda name=kind.name: user_input.tool.name == name,
+            is_on=lambda name=kind.name: user_input.tool.name == name,
             icon=kind.icon,
         )

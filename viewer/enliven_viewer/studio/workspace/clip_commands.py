@@ -20,20 +20,20 @@ from enliven_viewer.language import later
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline import Lane, TimelineLayout
 
-_BLEND = 0.4
+_BLEND_S = 0.4
 """Duration, in seconds, of a blend made with the shortcut: about one step."""
-_PAST = 1e-6
+_TIME_TOLERANCE_S = 1e-6
 """Tolerance in seconds. A marker this close to the playhead counts neither as the next nor as the previous
 one.
 """
 
 
-def _split(project: Project, name: str, numbers: tuple[int, ...], _: int, time: float) -> Project:
+def _split_clip(project: Project, name: str, numbers: tuple[int, ...], _: int, time: float) -> Project:
     return split_clip(project, name, numbers, time)
 
 
 def _blend(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
-    return blend_clips(project, name, numbers, clip, _BLEND)
+    return blend_clips(project, name, numbers, clip, _BLEND_S)
 
 
 def _reverse(project: Project, name: str, numbers: tuple[int, ...], clip: int, _: float) -> Project:
@@ -53,8 +53,8 @@ def _remove(project: Project, name: str, numbers: tuple[int, ...], clip: int, _:
     return project
 
 
-_DEEDS: dict[str, tuple[str, Callable[[Project, str, tuple[int, ...], int, float], Project]]] = {
-    "split": (later("split clip"), _split),
+_CLIP_EDITS: dict[str, tuple[str, Callable[[Project, str, tuple[int, ...], int, float], Project]]] = {
+    "split": (later("split clip"), _split_clip),
     "blend": (later("blend clips"), _blend),
     "reverse": (later("reverse clip"), _reverse),
     "mirror": (later("mirror motion"), _mirror),
@@ -73,7 +73,7 @@ class ClipCommands:
 
     def do(self, deed: str) -> None:
         """Splits, blends, reverses, mirrors or removes the clips under the playhead."""
-        self.editor.edit(_DEEDS[deed][0], self._edit(deed))
+        self.editor.edit(_CLIP_EDITS[deed][0], self._edit(deed))
 
     def lacks(self, deed: str) -> str:
         """Returns why that edit is unavailable, with advice; empty if it is available."""
@@ -87,7 +87,7 @@ class ClipCommands:
 
     def _edit(self, deed: str) -> Edit:
         """Returns the edit of all affected clips."""
-        time, change = self.editor.time, _DEEDS[deed][1]
+        time, change = self.editor.time, _CLIP_EDITS[deed][1]
         lane_clips = [
             (lane, next(k for k, clip in enumerate(lane.clips) if clip.begin <= time <= clip.end))
             for lane in self._lanes()
@@ -111,7 +111,7 @@ class ClipCommands:
         times = sorted(
             {0.0, self.editor.length, *(marker.seconds for marker in self.editor.project.markers.values())}
         )
-        ahead = [time for time in times if (time - self.editor.time) * way > _PAST]
+        ahead = [time for time in times if (time - self.editor.time) * way > _TIME_TOLERANCE_S]
         if ahead:
             self.editor.scrub(min(ahead) if way > 0 else max(ahead))
 

@@ -30,10 +30,10 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import matching_view
 from enliven_viewer.studio.tools import remove_joint
 from enliven_viewer.studio.workspace.clip_commands import ClipCommands
-from enliven_viewer.studio.workspace.fitting import Fitting
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
 from enliven_viewer.studio.workspace.motion_clipboard import MotionClipboard, outwards
-from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, aside
+from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, side_offset
+from enliven_viewer.studio.workspace.size_matching import SizeMatching
 from enliven_viewer.studio.workspace.take_commands import TakeCommands
 
 
@@ -45,14 +45,14 @@ class Commands:
         self._copied: tuple[Project, tuple[str, ...]] | None = None
         self._pasted = 0
         self.puppets, self.clips = PuppetCommands(editor, self.add), ClipCommands(editor)
-        self.takes, self.fitting = TakeCommands(editor), Fitting(editor)
+        self.takes, self.fitting = TakeCommands(editor), SizeMatching(editor)
         self.keys, self.motion = KeyCommands(editor), MotionClipboard(editor)
 
     def play(self) -> None:
         """Starts or stops playback."""
         self.editor.playing = not self.editor.playing
 
-    def unmark(self) -> None:
+    def clear_range(self) -> None:
         """Removes the in and out points."""
         self.editor.marked = None
 
@@ -81,7 +81,7 @@ class Commands:
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), 0
             self.editor.toasts.say(
-                tr("Copied {0} with its motion", self._told()), tr("Ctrl+V puts a copy next to it.")
+                tr("Copied {0} with its motion", self._selection_text()), tr("Ctrl+V puts a copy next to it.")
             )
 
     def cut_out(self) -> None:
@@ -122,11 +122,11 @@ class Commands:
 
     def mute(self) -> None:
         """Mutes all motion of the selection, or unmutes it if all of it is muted."""
-        on = not self.muted()
+        on = not self.is_muted()
         word = later("mute {0}") if on else later("unmute {0}")
         self._change(word, lambda project, names: mute_characters(project, names, on))
 
-    def muted(self) -> bool:
+    def is_muted(self) -> bool:
         """Returns True if the selection has motion and all of it is muted."""
         layers = [layer for character in self.editor.chosen_all for layer in character.playing]
         return bool(layers) and all(layer.muted for layer in layers)
@@ -176,7 +176,7 @@ class Commands:
         shape = self.editor.chosen(Shape)
         if shape is None:
             return
-        posed = self.editor.posed(shape.id)
+        posed = self.editor.stage_character(shape.id)
         starts, ends = np.array(posed.bones).T
         bones = posed.handles[ends] - posed.handles[starts]
         way = best_view(bones, matching_view(self.editor.lens)).direction
@@ -206,7 +206,7 @@ class Commands:
         """Applies one edit to the whole selection."""
         names = self._names
         if names:
-            self.editor.edit(later(word, self._told()), lambda project: change(project, names))
+            self.editor.edit(later(word, self._selection_text()), lambda project: change(project, names))
 
     def _take_away(self, word: str) -> None:
         def change(project: Project, names: tuple[str, ...]) -> Project:
@@ -218,8 +218,8 @@ class Commands:
 
     def _copy(self, word: str, source: Project, names: tuple[str, ...], times: int) -> None:
         """Pastes copies next to their originals as one edit, and selects the copies."""
-        offset, copy_ids = self._aside(source, names) * times, list[str]()
-        subject = self._told(names)
+        offset, copy_ids = self._side_offset(source, names) * times, list[str]()
+        subject = self._selection_text(names)
 
         def change(project: Project) -> Project:
             project, copies = copy_characters(project, source, names, offset)
@@ -267,7 +267,7 @@ class Commands:
     def _names(self) -> tuple[str, ...]:
         return tuple(character.id for character in self.editor.chosen_all)
 
-    def _told(self, names: tuple[str, ...] | None = None) -> str:
+    def _selection_text(self, names: tuple[str, ...] | None = None) -> str:
         """Returns the name of the only selected shape, or the number of shapes."""
         names = self._names if names is None else names
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
@@ -281,6 +281,6 @@ class Commands:
         groups = equal_limbs(shape.skeleton)
         return shape, joint, next((group for group in groups if group.limb_of(joint) >= 0), None)
 
-    def _aside(self, source: Project, names: tuple[str, ...]) -> Float:
+    def _side_offset(self, source: Project, names: tuple[str, ...]) -> Float:
         """Returns (3,) metres: an offset to the right of the view, by about the characters' width."""
-        return aside(self.editor, [source.characters[name] for name in names])
+        return side_offset(self.editor, [source.characters[name] for name in names])

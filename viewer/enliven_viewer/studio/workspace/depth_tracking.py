@@ -17,7 +17,7 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
 
-_LINES = 20
+_MAX_OUTPUT_LINES = 20
 """Number of the tracker's last output lines that are kept. After a failure the last line contains the
 reason.
 """
@@ -48,7 +48,7 @@ class DepthTracking:
         self.name, self.share = "", 0.0
         self._child: subprocess.Popen[str] | None = None
         self._folder: TemporaryFolder | None = None
-        self._said: deque[str] = deque(maxlen=_LINES)
+        self._said: deque[str] = deque(maxlen=_MAX_OUTPUT_LINES)
         self._reader: threading.Thread | None = None
 
     @property

@@ -20,7 +20,7 @@ RATES = (12, 15, 24, 25, 30, 48, 50, 60)
 """Frame rates, in frames per second, that the dialogue offers."""
 FILM_SIZES = ("640x360", "1280x720", "1920x1080", "2560x1440", "3840x2160", "1080x1080", "1080x1920")
 """Film sizes that the dialogue offers: common screens, a square, and an upright telephone."""
-_SAMPLED = 0.3
+_SAMPLING_PROGRESS = 0.3
 """Progress of a film, as a fraction, at which the sampling of its characters is complete."""
 
 
@@ -98,14 +98,14 @@ def write_export(
     morphs = bool(more.get("morphs"))
     performances = list[Performance]()
     for number, character in enumerate(chosen):
-        progress.report((_SAMPLED if film else 0.9) * number / len(chosen))
+        progress.report((_SAMPLING_PROGRESS if film else 0.9) * number / len(chosen))
         how: Literal["skin", "morphs"] = "morphs" if morphs and isinstance(character, Puppet) else "skin"
         rate, keyed = float(options.rate), exporter.keyed
         performances.append(performance_of(project, character, first, last, rate, how=how, keyed=keyed))
     if exporter.heard and project.sounds:
         more["sound"] = heard_from(project.sounds.values(), first)
     if film:
-        more["progress"] = _later(progress, _SAMPLED)
+        more["progress"] = _later(progress, _SAMPLING_PROGRESS)
     with replace_file(path, tr("Save it elsewhere.")) as part:
         exporter.write(part, performances, path.stem, **more)
         progress.report(1.0)

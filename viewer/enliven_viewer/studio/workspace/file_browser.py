@@ -18,11 +18,11 @@ ORDERS: dict[Order, str] = {
     "largest": later("largest first"),
 }
 """Every sort order, with its label in the dialogue."""
-_FOLDERS_HERE = ("Desktop", "Documents", "Downloads", "Pictures", "Videos", "Movies")
+_HOME_FOLDERS = ("Desktop", "Documents", "Downloads", "Pictures", "Videos", "Movies")
 """Folders that desktops create in the home folder. Those that exist are offered."""
-_MEDIA = ("/media", "/run/media", "/Volumes", "/mnt")
+_MOUNT_FOLDERS = ("/media", "/run/media", "/Volumes", "/mnt")
 """Folders in which operating systems mount USB sticks and memory cards."""
-_MOST_PLACES = 14
+_MAX_PLACES = 14
 """Maximum number of offered places: more do not fit next to the file list."""
 
 
@@ -34,7 +34,7 @@ def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Pa
         working: the folder in which the program was started.
     """
     home = Path.home()
-    folders = [(tr("Home"), home), *((name, home / name) for name in _FOLDERS_HERE)]
+    folders = [(tr("Home"), home), *((name, home / name) for name in _HOME_FOLDERS)]
     if working is not None and working != home:
         folders.append((working.name or str(working), working))
     folders += _sticks()
@@ -46,13 +46,13 @@ def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Pa
     for name, folder in folders:
         if folder not in names_by_folder and _is_folder(folder):
             names_by_folder[folder] = name
-    return [(name, folder) for folder, name in list(names_by_folder.items())[:_MOST_PLACES]]
+    return [(name, folder) for folder, name in list(names_by_folder.items())[:_MAX_PLACES]]
 
 
 def _sticks() -> list[tuple[str, Path]]:
     """Returns the mounted removable drives, with their names."""
     drives = []
-    for root in map(Path, _MEDIA):
+    for root in map(Path, _MOUNT_FOLDERS):
         for folder in _entries(root):
             inner = [entry for entry in _entries(folder) if entry.is_mount()] if not folder.is_mount() else []
             drives += [(entry.name, entry) for entry in (inner or [folder]) if entry.is_mount()]
@@ -83,24 +83,24 @@ class FileBrowser:
         endings: selectable file extensions, with the dot. The first is appended to a name without extension.
         name: the typed or clicked file name.
         saving: if True, the file need not exist.
-        own: the project's own file, which may be replaced without a confirmation.
+        project_path: the project's own file, which may be replaced without a confirmation.
         problem: why the folder cannot be listed, or empty.
-        said: why the chosen name is refused, or empty.
+        refusal: why the chosen name is refused, or empty.
         again: True if the dialogue waits for another name, or for Enter as a confirmation.
         order: sort order of the files.
-        new: name of the new folder while it is being typed; None otherwise.
+        new_folder_name: name of the new folder while it is being typed; None otherwise.
     """
 
     folder: Path
     endings: tuple[str, ...]
     name: str = ""
     saving: bool = False
-    own: Path | None = None
+    project_path: Path | None = None
     problem: str = field(default="", init=False)
-    said: str = field(default="", init=False)
-    again: bool = field(default=False, init=False)
+    refusal: str = field(default="", init=False)
+    awaits_retry: bool = field(default=False, init=False)
     order: Order = field(default="name", init=False)
-    new: str | None = field(default=None, init=False)
+    new_folder_name: str | None = field(default=None, init=False)
     _warned: Path | None = field(default=None, init=False)
 
     def folders(self) -> list[Path]:
@@ -125,7 +125,7 @@ class FileBrowser:
             InputError: if the name is not valid for a folder, or already exists.
             ResourceError: if the folder cannot be created.
         """
-        name = (self.new or "").strip()
+        name = (self.new_folder_name or "").strip()
         if not name or name in (".", "..") or any(letter in name for letter in '/\\:*?"<>|\0'):
             raise InputError(
                 tr("no folder can have that name"), where="file", mend=tr("Use letters and digits.")
@@ -140,7 +140,7 @@ class FileBrowser:
         except OSError as error:
             problem = tr("the folder cannot be made ({0})", error.strerror)
             raise ResourceError(problem, where=str(new_folder), mend=tr("Choose another place.")) from None
-        self.new = None
+        self.new_folder_name = None
         self.enter(new_folder)
 
     def enter(self, folder: Path) -> None:
@@ -174,7 +174,7 @@ class FileBrowser:
             path = path.with_name(path.name + self.endings[0])
         if not self.saving and not path.is_file():
             raise InputError(tr("there is no such file"), where=str(path), mend=tr("Choose another."))
-        if self.saving and path.exists() and path not in (self.own, self._warned):
+        if self.saving and path.exists() and path not in (self.project_path, self._warned):
             self._warned = path
             raise InputError(
                 tr("{0} is there already", path.name),

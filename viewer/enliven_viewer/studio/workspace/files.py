@@ -24,7 +24,7 @@ from enliven.takes import clips_of_recording, read_possessed, read_take
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sound import SOUNDS, read_sound
-from enliven_viewer.studio.workspace.opened_size import opened_size
+from enliven_viewer.studio.workspace.model_size import opened_size
 
 MODELS = GLTF_SUFFIXES
 MESHES = (".obj", ".ply", ".stl", ".off")
@@ -35,9 +35,9 @@ FILM = ".mp4"
 EXPORTS = (".glb", *(ending for ending in suffixes() if ending not in (".glb", FILM)))
 SAMPLES = {"cactus": "Dancing cactus", "chair": "Armchair", "lamp": "Desk lamp"}
 """Samples that ship with enliven, by id, with their labels."""
-_LONGEST = 130
+_MAX_NOTE_LETTERS = 130
 """Maximum number of characters shown of a file's note."""
-_BESIDE = 0.3
+_CHARACTER_GAP_M = 0.3
 """Distance in metres between an opened model and the existing characters."""
 
 
@@ -60,7 +60,7 @@ def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
         InputError: if the file cannot be read, or its type is not supported.
     """
     ending = path.suffix.lower()
-    for endings, read, add in _KINDS:
+    for endings, read, add in _FILE_TYPES:
         if ending in endings:
             return add, read(path)
     known_endings = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS))
@@ -125,7 +125,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
         shape = rig.shape.with_changes(id=unused(rig.shape.id, project.characters))
         added_ids.append(shape.id)
         if box is not None and shape.mesh is not None:
-            aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _BESIDE
+            aside = float(box[1][0] - shape.mesh.bounds[0, 0]) + _CHARACTER_GAP_M
             shape = shape.with_changes(place=[aside, 0.0, 0.0])
         project, names = _with_clips(project.with_characters(shape), rig.clips)
         first = clip_to_open(shape, rig.clips)
@@ -133,7 +133,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
 
     if editor.edit(later("open {0}", path.name), add):
         editor.choose(added_ids[-1])
-        _tell(editor, path, rig.notes, _told_clips(editor.project, added_ids[-1]))
+        _show_notes(editor, path, rig.notes, _clip_notes(editor.project, added_ids[-1]))
         editor.frame_way()
 
 
@@ -153,7 +153,7 @@ def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[
     return project, names
 
 
-def _told_clips(project: Project, shape_id: str) -> str:
+def _clip_notes(project: Project, shape_id: str) -> str:
     """Returns a sentence about the clip that an opened model plays, and where its other clips are."""
     shape = project.shape(shape_id)
     clips, played = own_clips(project, shape), played_clip(project, shape)
@@ -186,12 +186,12 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
         added_ids.append(name)
         if box is None:
             return project
-        aside = float(box[1][0] - fitted.vertices[:, 0].min()) + _BESIDE
+        aside = float(box[1][0] - fitted.vertices[:, 0].min()) + _CHARACTER_GAP_M
         return move_character(project, name, [aside, 0.0, 0.0])
 
     if editor.edit(later("open {0}", path.name), add):
         editor.choose(added_ids[-1])
-        _tell(editor, path, notes, tr("It is a puppet: put control points on it with K."))
+        _show_notes(editor, path, notes, tr("It is a puppet: put control points on it with K."))
         editor.frame_way()
 
 
@@ -212,11 +212,11 @@ def _add_played(
         added_ids.append(name)
         if box is None:
             return project
-        return move_character(project, name, [float(box[1][0] - low) + _BESIDE, 0.0, 0.0])
+        return move_character(project, name, [float(box[1][0] - low) + _CHARACTER_GAP_M, 0.0, 0.0])
 
     if editor.edit(later("open {0}", file_name), add):
         editor.choose(added_ids[-1])
-        _tell(editor, Path(file_name), notes, "")
+        _show_notes(editor, Path(file_name), notes, "")
         editor.frame_way()
 
 
@@ -233,10 +233,10 @@ def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) ->
             if puppet
             else tr("Map it onto a shape with M.")
         )
-        _tell(editor, path, notes, mend)
+        _show_notes(editor, path, notes, mend)
 
 
-def _add_performance(editor: Editor, path: Path, read: _Performed) -> None:
+def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
     added: list[str] = []
     before = set(editor.project.characters)
 
@@ -271,14 +271,14 @@ def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, 
 
 
 @dataclass(frozen=True)
-class _Performed:
+class _RecordedTake:
     """The content of a recorded take: its possessed meshes, if any, and its performers."""
 
     meshes: Project | None
     clips: tuple[Clip, ...]
 
 
-def _read_performance(path: Path) -> _Performed:
+def _read_performance(path: Path) -> _RecordedTake:
     refused, meshes, clips = list[InputError](), None, ()
     try:
         meshes = read_possessed(path)
@@ -290,10 +290,10 @@ def _read_performance(path: Path) -> _Performed:
         refused.append(error)
     if not clips and (meshes is None or not meshes.characters):
         raise refused[0]
-    return _Performed(meshes, clips)
+    return _RecordedTake(meshes, clips)
 
 
-def _with_performed(project: Project, path: Path, read: _Performed) -> tuple[Project, tuple[str, ...]]:
+def _with_performed(project: Project, path: Path, read: _RecordedTake) -> tuple[Project, tuple[str, ...]]:
     added = list[str]()
     if read.meshes is not None:
         for name in read.meshes.characters:
@@ -306,16 +306,22 @@ def _with_performed(project: Project, path: Path, read: _Performed) -> tuple[Pro
     return project, tuple(added)
 
 
-def _tell(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
+def _show_notes(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -> None:
     """Shows one message with the name of the opened file and its notes."""
     if notes:
         more = tr(" (and {0} more)", len(notes) - 1) if len(notes) > 1 else ""
-        first = notes[0] if len(notes[0]) <= _LONGEST else f"{notes[0][:_LONGEST].rsplit(' ', 1)[0]} ..."
+        first = (
+            notes[0]
+            if len(notes[0]) <= _MAX_NOTE_LETTERS
+            else f"{notes[0][:_MAX_NOTE_LETTERS].rsplit(' ', 1)[0]} ..."
+        )
         editor.toasts.say(f"{path.name}: {first}{more}")
     editor.toasts.say(tr("Opened {0}", path.name), mend)
 
 
-_KINDS: tuple[tuple[tuple[str, ...], Callable[[Path], Any], Callable[[Editor, Path, Any], None]], ...] = (
+_FILE_TYPES: tuple[
+    tuple[tuple[str, ...], Callable[[Path], Any], Callable[[Editor, Path, Any], None]], ...
+] = (
     (MODELS, lambda path: read_gltf(path, floor=True, weld=True), _add_model),
     (MESHES, load_mesh, _add_mesh),
     (TAKES, read_take, _add_take),

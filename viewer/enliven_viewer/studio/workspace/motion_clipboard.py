@@ -12,11 +12,11 @@ from enliven.modeling.possessed import solve_again
 from enliven.motion.layers import copy_motion
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.workspace.puppet_commands import aside
+from enliven_viewer.studio.workspace.puppet_commands import side_offset
 
 Chain = tuple[str, tuple[int, ...]]
 """The id of a shape and a chain of its joints, from the root to the end."""
-_Solved = tuple[Project, str, list[str]]
+_SolvedMesh = tuple[Project, str, list[str]]
 """A project with a solved mesh, the mesh's id, and notes about its attachments."""
 
 
@@ -46,7 +46,7 @@ class MotionClipboard:
         If a performance was copied, its performers possess the selected mesh instead.
         """
         if self._performed is not None and self.editor.chosen() is not None:
-            self._give(self._performed)
+            self._give_performance(self._performed)
         target, lens = chosen_chain(self.editor), self.editor.lens
         if self._copied is not None and target is not None:
             source, chain = self._copied
@@ -60,7 +60,7 @@ class MotionClipboard:
             return
         name, notes = shape.id, list[str]()
 
-        def work() -> _Solved:
+        def work() -> _SolvedMesh:
             return solve_again(project, name, notes=notes), name, notes
 
         self._begin(tr("Possessing {0} again", name), work, later("solve again {0}", name), shape)
@@ -95,7 +95,7 @@ class MotionClipboard:
         shape = self.editor.chosen(GraphShape)
         return shape if shape is not None and performance_in(shape) is not None else None
 
-    def _give(self, source: str) -> None:
+    def _give_performance(self, source: str) -> None:
         """Transfers the performance of a mesh to the selected character.
 
         It starts from that character's current pose.
@@ -110,9 +110,9 @@ class MotionClipboard:
             self.editor.toasts.complain(InputError(tr("{0} no longer exists", source), where=name, mend=mend))
             return
 
-        beside = aside(self.editor, [target])
+        beside = side_offset(self.editor, [target])
 
-        def work() -> _Solved:
+        def work() -> _SolvedMesh:
             solved_project, moved = transfer_performance(project, source, name, time=time, notes=notes)
             return (
                 solved_project if moved == name else move_character(solved_project, moved, beside),
@@ -127,14 +127,14 @@ class MotionClipboard:
             target,
         )
 
-    def _begin(self, message: str, work: Callable[[], _Solved], word: str, guarded: RigBase) -> None:
+    def _begin(self, message: str, work: Callable[[], _SolvedMesh], word: str, guarded: RigBase) -> None:
         """Starts solving a mesh in the background.
 
         The result becomes one edit unless ``guarded`` has changed by then.
         """
-        self.editor.beside.begin(message, work, partial(self._put, word, guarded))
+        self.editor.background.begin(message, work, partial(self._put_mesh, word, guarded))
 
-    def _put(self, word: str, guarded: RigBase, solved: _Solved) -> None:
+    def _put_mesh(self, word: str, guarded: RigBase, solved: _SolvedMesh) -> None:
         """Puts a solved mesh into the project."""
         solved_project, name, notes = solved
         shape = solved_project.graph(name)

@@ -8,9 +8,9 @@ from typing import Literal
 from enliven.document import Project, same
 from enliven_viewer.language import later, tr
 
-Side = Literal["only here", "only in the file", "different"]
+DifferenceSide = Literal["only here", "only in the file", "different"]
 
-_WORDS = {
+_ITEM_WORDS = {
     "characters": later("character"),
     "takes": later("take"),
     "streams": later("motion"),
@@ -33,7 +33,7 @@ class Difference:
     """
 
     item: str
-    side: Side
+    side: DifferenceSide
 
 
 def compare_projects(here: Project, saved: Project) -> tuple[Difference, ...]:
@@ -41,7 +41,7 @@ def compare_projects(here: Project, saved: Project) -> tuple[Difference, ...]:
     differences = list[Difference]()
     for part in fields(Project):
         mine, theirs = getattr(here, part.name), getattr(saved, part.name)
-        word = _WORDS.get(part.name, part.name)
+        word = _ITEM_WORDS.get(part.name, part.name)
         for name in dict.fromkeys((*mine, *theirs)):
             if name not in theirs:
                 differences.append(Difference(tr("{0} {1}", tr(word), name), "only here"))

@@ -30,9 +30,9 @@ from enliven_viewer.studio.perform import StageRecording
 
 PROJECT = ".enliven"
 _UNNAMED = "Untitled"
-_FRESH = 60.0
+_RECOVERY_OWNER_AGE_S = 60.0
 """On Windows, age in seconds below which a recovery file is assumed to belong to a running studio."""
-_WRITING_SHARE = 0.1
+_MAX_WRITING_FRACTION = 0.1
 """Maximum fraction of the time spent on writing recovery files. A project with a long recording takes seconds
 to write.
 """
@@ -221,7 +221,7 @@ class ProjectStore:
         began = time.monotonic()
         self.folder.mkdir(parents=True, exist_ok=True)
         write_project(self._own(), project if change is None else _with(project, change))
-        self._pause = (time.monotonic() - began) / _WRITING_SHARE
+        self._pause = (time.monotonic() - began) / _MAX_WRITING_FRACTION
 
     def settle(self) -> None:
         """Waits for the recovery file being written, and reports if writing fails."""
@@ -317,7 +317,7 @@ def _running(path: Path) -> bool:
         return True
     if sys.platform == "win32":
         # On Windows, os.kill would end the process, so judge by the age of the file instead.
-        return time.time() - path.stat().st_mtime < _FRESH
+        return time.time() - path.stat().st_mtime < _RECOVERY_OWNER_AGE_S
     try:
         os.kill(int(number), 0)
     except ProcessLookupError:

@@ -16,7 +16,7 @@ from enliven.modeling.puppet import bake_puppet, make_puppet
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 
-_ASIDE = 0.3
+_COPY_GAP_M = 0.3
 """Gap between a character and the copy that is placed next to it, in metres. So both can be distinguished."""
 
 
@@ -39,7 +39,7 @@ class PuppetCommands:
             return False
         name, mesh = chosen
         upright, place = standing_mesh(mesh)
-        beside = place + aside(self.editor, [self.editor.project.characters[name]])
+        beside = place + side_offset(self.editor, [self.editor.project.characters[name]])
 
         def change(project: Project) -> tuple[Project, str]:
             puppet_name = unused(f"{name} puppet", project.characters)
@@ -80,7 +80,7 @@ class PuppetCommands:
         if puppet is None:
             return False
         project = editor.project
-        editor.beside.begin(
+        editor.background.begin(
             tr("Baking {0}", puppet.id), lambda: bake_puppet(project, puppet.id), self._put_baked(puppet)
         )
         return True
@@ -140,12 +140,12 @@ class PuppetCommands:
         return chosen.id, replace(chosen.mesh, vertices=seen)
 
 
-def aside(editor: Editor, characters: Sequence[RigBase]) -> Float:
+def side_offset(editor: Editor, characters: Sequence[RigBase]) -> Float:
     """Returns (3,) metres: an offset to the right of the view, by about the width of the characters."""
     right = editor.lens.view.camera_from_world[0, :3]
     wide = max(float(np.ptp(rig_of(character).rest(character) @ right)) for character in characters)
     apart = float(np.ptp([rig_of(character).centre(character) @ right for character in characters]))
-    way = np.asarray(right * (wide + apart + _ASIDE))
+    way = np.asarray(right * (wide + apart + _COPY_GAP_M))
     way[1] = 0.0
     return way
 

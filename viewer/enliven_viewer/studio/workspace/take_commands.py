@@ -10,7 +10,9 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
 
-_NONE = later("No lane with several takes is chosen. Record another one (Ctrl+Shift+R), and choose its lane.")
+_NO_ALTERNATIVES = later(
+    "No lane with several takes is chosen. Record another one (Ctrl+Shift+R), and choose its lane."
+)
 
 
 class TakeCommands:
@@ -38,19 +40,19 @@ class TakeCommands:
         return groups.pop() if len(groups) == 1 else ""
 
     @property
-    def heard(self) -> str:
+    def audible_take(self) -> str:
         """Returns the audible take of that group; empty if there is none."""
         takes = takes_beside(self.editor.project, self.alternatives)
         return next((name for name, heard in takes.items() if heard), "")
 
     def lacks(self) -> str:
         """Returns why no alternative take can be chosen, with advice."""
-        return "" if len(takes_beside(self.editor.project, self.alternatives)) > 1 else _NONE
+        return "" if len(takes_beside(self.editor.project, self.alternatives)) > 1 else _NO_ALTERNATIVES
 
     def step(self, way: int) -> None:
         """Switches to the next alternative take, or to the previous one if `way` is -1."""
         names = list(takes_beside(self.editor.project, self.alternatives))
-        place = names.index(self.heard) if self.heard in names else -way
+        place = names.index(self.audible_take) if self.audible_take in names else -way
         self.choose(names[(place + way) % len(names)])
 
     def choose(self, recorded: str) -> None:
@@ -63,16 +65,16 @@ class TakeCommands:
 
     def keep(self) -> None:
         """Keeps only the audible take, and deletes its alternatives."""
-        meant, heard = self.alternatives, self.heard
+        meant, heard = self.alternatives, self.audible_take
         if self.editor.edit(later("keep {0}", heard), lambda project: keep_take(project, meant, heard)):
             self._follow(meant, heard)
 
     def drop(self, recorded: str = "") -> None:
         """Deletes one of the alternative takes; by default the audible one."""
-        meant, gone = self.alternatives, recorded or self.heard
+        meant, gone = self.alternatives, recorded or self.audible_take
         if self.editor.edit(later("delete {0}", gone), lambda project: drop_take(project, meant, gone)):
             self.editor.toasts.say(tr("{0} is deleted", gone), tr("Ctrl+Z brings it back."))
-            self._follow(meant, self.heard)
+            self._follow(meant, self.audible_take)
 
     def delete_row(self, name: str) -> None:
         """Deletes the take of a row of the list: an alternative of a lane, or a take that nothing plays."""

@@ -10,14 +10,14 @@ from typing import Any
 from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError, InputError
 from enliven_viewer.language import tr
-from enliven_viewer.studio.actions import ActionTable, Finding, WantedKey
+from enliven_viewer.studio.actions import ActionTable, PaletteSearch, ShortcutCapture
 from enliven_viewer.studio.background import WorkProgress
 from enliven_viewer.studio.curves import CurveInput
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.examples import layer_of
 from enliven_viewer.studio.ghosts import Ghosts
 from enliven_viewer.studio.motions import library
-from enliven_viewer.studio.numbers import Figures
+from enliven_viewer.studio.numbers import SelectionTransform
 from enliven_viewer.studio.outliner import Outliner, outliner_actions
 from enliven_viewer.studio.perform import PerformSession, perform_actions
 from enliven_viewer.studio.performer import PerformerView
@@ -45,22 +45,22 @@ from enliven_viewer.studio.workspace.files import (
     read_to_add,
     save_session,
 )
-from enliven_viewer.studio.workspace.input import ViewportInput
 from enliven_viewer.studio.workspace.project_comparison import (
     Difference,
     compare_projects,
     with_saved_items,
 )
 from enliven_viewer.studio.workspace.project_store import PROJECT, FileChangedError, ProjectStore
-from enliven_viewer.studio.workspace.view_table import curve_action, ghost_action
+from enliven_viewer.studio.workspace.view_actions import curve_action, ghost_action
+from enliven_viewer.studio.workspace.viewport_input import ViewportInput
 
 Rectangle = tuple[float, float, float, float]
 """Left, top, right and bottom, in pixels of the window."""
-_LARGE_BYTES = 6_000_000
+_BACKGROUND_READ_BYTES = 6_000_000
 """File size in bytes above which a file is read in the background. Smaller files open within half a
 second.
 """
-_ROOM = 1.35
+_FRAMING_MARGIN = 1.35
 """Framing factor when the camera moves to a puppet: 1 fills the view, larger values leave a margin."""
 
 
@@ -73,7 +73,7 @@ class Workspace:
         commands: the functions behind the studio's own actions.
         ghosts: ghosts and trails of past and future poses. curves: the curves of the selection over time.
         outliner: the tree of all objects.
-        figures: position and size of the selection. typing: unfinished text in their fields.
+        selection_transform: position and size of the selection. typing: unfinished text in their fields.
         depth: the tracker for opened depth recordings.
         sound: plays the sound to perform along with.
         widgets: the last drawn rectangle of each widget, by name, so that a scripted session can click it.
@@ -111,11 +111,11 @@ class Workspace:
         self.actions.add(ghost_action(self.ghosts), curve_action(self.curves))
         self.perform = PerformSession(editor, folder)
         self.actions.add(*perform_actions(self.perform))
-        self.actions.room = lambda: self.perform.keys_of
+        self.actions.workspace = lambda: self.perform.keys_of
         self.scan = ScanSession(editor, self.perform)
         self.input.over = self.scan
         self.actions.add(*scan_actions(self.scan))
-        self.figures, self.typing = Figures(editor), dict[str, str]()
+        self.selection_transform, self.typing = SelectionTransform(editor), dict[str, str]()
         self.outliner = Outliner(editor, lambda: self.perform.present)
         self.actions.add(*outliner_actions(self.outliner))
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
@@ -131,7 +131,7 @@ class Workspace:
         self.asking = self.caption = self.pressed = ""
         self.browser: FileBrowser | None = None
         self.exporting = ExportOptions()
-        self.finding, self.wanted_key = Finding(self.actions), WantedKey()
+        self.finding, self.wanted_key = PaletteSearch(self.actions), ShortcutCapture()
         self.history_shown, self.history_seen = False, (0, 0)
         self.shown_layer: tuple[str, int] | None = None
         self.ended = self.starting = False
@@ -170,7 +170,7 @@ class Workspace:
         elif dialogue in ("open", "save", "save as", "export", "film", "session", "perform"):
             self._browse("save as" if dialogue == "save" else dialogue)
         else:
-            self.finding, self.wanted_key = Finding(self.actions), WantedKey()
+            self.finding, self.wanted_key = PaletteSearch(self.actions), ShortcutCapture()
             self.asking = dialogue
 
     def _add_sample(self, name: str) -> None:
@@ -181,7 +181,7 @@ class Workspace:
         add_sample(self.editor, name)
         character = self.editor.chosen()
         if character is not None and character.kind == "graph":
-            self.perform.room = "Perform"
+            self.perform.active_workspace = "Perform"
             self.perform.put_soon(character.id)
 
     def open(self, path: Path) -> None:
@@ -205,7 +205,7 @@ class Workspace:
                 self.commands.fitting.tell()
         else:
             self.store.open(path)
-        self.preferences.opened(path)
+        self.preferences.remember_file(path)
 
     def _open_beside(self, path: Path) -> None:
         """Reads a large file in the background. The window stays usable, and reading can be cancelled."""
@@ -219,12 +219,12 @@ class Workspace:
                 self.attempt(lambda: read[0](self.editor, path, read[1]))
                 if len(self.editor.project.characters) > before:
                     self.commands.fitting.tell()
-            self.preferences.opened(path)
+            self.preferences.remember_file(path)
 
         def work() -> Any:
             return self.store.read(path) if path.suffix.lower() == PROJECT else read_to_add(path)
 
-        self.editor.beside.begin(tr("Opening {0}", path.name), work, add, progress)
+        self.editor.background.begin(tr("Opening {0}", path.name), work, add, progress)
 
     def drop(self, paths: list[Path]) -> None:
         """Opens files that were dropped onto the window, until one of them opens a dialogue."""
@@ -244,7 +244,7 @@ class Workspace:
         elif dialogue in ("export", "film"):
             self._export(path)
         elif dialogue == "perform":
-            self.perform.connect_nearby("--loop", "--recording", str(path))
+            self.perform.connect_local("--loop", "--recording", str(path))
         elif dialogue == "session":
             save_session(self.editor.project, self.editor.selection.character or "", path)
             self.editor.toasts.say(
@@ -292,7 +292,7 @@ class Workspace:
             raise
         else:
             if path is not None:
-                self.preferences.opened(path)
+                self.preferences.remember_file(path)
             self._go_on()
 
     def ask_for_name(self) -> None:
@@ -387,13 +387,13 @@ class Workspace:
 
     def _bring_into_view(self) -> None:
         """Moves the camera to the puppet if the puppet is not completely visible: it may have walked away."""
-        editor, standing = self.editor, self.puppets.shown
+        editor, standing = self.editor, self.puppets.stage_puppet
         if standing is None:
             return
         pixels = editor.lens.project(standing.vertices[:: max(len(standing.vertices) // 2000, 1)])[0]
         if not ((pixels >= 0) & (pixels <= editor.size)).all():
             box = standing.vertices.min(0), standing.vertices.max(0)
-            editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), room=_ROOM)
+            editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), room=_FRAMING_MARGIN)
 
     def attempt(self, command: Callable[[], object]) -> bool:
         """Calls a function. If it raises an EnlivenError, shows the error as a message and returns False."""
@@ -444,7 +444,7 @@ class Workspace:
         def work() -> str:
             return write_export(project, path, characters, options, length, progress)
 
-        self.editor.beside.begin(tr("Writing {0}", path.name), work, tell, progress)
+        self.editor.background.begin(tr("Writing {0}", path.name), work, tell, progress)
 
     def _browse(self, dialogue: str) -> None:
         folder = self.store.path.parent if self.store.path else Path.cwd()
@@ -478,6 +478,6 @@ class Workspace:
 def _is_large(path: Path) -> bool:
     """Returns True if a file is too large to be read without blocking the window."""
     try:
-        return path.stat().st_size > _LARGE_BYTES
+        return path.stat().st_size > _BACKGROUND_READ_BYTES
     except OSError:
         return False

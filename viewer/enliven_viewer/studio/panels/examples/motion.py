@@ -13,11 +13,11 @@ from enliven_viewer.studio.examples import (
     with_constraint,
     without_constraint,
 )
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import heading, quiet, small
 from enliven_viewer.studio.workspace import Workspace
 
-_REMOVE = "\uf00d"
+_REMOVE_ICON = "\uf00d"
 
 
 def draw_held(workspace: Workspace, puppet: Puppet) -> None:
@@ -44,15 +44,15 @@ def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
     third = ImVec2((imgui.get_content_region_avail().x - 16) / 3, 0)
     wanted: HardConstraint | None = None
     if imgui.button(labelled(tr("Here"), "Here"), third):
-        x, y, z = editor.puppets.seen(puppet)[chosen].tolist()
+        x, y, z = editor.puppets.current_places(puppet)[chosen].tolist()
         wanted = Position(name, frame, (x, y, z))
     workspace.remember("hold here")
-    told(tr("{0} goes through this place at this frame", name))
+    tooltip(tr("{0} goes through this place at this frame", name))
     imgui.same_line()
     if imgui.button(labelled(tr("Still"), "Still"), third):
         wanted = Velocity(name, max(frame, 1), (0.0, 0.0, 0.0))
     workspace.remember("hold still")
-    told(tr("{0} does not move at this frame", name))
+    tooltip(tr("{0} does not move at this frame", name))
     imgui.same_line()
     imgui.set_next_item_width(third.x)
     if imgui.begin_combo("##level", tr("Level")):
@@ -61,7 +61,7 @@ def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
                 wanted = Coupling(name, other, frame)
         imgui.end_combo()
     workspace.remember("hold level")
-    told(tr("{0} is as high as another control point at this frame", name))
+    tooltip(tr("{0} is as high as another control point at this frame", name))
     if wanted is not None:
         editor.edit(
             later("hold {0}", name), lambda project: with_constraint(project, puppet.id, number, wanted)
@@ -79,7 +79,7 @@ def _held_row(workspace: Workspace, puppet: Puppet, number: int, row: int, held:
         )[0]:
             editor.scrub(puppet.layers[number].time_of(held.frame * take.step, take.duration))
         imgui.same_line(wide - 12)
-        if imgui.small_button(f"{_REMOVE}##held {row}"):
+        if imgui.small_button(f"{_REMOVE_ICON}##held {row}"):
             editor.edit("let go", lambda project: without_constraint(project, puppet.id, number, held))
         workspace.remember(f"let go {row}")
 

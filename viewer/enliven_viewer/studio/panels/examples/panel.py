@@ -11,23 +11,23 @@ from enliven.document import Puppet
 from enliven.modeling.edits import rig_of
 from enliven_viewer.language import tr
 from enliven_viewer.studio.examples import layer_of, with_guessed_joints
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.examples.motion import draw_held
 from enliven_viewer.studio.panels.examples.points import draw_points, suggest
 from enliven_viewer.studio.panels.examples.settings import draw_settings
-from enliven_viewer.studio.panels.fields import character_name, told
+from enliven_viewer.studio.panels.fields import character_name, tooltip
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.outliner import draw_numbers
 from enliven_viewer.studio.panels.style import filled, packed, panel, small, tinted
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 
-_BACK = "\uf060"
-_PAD = 10.0
+_BACK_ICON = "\uf060"
+_PADDING = 10.0
 """Distance in pixels between the border of the status box and its text."""
-_NEXT = 30.0
+_NEXT_HEIGHT = 30.0
 """Height in pixels of the next-step button: easy to hit."""
-_STATUS = 66.0
+_STATUS_HEIGHT = 66.0
 """Fixed height in pixels of the status box: a title and two lines; more text scrolls."""
 
 
@@ -53,11 +53,11 @@ def draw_examples(workspace: Workspace, area: Area) -> None:
 
 def _head(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the button back to the side panel, and the puppet's name."""
-    if imgui.button(_BACK, ImVec2(30, 0)):
+    if imgui.button(_BACK_ICON, ImVec2(30, 0)):
         workspace.editor.puppets.accept()
         workspace.editor.choose(None)
     workspace.remember("all shapes")
-    told("Back to everything that is on the stage")
+    tooltip("Back to everything that is on the stage")
     imgui.same_line()
     character_name(workspace, puppet)
 
@@ -66,10 +66,10 @@ def _next_step(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the highlighted button of the next step, always in the same place."""
     label, about, act = _step_of(workspace, puppet)
     with filled(ACCENT):
-        if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT)):
+        if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT_HEIGHT)):
             act()
     workspace.remember("next step")
-    told(about)
+    tooltip(about)
 
 
 def _step_of(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
@@ -97,7 +97,7 @@ def draw_status(workspace: Workspace, puppet: Puppet) -> None:
     project, solving = workspace.editor.project, workspace.editor.solving
     lacking, problem = rig_of(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
-        _box(workspace, ACCENT, tr("Before it moves"), _gathered(lacking))
+        _box(workspace, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))
     elif problem is not None:
         _box(workspace, BAD, tr("It cannot move like this"), (problem.what, problem.mend))
     else:
@@ -106,7 +106,7 @@ def draw_status(workspace: Workspace, puppet: Puppet) -> None:
         _box(workspace, GOOD, tr("It moves"), (tr("by {0} examples{1}.", count, doubled),))
 
 
-def _gathered(lacking: tuple[str, ...]) -> tuple[str, ...]:
+def _merge_pairing_sentences(lacking: tuple[str, ...]) -> tuple[str, ...]:
     """Returns the sentences, with those about pairing merged.
 
     Five of them would push the points off the panel.
@@ -123,13 +123,13 @@ def _box(workspace: Workspace, tint: Colour, title: str, lines: tuple[str, ...])
     """Draws a raised box with a coloured border and a fixed height."""
     imgui.dummy(ImVec2(0, 2))
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
-    corner = ImVec2(origin.x + wide, origin.y + _STATUS)
+    corner = ImVec2(origin.x + wide, origin.y + _STATUS_HEIGHT)
     draw = imgui.get_window_draw_list()
     draw.add_rect_filled(origin, corner, packed(RAISED, 0.75), 7.0)
     low = ImVec2(origin.x + 3, origin.y + 8), ImVec2(origin.x + 6, corner.y - 8)
     draw.add_rect_filled(*low, packed(tint), 2.0)
-    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(_PAD + 4, 6))
-    imgui.begin_child("##status", ImVec2(0, _STATUS), imgui.ChildFlags_.always_use_window_padding)
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(_PADDING + 4, 6))
+    imgui.begin_child("##status", ImVec2(0, _STATUS_HEIGHT), imgui.ChildFlags_.always_use_window_padding)
     imgui.pop_style_var()
     with tinted(tint, imgui.Col_.text):
         imgui.text_unformatted(title)

@@ -7,17 +7,17 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.live import time_text
 from enliven_viewer.studio.examples import layer_of
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import packed, panel, quiet, small
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.viewport import axes_marks
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
 
-_NARROW = 110.0
+_MIN_ARROW_WIDTH = 110.0
 """Width in pixels of the take field below which it has no arrow, since the name needs the space."""
-_LINKED = "\uf0c1"
+_LINK_ICON = "\uf0c1"
 
 
 def draw_performer(workspace: Workspace, area: Area, texture: int | None) -> None:
@@ -42,7 +42,7 @@ def _bar(workspace: Workspace, area: Area) -> None:
     unused = puppet is not None and view.take is not None and layer_of(puppet, None, view.take) is None
     wide = max(area.width - (152 if unused else 66), 60)
     imgui.set_next_item_width(wide)
-    flags = imgui.ComboFlags_.no_arrow_button if wide < _NARROW else imgui.ComboFlags_.none
+    flags = imgui.ComboFlags_.no_arrow_button if wide < _MIN_ARROW_WIDTH else imgui.ComboFlags_.none
     if imgui.begin_combo("##performer take", view.take or tr("choose a take"), flags):
         for name, take in takes.items():
             if imgui.selectable(f"{name}   {take.duration:.1f} s###take {name}", name == view.take)[0]:
@@ -57,17 +57,17 @@ def _bar(workspace: Workspace, area: Area) -> None:
         if imgui.button(labelled(tr("Play it"), "Play it"), ImVec2(78, 0)):
             view.play()
         workspace.remember("play take")
-        told("The puppet plays this take too, as a layer of its own")
+        tooltip("The puppet plays this take too, as a layer of its own")
     imgui.same_line()
     if view.linked:
         imgui.push_style_color(imgui.Col_.text, packed(ACCENT))
     linked = view.linked
-    if imgui.button(_LINKED + "##linked", ImVec2(30, 0)):
+    if imgui.button(_LINK_ICON + "##linked", ImVec2(30, 0)):
         view.linked = not view.linked
     if linked:
         imgui.pop_style_color()
     workspace.remember("linked")
-    told("Both views turn together")
+    tooltip("Both views turn together")
 
 
 def _picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int | None) -> None:

@@ -9,55 +9,55 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import ControlPoint, Project, Puppet
 from enliven.modeling.puppet import change_point, set_symmetry, suggested_joint, suggested_vertices
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.examples import turned_a_quarter, with_guessed_joints, with_points
+from enliven_viewer.studio.examples import turn_quarter, with_guessed_joints, with_points
 from enliven_viewer.studio.panels.examples.motion import draw_holding
-from enliven_viewer.studio.panels.fields import Change, name_field, slider, switch, told
+from enliven_viewer.studio.panels.fields import Change, name_field, slider, switch, tooltip
 from enliven_viewer.studio.panels.style import heading, packed, quiet, small, tinted
 from enliven_viewer.studio.puppets import plane_for
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, SHADOW, point_colour
 
-_ROW = 24.0
+_ROW_HEIGHT = 24.0
 """Height in pixels of a row in the list: a line of text with a margin for clicking."""
 _FOOT, _LOCKED, _SOFT = "\uf063", "\uf023", "\uf09c"
 """Icons of Font Awesome 4: a foot, a hard point, a soft point."""
-_SUGGESTED = 6
+_SUGGESTION_COUNT = 6
 """Number of control points that are suggested at once, not counting mirror images."""
-_AXES = (later("left to right"), later("above to below"), later("front to back"))
+_AXIS_LABELS = (later("left to right"), later("above to below"), later("front to back"))
 
 
 def draw_points(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the heading, a row per point, the fields of the selected one, and the buttons."""
     heading(tr("Control points   {0}", len(puppet.points) or ""))
     if not puppet.points:
-        _standing(workspace, puppet)
+        _orientation_buttons(workspace, puppet)
         quiet("Click the surface where you would hold it: hands, feet, head. Or let some be suggested.")
     for number, point in enumerate(puppet.points):
         _row(workspace, puppet, number, point)
         if workspace.editor.puppets.point == number:
-            _chosen(workspace, puppet, point)
+            _point_fields(workspace, puppet, point)
     _buttons(workspace, puppet)
     _symmetry(workspace, puppet)
 
 
-def _standing(workspace: Workspace, puppet: Puppet) -> None:
+def _orientation_buttons(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the buttons that turn a mesh that lies on its back or faces sideways."""
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
-    for label, axis, tooltip in (
+    for label, axis, tip in (
         (later("Stand it up"), "x", tr("For a mesh that lies on its back")),
         (later("Quarter turn"), "y", tr("Repeat until it faces you in View > From the front (1)")),
     ):
         if imgui.button(labelled(tr(label), label), half):
-            _stand(workspace, puppet.id, axis)
+            _turn_mesh(workspace, puppet.id, axis)
         workspace.remember(label.lower())
-        told(tooltip)
+        tooltip(tip)
         if axis == "x":
             imgui.same_line()
 
 
-def _stand(workspace: Workspace, puppet: str, axis: str) -> None:
+def _turn_mesh(workspace: Workspace, puppet: str, axis: str) -> None:
     step = later("stand it up") if axis == "x" else later("quarter turn")
-    if workspace.editor.edit(step, lambda project: turned_a_quarter(project, puppet, axis)):
+    if workspace.editor.edit(step, lambda project: turn_quarter(project, puppet, axis)):
         workspace.editor.frame_all(reset=False)
 
 
@@ -65,15 +65,15 @@ def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint)
     """Draws one point: its mark as in the 3D view, its name, and its joint."""
     origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     puppets = workspace.editor.puppets
-    if imgui.invisible_button(f"##point {number}", ImVec2(wide, _ROW - 4)):
+    if imgui.invisible_button(f"##point {number}", ImVec2(wide, _ROW_HEIGHT - 4)):
         workspace.editor.choose(puppet.id, None if puppets.point == number else number)
     workspace.remember(f"point {point.name}")
     hovered, chosen = imgui.is_item_hovered(), puppets.point == number
     draw = imgui.get_window_draw_list()
     if chosen or hovered:
         tint = packed(ACCENT, 0.26) if chosen else packed(RAISED)
-        draw.add_rect_filled(origin, ImVec2(origin.x + wide, origin.y + _ROW - 4), tint, 5.0)
-    middle = origin.y + (_ROW - 4) / 2
+        draw.add_rect_filled(origin, ImVec2(origin.x + wide, origin.y + _ROW_HEIGHT - 4), tint, 5.0)
+    middle = origin.y + (_ROW_HEIGHT - 4) / 2
     draw.add_circle_filled(ImVec2(origin.x + 11, middle), 5.5, _tint(number))
     draw.add_circle(ImVec2(origin.x + 11, middle), 5.5, packed(SHADOW, 0.5), 0, 1.0)
     draw.add_text(ImVec2(origin.x + 24, origin.y + 2), packed(INK), point.name)
@@ -87,7 +87,7 @@ def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint)
             draw.add_text(ImVec2(right - 34, origin.y + 4), packed(QUIET), _SOFT)
 
 
-def _chosen(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
+def _point_fields(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     """Draws the fields of the selected point."""
     editor, name = workspace.editor, point.name
 
@@ -139,7 +139,7 @@ def _buttons(workspace: Workspace, puppet: Puppet) -> None:
     if imgui.button(labelled(tr("Suggest points"), "Suggest points"), half):
         suggest(workspace, puppet)
     workspace.remember("suggest points")
-    told("Control points at the ends of the limbs, and at their mirror images")
+    tooltip("Control points at the ends of the limbs, and at their mirror images")
     imgui.same_line()
     take = workspace.performer.take
     open_ones = [point.name for point in puppet.points if not point.joint]
@@ -156,7 +156,7 @@ def suggest(workspace: Workspace, puppet: Puppet) -> bool:
     """Adds control points at the ends of the mesh's limbs, as one edit."""
 
     def change(project: Project) -> Project:
-        return with_points(project, puppet.id, suggested_vertices(puppet.mesh, _SUGGESTED))
+        return with_points(project, puppet.id, suggested_vertices(puppet.mesh, _SUGGESTION_COUNT))
 
     return workspace.editor.edit("suggest control points", change)
 
@@ -166,7 +166,7 @@ def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
     editor = workspace.editor
     toggled, on = imgui.checkbox(labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None)
     workspace.remember("symmetric")
-    told("Every example counts for its mirror image too: pose one side, and both are shown")
+    tooltip("Every example counts for its mirror image too: pose one side, and both are shown")
     if toggled:
         set_mirrored(workspace, puppet, on)
         return
@@ -175,12 +175,12 @@ def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
     normal = [abs(value) for value in puppet.symmetry.normal]
     imgui.same_line()
     with small(), tinted(QUIET, imgui.Col_.text):
-        imgui.text_unformatted(tr(_AXES[normal.index(max(normal))]))
+        imgui.text_unformatted(tr(_AXIS_LABELS[normal.index(max(normal))]))
     toggled, on = imgui.checkbox(
         labelled(tr("edit both sides at once"), "edit both sides at once"), editor.puppets.symmetric
     )
     workspace.remember("both sides")
-    told("Control points are put and dragged together with their mirror image")
+    tooltip("Control points are put and dragged together with their mirror image")
     if toggled:
         editor.puppets.set_symmetric(on)
 

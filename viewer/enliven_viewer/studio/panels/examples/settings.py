@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Puppet
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.examples import with_default_settings, with_setting
-from enliven_viewer.studio.panels.fields import Change, slider, switch, told
+from enliven_viewer.studio.panels.fields import Change, slider, switch, tooltip
 from enliven_viewer.studio.panels.style import tinted
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import PRESSED, RAISED
@@ -41,7 +41,7 @@ def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
             switch(workspace, label, value, change, _doc(settings, name))
         else:
             slider(workspace, f"setting {label}", value, low, high, pattern, change)
-            told(_doc(settings, name))
+            tooltip(_doc(settings, name))
     if imgui.button(labelled(tr("Reset"), "Reset")):
         workspace.editor.edit("reset settings", lambda project: with_default_settings(project, puppet.id))
     workspace.remember("reset settings")

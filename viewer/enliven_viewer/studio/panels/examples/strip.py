@@ -10,17 +10,17 @@ from enliven.document import Puppet
 from enliven.modeling.puppet import remove_key_pose
 from enliven_viewer.language import later, tr
 from enliven_viewer.live import time_text
-from enliven_viewer.studio.examples import TakeCoverage, duplicated, mirrored_copy, retimed
+from enliven_viewer.studio.examples import TakeCoverage, duplicate_pose, mirror_pose, retime_pose
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.examples.strokes import dashed, stick
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import filled, packed, panel, quiet, small, tinted
 from enliven_viewer.studio.performer import Thumbnails
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED, UNTINTED
 
 TILE = ImVec2(88, 80)
-_PLUS = "\uf067"
+_PLUS_ICON = "\uf067"
 
 
 def draw_strip(workspace: Workspace, area: Area, thumbnails: Thumbnails) -> None:
@@ -63,7 +63,7 @@ def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -
     if coverage is not None and puppet.points:
         imgui.same_line(0, 14)
         with small(), tinted(QUIET if coverage.needed else GOOD, imgui.Col_.text):
-            imgui.text_unformatted(_said(coverage, len(puppet.poses)))
+            imgui.text_unformatted(_status_text(coverage, len(puppet.poses)))
         if imgui.is_item_hovered():
             imgui.set_tooltip(
                 tr(
@@ -80,7 +80,7 @@ def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -
     imgui.pop_style_var()
 
 
-def _said(coverage: TakeCoverage, count: int) -> str:
+def _status_text(coverage: TakeCoverage, count: int) -> str:
     if count == 0:
         return tr("about {0} would be enough for {1}", coverage.needed, coverage.take)
     if coverage.needed == 0:
@@ -106,7 +106,7 @@ def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
         with filled(ACCENT) if label == "Done" else nullcontext():
             pressed = imgui.button(f"{tr(label)}###{label}")
         workspace.remember(f"pose {label}")
-        told(meant[label])
+        tooltip(meant[label])
         if pressed:
             run_pose_command(workspace, puppet, number, label)
 
@@ -125,15 +125,15 @@ def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: s
         editor.edit("remove a key pose", lambda project: remove_key_pose(project, name, number))
     elif label == "Here":
         moved = workspace.performer.playhead(key.take)
-        editor.edit("retime a key pose", lambda project: retimed(project, name, number, moved))
+        editor.edit("retime a key pose", lambda project: retime_pose(project, name, number, moved))
     else:
-        make = duplicated if label == "Duplicate" else mirrored_copy
+        make = duplicate_pose if label == "Duplicate" else mirror_pose
         moment = _free_moment(workspace, puppet, number)
-        if editor.edit(_STEPS[label], lambda p: make(p, name, number, key.take, moment)):
+        if editor.edit(_COMMAND_TITLES[label], lambda p: make(p, name, number, key.take, moment)):
             workspace.edit_pose(len(puppet.poses))
 
 
-_STEPS = {"Duplicate": later("duplicate a key pose"), "Mirror": later("mirror a key pose")}
+_COMMAND_TITLES = {"Duplicate": later("duplicate a key pose"), "Mirror": later("mirror a key pose")}
 """The history name of each command that adds another key pose."""
 
 
@@ -160,9 +160,9 @@ def _plus(workspace: Workspace, puppet: Puppet) -> None:
     corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
     draw = imgui.get_window_draw_list()
     draw.add_rect_filled(origin, corner, packed(RAISED, 1.4 if hovered else 0.8), 7.0)
-    wide = imgui.calc_text_size(_PLUS).x * 22 / imgui.get_font_size()
+    wide = imgui.calc_text_size(_PLUS_ICON).x * 22 / imgui.get_font_size()
     at = ImVec2(origin.x + (TILE.x - wide) / 2, origin.y + 26)
-    draw.add_text(imgui.get_font(), 22.0, at, packed(ACCENT if hovered else INK), _PLUS)
+    draw.add_text(imgui.get_font(), 22.0, at, packed(ACCENT if hovered else INK), _PLUS_ICON)
     with small():
         imgui.text_unformatted(tr("new key pose"))
     imgui.end_group()

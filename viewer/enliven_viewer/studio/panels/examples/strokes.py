@@ -7,8 +7,8 @@ import math
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.performer import SIDE, PerformerFigure
-from enliven_viewer.studio.places import Area
 
 
 def stick(draw: imgui.ImDrawList, figure: PerformerFigure, room: Area, colour: int) -> None:

@@ -1,2 +1,2 @@
 from .export_options import draw_export_options as draw_export_options
-from .working import draw_working as draw_working
+from .progress_box import draw_progress_box as draw_progress_box

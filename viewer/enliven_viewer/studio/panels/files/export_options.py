@@ -7,15 +7,15 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Puppet
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.render import LOOKS
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import quiet
 from enliven_viewer.studio.workspace import FILM_SIZES, RATES, Workspace
 
-_LABEL = 96.0
+_LABEL_WIDTH = 96.0
 """Width in pixels of the label before a field."""
-_FIELD = 110.0
+_FIELD_WIDTH = 110.0
 """Width of a field in pixels."""
-_CHARACTERS = 74.0
+_CHARACTERS_HEIGHT = 74.0
 """Height in pixels of the list of characters: three lines."""
 
 
@@ -24,7 +24,7 @@ def draw_export_options(workspace: Workspace, *, film: bool) -> None:
     options, editor = workspace.exporting, workspace.editor
     solid = [character for character in editor.project.characters.values() if character.mesh is not None]
     if len(solid) > 1:
-        imgui.begin_child("##characters", ImVec2(0, min(_CHARACTERS, 24.0 * len(solid))))
+        imgui.begin_child("##characters", ImVec2(0, min(_CHARACTERS_HEIGHT, 24.0 * len(solid))))
         for character in solid:
             ticked = imgui.checkbox(
                 f"{character.id}##export {character.id}", character.id not in options.left_out
@@ -36,11 +36,11 @@ def draw_export_options(workspace: Workspace, *, film: bool) -> None:
         imgui.end_child()
     _range(workspace)
     imgui.same_line(0.0, 18.0)
-    imgui.set_next_item_width(_FIELD)
+    imgui.set_next_item_width(_FIELD_WIDTH)
     at = RATES.index(options.rate) if options.rate in RATES else RATES.index(30)
     options.rate = RATES[imgui.combo("##rate", at, [tr("{0} a second", rate) for rate in RATES])[1]]
     workspace.remember("export rate")
-    told("Pictures or poses per second")
+    tooltip("Pictures or poses per second")
     if film:
         _film(workspace)
     else:
@@ -52,14 +52,14 @@ def _range(workspace: Workspace) -> None:
     options, editor = workspace.exporting, workspace.editor
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Seconds"))
-    imgui.same_line(_LABEL)
-    imgui.set_next_item_width(_FIELD - 30)
+    imgui.same_line(_LABEL_WIDTH)
+    imgui.set_next_item_width(_FIELD_WIDTH - 30)
     options.first = imgui.drag_float("##first", options.first, 0.02, 0.0, editor.length, "%.2f")[1]
     workspace.remember("export first")
     imgui.same_line()
     imgui.text_unformatted(tr("to"))
     imgui.same_line()
-    imgui.set_next_item_width(_FIELD - 30)
+    imgui.set_next_item_width(_FIELD_WIDTH - 30)
     last = options.last or editor.length
     changed, last = imgui.drag_float("##last", last, 0.02, 0.0, editor.length, "%.2f")
     options.last = last if changed else options.last
@@ -74,7 +74,7 @@ def _range(workspace: Workspace) -> None:
         options.first, options.last = editor.marked
     imgui.end_disabled()
     workspace.remember("export marked")
-    told("Only the part between the in and out points (Alt+I, Alt+O)")
+    tooltip("Only the part between the in and out points (Alt+I, Alt+O)")
 
 
 def _film(workspace: Workspace) -> None:
@@ -82,15 +82,15 @@ def _film(workspace: Workspace) -> None:
     options = workspace.exporting
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Pixels"))
-    imgui.same_line(_LABEL)
-    imgui.set_next_item_width(_FIELD)
+    imgui.same_line(_LABEL_WIDTH)
+    imgui.set_next_item_width(_FIELD_WIDTH)
     at = FILM_SIZES.index(options.size) if options.size in FILM_SIZES else 1
     options.size = FILM_SIZES[imgui.combo("##size", at, list(FILM_SIZES))[1]]
     workspace.remember("export size")
     imgui.same_line(0.0, 18.0)
     imgui.text_unformatted(tr("Look"))
     imgui.same_line()
-    imgui.set_next_item_width(_FIELD)
+    imgui.set_next_item_width(_FIELD_WIDTH)
     looks: list[str] = list(LOOKS)
     at = looks.index(options.look or workspace.editor.look)
     changed, at = imgui.combo("##look", at, [tr(look) for look in looks])
@@ -106,7 +106,7 @@ def _format(workspace: Workspace) -> None:
             labelled(tr("Exact puppets (.glb)"), "Exact puppets (.glb)"), options.morphs
         )[1]
         workspace.remember("export morphs")
-        told(
+        tooltip(
             "As morph targets, in a larger file; if off, the surface follows bones, which every program plays"
         )
         imgui.same_line(0.0, 18.0)
@@ -115,5 +115,5 @@ def _format(workspace: Workspace) -> None:
     )[1]
     options.unit = "cm" if centimetres else "m"
     workspace.remember("export centimetres")
-    told("Many programs that read .bvh expect centimetres")
+    tooltip("Many programs that read .bvh expect centimetres")
     quiet("The ending of the name chooses the kind of file: .glb, or .bvh for one character with bones.")

@@ -9,35 +9,35 @@ from imgui_bundle import imgui
 from enliven.modeling.edits import change_layers
 from enliven_viewer.language import tr
 from enliven_viewer.studio.numbers import ANGLE, LENGTH, TIME, Quantity
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import small, tinted
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import QUIET
 
 _AXES = ("x", "y", "z")
-_LABEL = 46.0
+_LABEL_WIDTH = 46.0
 """Width in pixels of the labels at the left of the fields."""
-_FIELD = 67.0
+_FIELD_WIDTH = 67.0
 """Width of a field in pixels: "-12.345 m", three of them side by side."""
 
 
 def draw_numbers(workspace: Workspace) -> None:
     """Draws the fields of the selection."""
-    figures = workspace.figures
+    figures = workspace.selection_transform
     place, height = figures.place, figures.height
     if place is None or height is None:
         return
     _word(tr("Place"), tr("Position of its middle; height of its lowest point above the floor"))
     for axis, name in enumerate(_AXES):
-        imgui.same_line(_LABEL + 12 + axis * (_FIELD + 4))
+        imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
         at = float(place[axis])
         number_field(workspace, f"place {name}", at, LENGTH, lambda to, axis=axis: figures.move_to(axis, to))
     _word(tr("Turn"), tr("Turn it about an axis of the stage; y points up"))
     for axis, name in enumerate(_AXES):
-        imgui.same_line(_LABEL + 12 + axis * (_FIELD + 4))
+        imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
         number_field(workspace, f"turn {name}", 0.0, ANGLE, lambda by, axis=axis: figures.turn(axis, by))
     _word(tr("Tall"), tr("Its height now; you can also type a percentage: 150 %"))
-    imgui.same_line(_LABEL + 12)
+    imgui.same_line(_LABEL_WIDTH + 12)
     more = {"percent": height / 100.0}
     number_field(workspace, "tall", height, LENGTH, figures.make_tall, **more)
     _begins(workspace)
@@ -64,7 +64,7 @@ def _word(text: str, tip: str) -> None:
     imgui.align_text_to_frame_padding()
     with small(), tinted(QUIET, imgui.Col_.text):
         imgui.text_unformatted(text)
-    told(tip)
+    tooltip(tip)
 
 
 def number_field(
@@ -83,7 +83,7 @@ def number_field(
         more: further units that may be typed.
     """
     shown, typing = quantity.write(value), workspace.typing
-    imgui.set_next_item_width(_FIELD)
+    imgui.set_next_item_width(_FIELD_WIDTH)
     flags = imgui.InputTextFlags_.auto_select_all
     with small():
         typed = imgui.input_text(f"##{key}", typing.get(key, shown), flags)[1]

@@ -6,32 +6,32 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.outliner import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Outliner, Row
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, small, tinted
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.viewport import default_colour
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CLEAR, FAINT, INK, QUIET
 
-_LEAST = 0.12
+_MIN_HEIGHT_FRACTION = 0.12
 """Minimum fraction of the side panel's height for the tree: its filter, and a row if the window is tall."""
-_MOST = 0.85
+_MAX_HEIGHT_FRACTION = 0.85
 """Maximum fraction of the side panel's height for the tree, so that the selection's name stays visible."""
-_GRIP = 7.0
+_SPLITTER_HEIGHT = 7.0
 """Height in pixels of the draggable line between the tree and the selection."""
-_INDENT = 14.0
+_INDENT_WIDTH = 14.0
 """Indentation in pixels per level."""
-_FOLD = 16.0
+_FOLD_WIDTH = 16.0
 """Width in pixels of the arrow that folds a row."""
-_SWITCH = 20.0
+_SWITCH_WIDTH = 20.0
 """Width in pixels of a visibility or lock icon."""
-_HIGH = 20.0
+_ROW_HEIGHT = 20.0
 """Height of a row in pixels: a line of text with a margin."""
 _OPENED, _CLOSED = "\uf0d7", "\uf0da"
 _LOCKED, _UNLOCKED = "\uf023", "\uf09c"
 _BONE, _POINT, _FILM, _PERSON, _TRASH = "\uf069", "\uf111", "\uf008", "\uf007", "\uf014"
-_DRAGGED = "character"
+_DRAG_PAYLOAD = "character"
 """Payload type of a dragged row."""
 
 
@@ -52,7 +52,7 @@ def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
     with panel("outliner", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse):
         _filter(workspace, outliner)
         divided = area.height < side.height
-        imgui.begin_child("rows", ImVec2(0, -_GRIP if divided else 0))
+        imgui.begin_child("rows", ImVec2(0, -_SPLITTER_HEIGHT if divided else 0))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(4, 1))
         for row in outliner.rows:
             _row(workspace, outliner, row)
@@ -71,16 +71,16 @@ def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
 
 def _grip(workspace: Workspace, outliner: Outliner, area: Area, side: Area) -> None:
     """Draws the line between the tree and the selection."""
-    imgui.set_cursor_pos(ImVec2(0, area.height - _GRIP))
-    imgui.invisible_button("##grip", ImVec2(area.width, _GRIP))
+    imgui.set_cursor_pos(ImVec2(0, area.height - _SPLITTER_HEIGHT))
+    imgui.invisible_button("##grip", ImVec2(area.width, _SPLITTER_HEIGHT))
     workspace.remember("grip")
     held = imgui.is_item_active()
     if held or imgui.is_item_hovered():
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ns)
     if held:
-        share = (imgui.get_mouse_pos().y - side.y + _GRIP / 2) / side.height
-        outliner.share = min(max(share, _LEAST), _MOST)
-    y, low = area.y + area.height - _GRIP / 2, ImVec2(area.x + area.width / 2 - 16, 0)
+        share = (imgui.get_mouse_pos().y - side.y + _SPLITTER_HEIGHT / 2) / side.height
+        outliner.share = min(max(share, _MIN_HEIGHT_FRACTION), _MAX_HEIGHT_FRACTION)
+    y, low = area.y + area.height - _SPLITTER_HEIGHT / 2, ImVec2(area.x + area.width / 2 - 16, 0)
     start, end = ImVec2(low.x, y), ImVec2(low.x + 32, y)
     imgui.get_window_draw_list().add_line(start, end, packed(ACCENT if held else QUIET, 0.6), 2.0)
 
@@ -99,55 +99,55 @@ def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     imgui.push_id(row.key)
     left, width = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     at = imgui.get_cursor_screen_pos()
-    switches = _SWITCH * {CHARACTER: 2, TAKE: 1, GROUP: int(row.id == "live")}.get(row.kind, 0)
-    start = left + _INDENT * row.depth
+    switches = _SWITCH_WIDTH * {CHARACTER: 2, TAKE: 1, GROUP: int(row.id == "live")}.get(row.kind, 0)
+    start = left + _INDENT_WIDTH * row.depth
     imgui.set_next_item_allow_overlap()
-    size = ImVec2(width - switches, _HIGH)
+    size = ImVec2(width - switches, _ROW_HEIGHT)
     clicked = imgui.selectable(f"##{row.key}", outliner.is_chosen(row), 0, size)[0]
     hovered, twice = imgui.is_item_hovered(), imgui.is_mouse_double_clicked(0)
     workspace.remember(row.key)
-    on_arrow = row.folds and imgui.get_mouse_pos().x < at.x + _INDENT * row.depth + _FOLD
+    on_arrow = row.folds and imgui.get_mouse_pos().x < at.x + _INDENT_WIDTH * row.depth + _FOLD_WIDTH
     if clicked:
-        _clicked(workspace, outliner, row, fold=on_arrow or row.kind == GROUP)
+        _handle_click(workspace, outliner, row, fold=on_arrow or row.kind == GROUP)
     if hovered and twice and not on_arrow:
         outliner.begin_rename(row)
     if row.kind == CHARACTER:
         _drag(outliner, row)
     if outliner.renaming == row.key:
-        imgui.same_line(start + _FOLD)
-        _renamed(workspace, outliner, row)
+        imgui.same_line(start + _FOLD_WIDTH)
+        _rename_field(workspace, outliner, row)
     else:
         _words(outliner, row, at, width - switches)
     if row.kind == CHARACTER:
         _switches(workspace, outliner, row, left + width)
     elif row.kind == TAKE:
-        imgui.same_line(left + width - _SWITCH)
+        imgui.same_line(left + width - _SWITCH_WIDTH)
         if _switch(workspace, f"delete {row.id}", _TRASH, False):
             workspace.commands.takes.delete_row(row.id)
-        told("Delete it: one of several takes of a lane, or one that nothing plays")
+        tooltip("Delete it: one of several takes of a lane, or one that nothing plays")
     elif switches:
-        imgui.same_line(left + width - _SWITCH)
+        imgui.same_line(left + width - _SWITCH_WIDTH)
         if _switch(workspace, "live", CLOSED_EYE if outliner.live_hidden else EYE, outliner.live_hidden):
             outliner.live_hidden = not outliner.live_hidden
-        told("Show the live stage while you animate and model")
+        tooltip("Show the live stage while you animate and model")
     imgui.pop_id()
 
 
 def _words(outliner: Outliner, row: Row, at: ImVec2, width: float) -> None:
     """Draws the arrow, icon, name and note, clipped at the end of the row."""
-    draw, x = imgui.get_window_draw_list(), at.x + _INDENT * row.depth
+    draw, x = imgui.get_window_draw_list(), at.x + _INDENT_WIDTH * row.depth
     label, note = tr(row.label) if row.kind == GROUP else row.label, tr(row.note)
-    middle = at.y + (_HIGH - imgui.get_font_size()) / 2
-    draw.push_clip_rect(at, ImVec2(at.x + width, at.y + _HIGH), True)
+    middle = at.y + (_ROW_HEIGHT - imgui.get_font_size()) / 2
+    draw.push_clip_rect(at, ImVec2(at.x + width, at.y + _ROW_HEIGHT), True)
     if row.folds:
         opened = row.key in outliner.opened or bool(outliner.typed)
         draw.add_text(ImVec2(x + 3, middle), packed(QUIET), _OPENED if opened else _CLOSED)
-    x += _FOLD
+    x += _FOLD_WIDTH
     faint = row.kind == CHARACTER and outliner.handling(row.id).hidden
     if row.kind == CHARACTER:
         tint = default_colour(row.id)
         colour = (tint[0] / 255, tint[1] / 255, tint[2] / 255, 0.4 if faint else 1.0)
-        draw.add_rect_filled(ImVec2(x, at.y + 5), ImVec2(x + 11, at.y + _HIGH - 5), packed(colour), 3.0)
+        draw.add_rect_filled(ImVec2(x, at.y + 5), ImVec2(x + 11, at.y + _ROW_HEIGHT - 5), packed(colour), 3.0)
         x += 17
     elif row.kind != GROUP:
         sign = {TAKE: _FILM, LIVE: _PERSON}.get(row.kind, _POINT if row.note == "point" else _BONE)
@@ -166,7 +166,7 @@ def _words(outliner: Outliner, row: Row, at: ImVec2, width: float) -> None:
     draw.pop_clip_rect()
 
 
-def _clicked(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) -> None:
+def _handle_click(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) -> None:
     """Folds a row, shows a take next to the shapes, or selects the row's object."""
     io = imgui.get_io()
     if fold and row.folds:
@@ -183,11 +183,11 @@ def _clicked(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) 
             workspace.input.take("puppet")
 
 
-def _renamed(workspace: Workspace, outliner: Outliner, row: Row) -> None:
+def _rename_field(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     """Draws the field of a name that is edited in place. Enter, or a click elsewhere, accepts it."""
     if not imgui.is_any_item_active():
         imgui.set_keyboard_focus_here()
-    imgui.set_next_item_width(-_SWITCH * 2 if row.kind == CHARACTER else -1)
+    imgui.set_next_item_width(-_SWITCH_WIDTH * 2 if row.kind == CHARACTER else -1)
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(4, 1))
     flags = imgui.InputTextFlags_.auto_select_all | imgui.InputTextFlags_.enter_returns_true
     entered, outliner.draft = imgui.input_text("##renamed", outliner.draft, flags)
@@ -206,21 +206,21 @@ def _switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) 
     """
     now, chosen = outliner.handling(row.id), workspace.editor.selection.characters
     names = chosen if row.id in chosen else (row.id,)
-    imgui.same_line(right - 2 * _SWITCH)
+    imgui.same_line(right - 2 * _SWITCH_WIDTH)
     if _switch(workspace, f"eye {row.id}", CLOSED_EYE if now.hidden else EYE, now.hidden):
         outliner.hide(*names, on=not now.hidden)
-    told("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
-    imgui.same_line(right - _SWITCH)
+    tooltip("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
+    imgui.same_line(right - _SWITCH_WIDTH)
     if _switch(workspace, f"lock {row.id}", _LOCKED if now.locked else _UNLOCKED, now.locked):
         outliner.lock(*names, on=not now.locked)
-    told("Let it be picked and edited again" if now.locked else "Keep it from being picked and edited")
+    tooltip("Let it be picked and edited again" if now.locked else "Keep it from being picked and edited")
 
 
 def _switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
     """Draws one small frameless button, bright while it is on."""
     with tinted(CLEAR, imgui.Col_.button), tinted(ACCENT if on else FAINT, imgui.Col_.text), small():
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(1, 2))
-        pressed = imgui.button(f"{icon}###{name}", ImVec2(_SWITCH - 2, _HIGH - 1))
+        pressed = imgui.button(f"{icon}###{name}", ImVec2(_SWITCH_WIDTH - 2, _ROW_HEIGHT - 1))
         imgui.pop_style_var()
     workspace.remember(name)
     return bool(pressed)
@@ -229,11 +229,11 @@ def _switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
 def _drag(outliner: Outliner, row: Row) -> None:
     """Lets a row be dragged onto another one to take its place."""
     if imgui.begin_drag_drop_source():
-        imgui.set_drag_drop_payload_py_id(_DRAGGED, outliner.place_of(row.id))
+        imgui.set_drag_drop_payload_py_id(_DRAG_PAYLOAD, outliner.place_of(row.id))
         imgui.text_unformatted(row.id)
         imgui.end_drag_drop_source()
     if imgui.begin_drag_drop_target():
-        dropped = imgui.accept_drag_drop_payload_py_id(_DRAGGED)
+        dropped = imgui.accept_drag_drop_payload_py_id(_DRAG_PAYLOAD)
         names = list(outliner.editor.project.characters)
         if dropped is not None and 0 <= dropped.data_id < len(names):
             outliner.move(names[dropped.data_id], outliner.place_of(row.id))

@@ -11,7 +11,7 @@ from enliven_viewer.studio.workspace import Difference, Workspace
 
 _LIST_HEIGHT = 150.0
 """Height in pixels of the list of differences: seven rows; more scroll."""
-_SIDES = {
+_SIDE_TITLES = {
     "only here": "Only in this window",
     "only in the file": "Only in the file",
     "different": "Different in this window and in the file",
@@ -56,7 +56,7 @@ def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...])
     imgui.begin_child("##differences", ImVec2(0, _LIST_HEIGHT), imgui.ChildFlags_.frame_style)
     if not differences:
         quiet("Both are the same.")
-    for side, heading in _SIDES.items():
+    for side, heading in _SIDE_TITLES.items():
         items = [difference.item for difference in differences if difference.side == side]
         if items:
             quiet(heading)

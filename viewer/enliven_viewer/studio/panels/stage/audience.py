@@ -7,15 +7,15 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import tr
 from enliven_viewer.live import Hud, cards_of
 from enliven_viewer.render.overlay import Pen
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.stage.live import draw_holders, draw_size
 from enliven_viewer.studio.panels.style import packed
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import GLASS, INK
 
-_TEXT = 26.0
+_TEXT_SIZE = 26.0
 """Text size in pixels of the notice: readable from the back of a room."""
-_ABOVE = 72.0
+_BOTTOM_MARGIN = 72.0
 """Distance in pixels between the notice and the bottom of the view."""
 
 
@@ -37,8 +37,8 @@ def draw_audience(workspace: Workspace, area: Area, words: str) -> None:
 def _sentence(draw: imgui.ImDrawList, area: Area, text: str) -> None:
     """Draws one sentence centred at the bottom."""
     wide = imgui.calc_text_size(text).x / imgui.get_font_size()
-    size = min(_TEXT, (area.width - 80.0) / max(wide, 1.0))
-    left, top = area.x + (area.width - wide * size) / 2, area.y + area.height - _ABOVE
+    size = min(_TEXT_SIZE, (area.width - 80.0) / max(wide, 1.0))
+    left, top = area.x + (area.width - wide * size) / 2, area.y + area.height - _BOTTOM_MARGIN
     low, high = ImVec2(left - 26, top - 12), ImVec2(left + wide * size + 26, top + size + 12)
     draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.85)), 14.0)
     draw.add_text(imgui.get_font(), size, ImVec2(left, top), packed(INK), text)

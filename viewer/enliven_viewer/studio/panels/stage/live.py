@@ -10,34 +10,34 @@ from enliven_viewer.language import tr
 from enliven_viewer.live import Hud, HudState, LiveStage, cards_of, time_text, timeline_fraction
 from enliven_viewer.playback import NS
 from enliven_viewer.render.overlay import Pen
+from enliven_viewer.studio.panel_layout import HOLDER, Area
 from enliven_viewer.studio.panels.stage.scan import ADVICE
 from enliven_viewer.studio.panels.style import packed
 from enliven_viewer.studio.perform import PerformSession
-from enliven_viewer.studio.places import HOLDER, Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, performer_colour
 
-_LARGE = 26.0
+_PERFORMER_TEXT_SIZE = 26.0
 """Text size in pixels of the lines about performers: readable from three metres."""
-_SIZE = 64.0
+_CHARACTER_SIZE_TEXT_SIZE = 64.0
 """Text size in pixels of a character's size, for the performer that scales it across the room."""
-_HOW = 20.0
+_GESTURE_TEXT_SIZE = 20.0
 """Text size in pixels of the gesture hint: read once, from two metres."""
-_LEFT = 18.0
+_TEXT_MARGIN = 18.0
 """Distance in pixels of this text from the left and the top of the view."""
-_COUNT = 150.0
+_COUNT_IN_TEXT_SIZE = 150.0
 """Text size in pixels of the count-in: visible across the room."""
-_BELOW = 64.0
+_PLAY_BOTTOM_MARGIN = 64.0
 """Distance in pixels from the bottom at which the lines begin in Play: above the live timeline."""
-_LOW = 14.0
+_BOTTOM_MARGIN = 14.0
 """The same distance in other workspaces."""
-_HEARD = 96.0
+_UTTERANCE_BOTTOM = 96.0
 """Distance in pixels from the top to the lower end of the recognised words: below the recording time."""
-_AROUND = 14.0
+_LINE_PADDING = 14.0
 """Total height in pixels of the margins above and below a line of large text."""
 _GAP = 8.0
 """Gap in pixels between the instruction of a scan and the recognised words."""
-_LEAST = 240.0
+_MIN_LINE_WIDTH = 240.0
 """Minimum width in pixels of the lines next to the inset. With less space they cover it."""
 
 
@@ -53,21 +53,21 @@ def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
     draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
     hud = Hud(Pen(draw, (area.x, area.y)))
     view = workspace.editor.lens.view
-    among = bool(workspace.editor.seen)
-    if perform.room == "Play":
+    among = bool(workspace.editor.visible_characters)
+    if perform.active_workspace == "Play":
         hud.draw(size, _state(live, pace, live.words(view), among))
         _scrub(live, area, size)
     else:
         notice = live.notice if not live.scene.actors else ""
         hud.draw_choice(size, cards_of(live.scene, view), notice, among)
-    if perform.room in ("Perform", "Play"):
-        free = beside(area, workspace.widgets.get("performer inset"))
+    if perform.active_workspace in ("Perform", "Play"):
+        free = area_next_to_preview(area, workspace.widgets.get("performer inset"))
         high = draw_holders(perform, draw, free)
         if high:
             bottom = area.y + area.height
             workspace.widgets["holders"] = (free.x, bottom - high, free.x + free.width, bottom)
         draw_size(perform, draw, area)
-        draw_heard(perform, draw, area, heard_below(is_scanned=workspace.scan.active))
+        draw_utterance(perform, draw, area, utterance_bottom(is_scanned=workspace.scan.active))
     _recording(perform, draw, area)
     draw.pop_clip_rect()
 
@@ -86,7 +86,7 @@ def _state(live: LiveStage, pace: float, words: str, among: bool) -> HudState:
         speed=head.speed,
         notice=live.notice,
         among=among,
-        near=live.near,
+        near=live.is_local,
         possession=words,
         score=live.scene.props.note if live.scene.props is not None else "",
     )
@@ -105,7 +105,7 @@ def _scrub(live: LiveStage, area: Area, size: tuple[int, int]) -> None:
         live.playhead.scrub(along if along is not None else float(x > size[0] / 2))
 
 
-def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
+def area_next_to_preview(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
     """Returns the part of the view next to an inset at the bottom."""
     if inset is None or inset[3] < area.y + area.height / 2:
         return area
@@ -114,7 +114,7 @@ def beside(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
         free = Area(area.x, area.y, left - area.x, area.height)
     else:
         free = Area(right, area.y, area.x + area.width - right, area.height)
-    return free if free.width > _LEAST else area
+    return free if free.width > _MIN_LINE_WIDTH else area
 
 
 def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> float:
@@ -123,9 +123,11 @@ def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) ->
     Returns:
         Distance in pixels from the bottom of the viewport to the top of the highest line; 0 without lines.
     """
-    begin = bottom = area.y + area.height - (_BELOW if perform.room == "Play" else _LOW)
-    if perform.stepping_in.words:
-        _line(draw, area, bottom, perform.stepping_in.words, WAIT)
+    begin = bottom = (
+        area.y + area.height - (_PLAY_BOTTOM_MARGIN if perform.active_workspace == "Play" else _BOTTOM_MARGIN)
+    )
+    if perform.possession_requests.words:
+        _line(draw, area, bottom, perform.possession_requests.words, WAIT)
         bottom -= HOLDER
     for holder in reversed(perform.holders):
         present = perform.performers
@@ -136,15 +138,17 @@ def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) ->
     return 0.0 if bottom == begin else area.y + area.height - bottom
 
 
-def heard_below(*, is_scanned: bool) -> float:
+def utterance_bottom(*, is_scanned: bool) -> float:
     """Returns the lower end of the recognised words in pixels from the top.
 
     It lies below the instruction of a scan.
     """
-    return ADVICE + _GAP + _LARGE + _AROUND if is_scanned else _HEARD
+    return ADVICE + _GAP + _PERFORMER_TEXT_SIZE + _LINE_PADDING if is_scanned else _UTTERANCE_BOTTOM
 
 
-def draw_heard(perform: PerformSession, draw: imgui.ImDrawList, area: Area, below: float = _HEARD) -> None:
+def draw_utterance(
+    perform: PerformSession, draw: imgui.ImDrawList, area: Area, below: float = _UTTERANCE_BOTTOM
+) -> None:
     """Draws the recognised words in large text at the top, without moving other text."""
     words = perform.voice.words
     if words:
@@ -154,9 +158,11 @@ def draw_heard(perform: PerformSession, draw: imgui.ImDrawList, area: Area, belo
 def _line(draw: imgui.ImDrawList, area: Area, bottom: float, text: str, tint: Colour) -> None:
     """Draws one centred line of large text above ``bottom``."""
     room = area.width - 90.0
-    size = min(_LARGE, _LARGE * room / max(_wide(text, _LARGE), 1.0))
+    size = min(
+        _PERFORMER_TEXT_SIZE, _PERFORMER_TEXT_SIZE * room / max(_wide(text, _PERFORMER_TEXT_SIZE), 1.0)
+    )
     wide = _wide(text, size)
-    left, top = area.x + (area.width - wide) / 2, bottom - size - _AROUND
+    left, top = area.x + (area.width - wide) / 2, bottom - size - _LINE_PADDING
     low, high = ImVec2(left - 44, top), ImVec2(left + wide + 20, bottom)
     draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.85)), 12.0)
     draw.add_circle_filled(ImVec2(left - 22, top + 7 + size / 2), 8.0, packed(tint))
@@ -165,12 +171,12 @@ def _line(draw: imgui.ImDrawList, area: Area, bottom: float, text: str, tint: Co
 
 def _recording(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
     """Draws the count-in in the middle, or the recorded time at the top."""
-    if perform.recording.counted:
-        text = str(perform.recording.counted)
-        x = area.x + (area.width - _wide(text, _COUNT)) / 2
-        y = area.y + area.height * 0.4 - _COUNT / 2
-        draw.add_text(imgui.get_font(), _COUNT, ImVec2(x + 3, y + 3), packed(SHADOW, 0.5), text)
-        draw.add_text(imgui.get_font(), _COUNT, ImVec2(x, y), packed(INK), text)
+    if perform.recording.beat:
+        text = str(perform.recording.beat)
+        x = area.x + (area.width - _wide(text, _COUNT_IN_TEXT_SIZE)) / 2
+        y = area.y + area.height * 0.4 - _COUNT_IN_TEXT_SIZE / 2
+        draw.add_text(imgui.get_font(), _COUNT_IN_TEXT_SIZE, ImVec2(x + 3, y + 3), packed(SHADOW, 0.5), text)
+        draw.add_text(imgui.get_font(), _COUNT_IN_TEXT_SIZE, ImVec2(x, y), packed(INK), text)
     elif perform.recording.phase == "recording":
         text = tr("Recording   {0}", time_text(perform.recording.seconds))
         wide = _wide(text, 20.0)
@@ -186,9 +192,9 @@ def draw_size(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> No
     """Draws the size of a character that hands are scaling, and the gesture hint, at the left."""
     if perform.sizes.words is None:
         return
-    left, top = area.x + _LEFT, area.y + _LEFT
-    for text, high in zip(perform.sizes.words, (_SIZE, _HOW), strict=True):
-        size = min(high, high * (area.width - 4 * _LEFT) / max(_wide(text, high), 1.0))
+    left, top = area.x + _TEXT_MARGIN, area.y + _TEXT_MARGIN
+    for text, high in zip(perform.sizes.words, (_CHARACTER_SIZE_TEXT_SIZE, _GESTURE_TEXT_SIZE), strict=True):
+        size = min(high, high * (area.width - 4 * _TEXT_MARGIN) / max(_wide(text, high), 1.0))
         low, far = ImVec2(left, top), ImVec2(left + _wide(text, size) + 36, top + size + 14)
         draw.add_rect_filled(low, far, packed((*GLASS[:3], 0.85)), 12.0)
         draw.add_text(imgui.get_font(), size, ImVec2(left + 18, top + 7), packed(INK), text)

@@ -9,32 +9,32 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.live import PARTS, LiveStage, late_words, time_text
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.stage.cameras import draw_cameras, fitting
 from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
 from enliven_viewer.studio.panels.style import filled, heading, list_box, packed, panel, quiet, small, tinted
 from enliven_viewer.studio.perform import PerformSession, StageRecording
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, QUIET, WAIT, Colour
 
-_WHOLE = ImVec2(-1, 0)
-_PRIMARY = 40.0
+_FULL_WIDTH = ImVec2(-1, 0)
+_PRIMARY_HEIGHT = 40.0
 """Height in pixels of the two main buttons: easy to hit."""
-_STATE = 66.0
+_STATUS_HEIGHT = 66.0
 """Height in pixels of the stage's status box: three lines; more scroll."""
-_STATE_ROOMY = 90.0
+_TALL_STATUS_HEIGHT = 90.0
 """Its height if the panel has space for a whole message with advice."""
-_ROOMY = 520.0
+_MIN_TALL_PANEL_HEIGHT = 520.0
 """Minimum panel height in pixels for that."""
-_STILL = 2.0
+_DEFAULT_STILLNESS_S = 2.0
 """Default duration of stillness that ends a recording, in seconds. A dramatic pause is shorter."""
-_LOCAL = "127.0.0.1"
-_CHARACTERS = 98.0
+_LOCAL_ADDRESS = "127.0.0.1"
+_CHARACTERS_HEIGHT = 98.0
 """Height in pixels of the list of characters: four lines. More lines scroll."""
-_LINES = ("waits ", "stands ", "remove ")
+_WIDGET_PREFIXES = ("waits ", "stands ", "remove ")
 """Beginnings of the names of widgets in the list of characters."""
-_REMOVE = 58.0
+_REMOVE_WIDTH = 58.0
 """Width in pixels of the Remove button at the right of a character on the stage."""
 
 
@@ -48,14 +48,14 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
             return
         _primary(workspace, perform)
         imgui.begin_child("##rest")
-        _connected(workspace, perform, live, area)
+        _draw_stage_state(workspace, perform, live, area)
         # Draw these also in the frame in which the user leaves the stage.
         _performers(workspace, perform, live)
         _characters(workspace, perform)
-        if imgui.button(labelled("\uf030  " + tr("Scan a thing..."), "Scan a thing..."), _WHOLE):
+        if imgui.button(labelled("\uf030  " + tr("Scan a thing..."), "Scan a thing..."), _FULL_WIDTH):
             workspace.actions.do("scan.open")
         workspace.remember("scan")
-        told("Carry the camera round it, and it becomes a character")
+        tooltip("Carry the camera round it, and it becomes a character")
         if perform.client is not None:
             draw_physics(workspace, perform)
         _recording(workspace, perform.recording)
@@ -66,13 +66,15 @@ def draw_perform(workspace: Workspace, area: Area) -> None:
 
 def _primary(workspace: Workspace, perform: PerformSession) -> None:
     """Draws the two main buttons of a performance, always in the same place."""
-    size = ImVec2((imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY)
-    waits = perform.stepping_in.waits
+    size = ImVec2(
+        (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY_HEIGHT
+    )
+    waits = perform.possession_requests.waits
     with filled(WAIT if waits else ACCENT):
         if imgui.button(labelled(tr("Cancel") if waits else tr("Possess"), "Possess"), size):
             workspace.actions.do("perform.possess_alone")
     workspace.remember("possess")
-    told(perform.stepping_in.words if waits else tr("Step in as its only performer  (P)"))
+    tooltip(perform.possession_requests.words if waits else tr("Step in as its only performer  (P)"))
     imgui.same_line()
     _record_button(workspace, perform.recording, size)
     if perform.client is not None:
@@ -88,7 +90,7 @@ def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2
     if recording.phase == "recording":
         label, drawn = tr("Stop   {0}", time_text(recording.seconds)), filled(BAD)
     elif recording.phase == "counting":
-        label, drawn = tr("Cancel   {0}", recording.counted), filled(WAIT)
+        label, drawn = tr("Cancel   {0}", recording.beat), filled(WAIT)
     else:
         label, drawn = "\uf111  " + tr("Record"), nullcontext()
     with drawn:
@@ -98,7 +100,7 @@ def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2
     if pressed and (recording.pressed == "idle") == (recording.phase == "idle"):
         recording.record()
     workspace.remember("record")
-    told("Your movements become motion on the timeline while the rest plays  (Ctrl+R)")
+    tooltip("Your movements become motion on the timeline while the rest plays  (Ctrl+R)")
 
 
 def stage_words(perform: PerformSession) -> tuple[str, Colour]:
@@ -110,10 +112,10 @@ def stage_words(perform: PerformSession) -> tuple[str, Colour]:
     if live.take:
         return tr("Playing {0}", live.take), GOOD
     if not edge.connected:
-        if live.near and not len(live.document.timeline):
+        if live.is_local and not len(live.document.timeline):
             return live.making, WAIT
-        gone = tr("The stage at {0} is silent. The studio keeps looking for it.", _plain(edge.address))
-        looked = tr("Looking for a stage at {0}", _plain(edge.address))
+        gone = tr("The stage at {0} is silent. The studio keeps looking for it.", _plain_text(edge.address))
+        looked = tr("Looking for a stage at {0}", _plain_text(edge.address))
         return (gone, BAD) if len(live.document.timeline) else (looked, WAIT)
     if edge.phase == "ended":
         return tr("The camera or recording has ended"), WAIT
@@ -128,7 +130,7 @@ def stage_words(perform: PerformSession) -> tuple[str, Colour]:
     return tr("Connected, {0}", behind) if behind else tr("Connected"), GOOD
 
 
-def _plain(address: str) -> str:
+def _plain_text(address: str) -> str:
     return address.removeprefix("tcp://") or tr("the address")
 
 
@@ -144,47 +146,47 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
     imgui.text_unformatted(words)
     imgui.pop_text_wrap_pos()
     draw_cameras(workspace, area)
-    perform.voice.wanted = imgui.checkbox(
+    perform.voice.wanted_state = imgui.checkbox(
         labelled(tr("Voice: open the microphone, too"), "Voice: open the microphone, too"),
-        perform.voice.wanted,
+        perform.voice.wanted_state,
     )[1]
     workspace.remember("voice wanted")
-    told("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
+    tooltip("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
     heading("A camera elsewhere")
     quiet("Address of the computer with the camera. Or let a recorded person perform here.")
     imgui.set_next_item_width(-1)
     entered, workspace.perform.address = imgui.input_text_with_hint(
-        "##address", _LOCAL, perform.address, imgui.InputTextFlags_.enter_returns_true
+        "##address", _LOCAL_ADDRESS, perform.address, imgui.InputTextFlags_.enter_returns_true
     )
     workspace.remember("address")
-    wanted = imgui.button(labelled(tr("Connect"), "Connect"), _WHOLE) or entered
-    if wanted and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL)):
+    wanted = imgui.button(labelled(tr("Connect"), "Connect"), _FULL_WIDTH) or entered
+    if wanted and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL_ADDRESS)):
         perform.address = ""  # Clear the field, so that the address of another camera can be typed.
     workspace.remember("connect")
-    for address in perform.known:
+    for address in perform.known_addresses:
         if imgui.selectable(f"{address}###known {address}", False)[0]:
             workspace.attempt(partial(perform.connect, address))
         workspace.remember(f"known {address}")
     heading("No camera here?")
-    if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _WHOLE):
-        workspace.attempt(lambda: perform.connect_nearby("--loop"))
+    if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _FULL_WIDTH):
+        workspace.attempt(lambda: perform.connect_local("--loop"))
     workspace.remember("recorded person")
-    told("Plays the recording that comes with enliven again and again, like a person at the camera")
-    if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _WHOLE):
+    tooltip("Plays the recording that comes with enliven again and again, like a person at the camera")
+    if imgui.button(labelled(tr("A recording of yours..."), "A recording of yours..."), _FULL_WIDTH):
         workspace.ask("perform")
     workspace.remember("recording of yours")
-    told("A camera recording or motion capture (.bvh) that plays again and again")
-    if imgui.button(labelled(tr("A webcam"), "A webcam"), _WHOLE):
-        workspace.attempt(lambda: perform.connect_nearby("--sensor", "webcam"))
+    tooltip("A camera recording or motion capture (.bvh) that plays again and again")
+    if imgui.button(labelled(tr("A webcam"), "A webcam"), _FULL_WIDTH):
+        workspace.attempt(lambda: perform.connect_local("--sensor", "webcam"))
     workspace.remember("webcam")
-    told("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
-    if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _WHOLE):
-        workspace.attempt(lambda: perform.connect_nearby("--sensor", "synthetic"))
+    tooltip("A normal camera instead of a depth camera; experimental (MediaPipe finds the bodies)")
+    if imgui.button(labelled(tr("A made-up person"), "A made-up person"), _FULL_WIDTH):
+        workspace.attempt(lambda: perform.connect_local("--sensor", "synthetic"))
     workspace.remember("made-up person")
-    told("A figure that waves and walks, for trying things out")
+    tooltip("A figure that waves and walks, for trying things out")
 
 
-def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
+def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveStage, area: Area) -> None:
     """Draws the state and the problems of the stage.
 
     The box has a fixed height, so that nothing below it moves.
@@ -197,29 +199,31 @@ def _connected(workspace: Workspace, perform: PerformSession, live: LiveStage, a
         if imgui.small_button(labelled(tr("Leave"), "Leave")):
             perform.disconnect()
     workspace.remember("leave")
-    told("Leave the stage; recordings are kept")
+    tooltip("Leave the stage; recordings are kept")
     imgui.set_cursor_pos(below)
-    roomy = area.height > _ROOMY
-    imgui.begin_child("##state", ImVec2(0, _STATE_ROOMY if roomy else _STATE), imgui.ChildFlags_.frame_style)
+    roomy = area.height > _MIN_TALL_PANEL_HEIGHT
+    imgui.begin_child(
+        "##state", ImVec2(0, _TALL_STATUS_HEIGHT if roomy else _STATUS_HEIGHT), imgui.ChildFlags_.frame_style
+    )
     words, colour = stage_words(perform)
     at, draw = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
     draw.add_circle_filled(ImVec2(at.x + 5, at.y + 9), 4.5, packed(colour))
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 18)
-    _wrapped(words)
+    _draw_wrapped_text(words)
     edge = live.document.edge
     with small():
         if perform.connected and edge.message:
             with tinted(WAIT, imgui.Col_.text):
-                _wrapped(edge.message)
+                _draw_wrapped_text(edge.message)
         for state in edge.health[:2]:
             with tinted(WAIT, imgui.Col_.text):
-                _wrapped(state.what)
+                _draw_wrapped_text(state.what)
             quiet(state.mend)
     imgui.end_child()
     workspace.remember("stage state")
 
 
-def _wrapped(text: str) -> None:
+def _draw_wrapped_text(text: str) -> None:
     imgui.push_text_wrap_pos(0.0)
     imgui.text_unformatted(text)
     imgui.pop_text_wrap_pos()
@@ -228,36 +232,38 @@ def _wrapped(text: str) -> None:
 def _guests(workspace: Workspace, perform: PerformSession) -> None:
     """Draws the secondary edges, and a field to add one, below the more common options."""
     heading("Other cameras")
-    for number, guest in enumerate(list(perform.guests)):
+    for number, guest in enumerate(list(perform.secondary_edges)):
         state = tr("connected") if guest.connected else tr("silent")
         imgui.text_unformatted(f"{guest.name}: {state}")
         if imgui.small_button(labelled(tr("Lead"), f"lead {number}")):
-            perform.lead(guest)
+            perform.make_primary(guest)
         workspace.remember(f"lead {number}")
-        told("Send new characters and commands to this stage from now on")
+        tooltip("Send new characters and commands to this stage from now on")
         imgui.same_line()
         if imgui.small_button(labelled(tr("Leave"), f"leave {number}")):
-            perform.part(guest)
+            perform.remove_secondary(guest)
         workspace.remember(f"part {number}")
     imgui.set_next_item_width(-1)
     entered, perform.address = imgui.input_text_with_hint(
         "##beside", tr("another camera's address"), perform.address, imgui.InputTextFlags_.enter_returns_true
     )
     workspace.remember("beside address")
-    if entered and perform.address and workspace.attempt(lambda: perform.join(perform.address)):
+    if entered and perform.address and workspace.attempt(lambda: perform.add_secondary(perform.address)):
         perform.address = ""
 
 
 def _recording(workspace: Workspace, recording: StageRecording) -> None:
     """Draws the recording options; the record button is at the top."""
     heading("Record")
-    last = recording.recorded
+    last = recording.last_recording
     imgui.begin_disabled(recording.phase != "idle" or not last)
-    if imgui.button(labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _WHOLE):
+    if imgui.button(
+        labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
+    ):
         recording.again(beside=True)
     workspace.remember("again beside")
     imgui.end_disabled()
-    told("Both are kept: choose in the lane on the timeline which of them plays")
+    tooltip("Both are kept: choose in the lane on the timeline which of them plays")
     recording.count_in = imgui.checkbox(
         labelled(tr("Count in: three, two, one"), "Count in: three, two, one"), recording.count_in
     )[1]
@@ -265,7 +271,7 @@ def _recording(workspace: Workspace, recording: StageRecording) -> None:
     recording.replaces = imgui.checkbox(
         labelled(tr("In place of what moves there"), "In place of what moves there"), recording.replaces
     )[1]
-    told("On: the parts that you move lose the motion they had. Off: yours is added to it")
+    tooltip("On: the parts that you move lose the motion they had. Off: yours is added to it")
     workspace.remember("replaces")
     _ends(workspace, recording)
 
@@ -277,12 +283,14 @@ def _ends(workspace: Workspace, recording: StageRecording) -> None:
         labelled(tr("Stop when all hold still"), "Stop when all hold still"), still
     )
     workspace.remember("hold still")
-    told("The still end is left out")
+    tooltip("The still end is left out")
     if changed:
-        recording.hold_still = _STILL if still else 0.0
+        recording.hold_still = _DEFAULT_STILLNESS_S if still else 0.0
     if still:
         imgui.set_next_item_width(-1)
-        recording.hold_still = imgui.slider_float("##still", held or _STILL, 0.5, 5.0, tr("for %.1f s"))[1]
+        recording.hold_still = imgui.slider_float(
+            "##still", held or _DEFAULT_STILLNESS_S, 0.5, 5.0, tr("for %.1f s")
+        )[1]
         workspace.remember("still for")
     if recording.span is None:
         quiet("I and O mark where recordings begin and end.")
@@ -295,7 +303,7 @@ def _ends(workspace: Workspace, recording: StageRecording) -> None:
     workspace.remember("clear span")
     recording.loops = imgui.checkbox(labelled(tr("Over and over"), "Over and over"), recording.loops)[1]
     workspace.remember("loops")
-    told("The marked time is recorded again and again until you stop; all are kept, the last one plays")
+    tooltip("The marked time is recorded again and again until you stop; all are kept, the last one plays")
 
 
 def _characters(workspace: Workspace, perform: PerformSession) -> None:
@@ -306,26 +314,26 @@ def _characters(workspace: Workspace, perform: PerformSession) -> None:
     heading("Characters")
     editor = workspace.editor
     own = list(editor.project.characters)
-    with list_box("characters", _CHARACTERS) as room:
+    with list_box("characters", _CHARACTERS_HEIGHT) as room:
         for name in own:
             _character(workspace, perform, name, room)
-        for name in perform.standing:
+        for name in perform.stage_ids:
             if name not in editor.project.characters:
                 _character(workspace, perform, name, room)
-        if not own and not perform.standing:
+        if not own and not perform.stage_ids:
             quiet("None yet. Open a model or draw a shape, and put it there.")
     workspace.remember("characters")
     _reveal_list(workspace)
     chosen = editor.selection.character
     state = perform.sender.states.get(chosen or "", "")
-    can_put = chosen in own and chosen not in perform.standing and not state.startswith("being")
+    can_put = chosen in own and chosen not in perform.stage_ids and not state.startswith("being")
     imgui.begin_disabled(not can_put)
     label = tr("Put {0} on the stage", chosen) if can_put else tr("Put the chosen one on the stage")
-    if imgui.button(labelled(fitting(label, imgui.get_content_region_avail().x - 16), "put"), _WHOLE):
+    if imgui.button(labelled(fitting(label, imgui.get_content_region_avail().x - 16), "put"), _FULL_WIDTH):
         perform.put()
     imgui.end_disabled()
     workspace.remember("put")
-    told("A person can step into it then. It follows every edit  (Ctrl+Enter)")
+    tooltip("A person can step into it then. It follows every edit  (Ctrl+Enter)")
 
 
 def _reveal_list(workspace: Workspace) -> None:
@@ -334,7 +342,7 @@ def _reveal_list(workspace: Workspace) -> None:
     The list alone would scroll only its own lines.
     """
     drawn = workspace.drawn
-    if drawn.left_alone or not any(name.startswith(_LINES) for name in drawn.wanted):
+    if drawn.left_alone or not any(name.startswith(_WIDGET_PREFIXES) for name in drawn.wanted):
         return
     clip = imgui.get_window_draw_list()
     top, bottom = clip.get_clip_rect_min().y, clip.get_clip_rect_max().y
@@ -347,23 +355,23 @@ def _character(workspace: Workspace, perform: PerformSession, name: str, room: f
 
     The state is held, free, or the reason why the character is not on the stage.
     """
-    standing = name in perform.standing
+    standing = name in perform.stage_ids
     own, over = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
     state = perform.sender.states.get(name, "")
     if standing:
         state_text = tr("held") if any(holder.character == name for holder in perform.holders) else tr("free")
     else:
         state_text = tr(state) if state else tr("not on the stage")
-    chosen = perform.meant == name if standing else workspace.editor.selection.character == name
+    chosen = perform.target == name if standing else workspace.editor.selection.character == name
     can_remove = standing and perform.live is not None and not perform.live.take
-    label = fitting(f"{name}  ·  {state_text}", room - (_REMOVE if can_remove else 0.0))
+    label = fitting(f"{name}  ·  {state_text}", room - (_REMOVE_WIDTH if can_remove else 0.0))
     if imgui.selectable(f"{label}###character {name}", chosen, over, ImVec2(room, 0))[0]:
-        perform.there = name if standing else perform.there
+        perform.stage_selection = name if standing else perform.stage_selection
         workspace.editor.choose(name if own else None)
     workspace.remember(f"{'stands' if standing else 'waits'} {name}")
-    told(state_text if state.startswith("refused") else "")
+    tooltip(state_text if state.startswith("refused") else "")
     if can_remove:
-        imgui.same_line(room - _REMOVE)
+        imgui.same_line(room - _REMOVE_WIDTH)
         if imgui.small_button(labelled(tr("Remove"), f"remove {name}")):
             perform.take_off(name)
         workspace.remember(f"remove {name}")
@@ -387,30 +395,30 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
     imgui.set_next_item_width(-1)
     changed, number = imgui.combo("##parts", PARTS.index(choice.parts), list(map(_part, PARTS)))
     workspace.remember("parts")
-    told("The body parts that step in; the stage shows what they would move  (1 to 9)")
+    tooltip("The body parts that step in; the stage shows what they would move  (1 to 9)")
     if changed:
         live.choose_parts(number)
     third = ImVec2((imgui.get_content_region_avail().x - 2 * imgui.get_style().item_spacing.x) / 3, 0)
     if imgui.button(labelled(tr("Join"), "Join"), third):
-        perform.stepping_in.press("join")
+        perform.possession_requests.press("join")
     workspace.remember("join")
-    told("Step in together with its current performers  (J)")
+    tooltip("Step in together with its current performers  (J)")
     imgui.same_line()
     if imgui.button(labelled(tr("Hold more"), "Hold more"), third):
-        perform.stepping_in.press("extend")
+        perform.possession_requests.press("extend")
     workspace.remember("extend")
-    told("Hold with these parts, too  (E)")
+    tooltip("Hold with these parts, too  (E)")
     imgui.same_line()
     if imgui.button(labelled(tr("Release"), "Release"), third):
         live.release()
     workspace.remember("release")
-    told("Let go  (R)")
+    tooltip("Let go  (R)")
     if imgui.checkbox(
         labelled(tr("Only who is here now performs"), "Only who is here now performs"), choice.locked
     )[0]:
         live.toggle_lock()
     workspace.remember("lock")
-    told("Newcomers cannot step in  (K)")
+    tooltip("Newcomers cannot step in  (K)")
 
 
 def _part(name: str) -> str:

@@ -5,29 +5,31 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.style import caption, packed
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import INK, LINE, UNTINTED
 
-_SHARE = 0.3
+_HEIGHT_FRACTION = 0.3
 """Fraction of the view's height."""
-_LEAST = 104.0
+_MIN_HEIGHT = 104.0
 """Minimum height in pixels, so that the limb is recognisable."""
-_MOST = 400.0
+_MAX_HEIGHT = 400.0
 """Maximum height in pixels: a larger image shows no more detail."""
-_WIDE = 1.2
+_ASPECT = 1.2
 """Aspect ratio, like that of the inset in the other corner."""
 _MARGIN = 14.0
 """Distance in pixels from the border of the view."""
-_TEXT = 13.0
+_TEXT_SIZE = 13.0
 """Text size of its title in pixels."""
 
 
 def place_of_side_view(workspace: Workspace, area: Area) -> Area:
     """Returns the area of the side view in the window: at the top right, or below an inset there."""
-    tall = min(max(_SHARE * area.height, _LEAST), _MOST, max(area.height / 2 - _MARGIN, 1.0))
-    wide, top = _WIDE * tall, area.y + _MARGIN
+    tall = min(
+        max(_HEIGHT_FRACTION * area.height, _MIN_HEIGHT), _MAX_HEIGHT, max(area.height / 2 - _MARGIN, 1.0)
+    )
+    wide, top = _ASPECT * tall, area.y + _MARGIN
     left = area.x + area.width - wide - _MARGIN
     taken = workspace.widgets.get("performer inset")
     if taken is not None and taken[2] > left and taken[1] < top + tall:
@@ -42,5 +44,5 @@ def draw_side_view(workspace: Workspace, area: Area, texture: int) -> None:
     white = packed(UNTINTED)
     draw.add_image_rounded(imgui.ImTextureRef(texture), low, high, ImVec2(0, 1), ImVec2(1, 0), white, 8.0)
     draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
-    caption(draw, ImVec2(place.x + 9, place.y + 6), tr("From the side"), INK, _TEXT)
+    caption(draw, ImVec2(place.x + 9, place.y + 6), tr("From the side"), INK, _TEXT_SIZE)
     workspace.widgets["side view"] = (low.x, low.y, high.x, high.y)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import Texts, tr
-from enliven_viewer.studio.panels.fields import told
+from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.stage.cameras import fitting
 from enliven_viewer.studio.panels.style import heading, quiet, small, tinted
 from enliven_viewer.studio.perform import LOOSE_LABELS, PerformSession
@@ -14,15 +14,15 @@ from enliven_viewer.theme import BAD, GOOD, INK, QUIET, WAIT
 
 _MICROPHONE, _MUTED = "\uf130", "\uf131"
 """Icons of Font Awesome 4."""
-_ROW = 40.0
+_ROW_HEIGHT = 40.0
 """Fixed height of the row in pixels: two lines of small text."""
-_SWITCH = 36.0
+_SWITCH_SIZE = 36.0
 """Side of the switch in pixels: easy to hit."""
-_HELP = 24.0
+_HELP_SIZE = 24.0
 """Side in pixels of the button that lists the phrases."""
-_REASON = 50.0
+_PHYSICS_HEIGHT = 50.0
 """Height in pixels of the physics state: three lines of small text."""
-_MEANT = Texts(
+_COMMAND_LABELS = Texts(
     {
         "possess": "steps in",
         "join": "steps in next to others",
@@ -41,9 +41,9 @@ _MEANT = Texts(
     }
 )
 """The artist's words for the edge's commands."""
-_COMMANDS = 210.0
+_DESCRIPTIONS_X = 210.0
 """Horizontal position in pixels of the descriptions in the list of phrases."""
-_PHRASES = "phrases"
+_POPUP_ID = "phrases"
 """The name of the popup with the phrases."""
 
 
@@ -51,38 +51,38 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
     """Draws the microphone switch, the recognised words, and the list of phrases."""
     voice = perform.voice
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
-    imgui.begin_child("##voice row", ImVec2(0, _ROW), 0, flags)
+    imgui.begin_child("##voice row", ImVec2(0, _ROW_HEIGHT), 0, flags)
     top = imgui.get_cursor_screen_pos()
     listening = voice.state is not None and voice.state.state == "listening"
     tint = GOOD if listening else BAD if voice.is_on and voice.state.state == "missing" else QUIET  # type: ignore[union-attr]
     imgui.begin_disabled(voice.state is None)
     with tinted(tint, imgui.Col_.text):
         icon = _MICROPHONE if voice.is_on else _MUTED
-        if imgui.button(f"{icon}###voice", ImVec2(_SWITCH, _SWITCH)):
+        if imgui.button(f"{icon}###voice", ImVec2(_SWITCH_SIZE, _SWITCH_SIZE)):
             voice.toggle(perform.client)
     imgui.end_disabled()
     workspace.remember("voice")
-    told("Close the microphone" if voice.is_on else "Voice: open the microphone of this stage")
-    room = imgui.get_window_size().x - _SWITCH - _HELP - 22
+    tooltip("Close the microphone" if voice.is_on else "Voice: open the microphone of this stage")
+    room = imgui.get_window_size().x - _SWITCH_SIZE - _HELP_SIZE - 22
     words = voice.words
     colour = (GOOD if voice.is_understood else WAIT) if words else INK
     lines = ((words or tr(voice.status), colour), (voice.advice, QUIET))
     with small():
         for number, (text, tint) in enumerate(lines):
-            imgui.set_cursor_screen_pos(ImVec2(top.x + _SWITCH + 8, top.y + 2 + 18 * number))
+            imgui.set_cursor_screen_pos(ImVec2(top.x + _SWITCH_SIZE + 8, top.y + 2 + 18 * number))
             with tinted(tint, imgui.Col_.text):
                 imgui.text_unformatted(fitting(text, room))
-            told(text)
+            tooltip(text)
     workspace.remember("voice state")
-    imgui.set_cursor_screen_pos(ImVec2(top.x + imgui.get_window_size().x - _HELP, top.y + 6))
-    if imgui.button("?##phrases", ImVec2(_HELP, _HELP)):
-        imgui.open_popup(_PHRASES)
+    imgui.set_cursor_screen_pos(ImVec2(top.x + imgui.get_window_size().x - _HELP_SIZE, top.y + 6))
+    if imgui.button("?##phrases", ImVec2(_HELP_SIZE, _HELP_SIZE)):
+        imgui.open_popup(_POPUP_ID)
     workspace.remember("voice phrases")
-    told("Commands you can say")
-    if imgui.begin_popup(_PHRASES):
+    tooltip("Commands you can say")
+    if imgui.begin_popup(_POPUP_ID):
         for phrase, action in voice.phrases:
             imgui.text_unformatted(phrase)
-            imgui.same_line(_COMMANDS)
+            imgui.same_line(_DESCRIPTIONS_X)
             with tinted(QUIET, imgui.Col_.text):
                 imgui.text_unformatted(command_words(action))
         imgui.end_popup()
@@ -92,7 +92,7 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
 def command_words(action: str) -> str:
     """Returns the artist's words for a command of the edge such as "possess left arm"."""
     word, _, parts = action.partition(" ")
-    words = _MEANT.get(word, word)
+    words = _COMMAND_LABELS.get(word, word)
     return f"{words}: {parts}" if parts else words
 
 
@@ -105,10 +105,10 @@ def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
     changed, number = imgui.combo("##physics", physics.number, [tr(label) for label in LOOSE_LABELS])
     imgui.end_disabled()
     workspace.remember("physics")
-    told("Loose objects on the stage, which characters knock over")
+    tooltip("Loose objects on the stage, which characters knock over")
     if changed:
         physics.ask(perform.client, number)
-    imgui.begin_child("##physics state", ImVec2(0, _REASON))
+    imgui.begin_child("##physics state", ImVec2(0, _PHYSICS_HEIGHT))
     if physics.has_problem:
         with small(), tinted(WAIT, imgui.Col_.text):
             imgui.push_text_wrap_pos(0.0)

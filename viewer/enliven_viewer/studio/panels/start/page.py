@@ -7,34 +7,34 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
+from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.modal import action_button
 from enliven_viewer.studio.panels.style import BODY, heading, packed, quiet
-from enliven_viewer.studio.places import Area
 from enliven_viewer.studio.workspace import SAMPLES, Workspace
 from enliven_viewer.theme import INK, QUIET
 
-_PAGE = 560.0
+_PAGE_WIDTH = 560.0
 """Width of the start page in pixels: two columns of buttons."""
-_COLUMN = 250.0
+_COLUMN_WIDTH = 250.0
 """Width in pixels of a column and of its buttons, if there is enough space."""
-_LEAST_COLUMN = 200.0
+_MIN_COLUMN_WIDTH = 200.0
 """Minimum width in pixels of a column, given by the longest button. On a narrower page the columns are
 stacked.
 """
-_BETWEEN = 24.0
+_COLUMN_GAP = 24.0
 """Gap in pixels between the two columns."""
-_EDGE = 14.0
+_EDGE_MARGIN = 14.0
 """Distance in pixels between a card and the border of the view."""
-_MOST_RECENT = 5
+_MAX_RECENT_FILES = 5
 """Maximum number of recent files on the start page; the menu has all."""
-_FLAGS = (
+_WINDOW_FLAGS = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
     | imgui.WindowFlags_.no_move
     | imgui.WindowFlags_.no_saved_settings
     | imgui.WindowFlags_.no_focus_on_appearing
 )
-_FIRST = ("perform.stand", "tool.sketch", "file.open", "help.tour")
+_FIRST_ACTIONS = ("perform.stand", "tool.sketch", "file.open", "help.tour")
 """Actions to begin with; those missing from the table are left out."""
 
 
@@ -55,14 +55,14 @@ def draw_start(workspace: Workspace, area: Area) -> None:
 def _page(workspace: Workspace, area: Area) -> None:
     middle = ImVec2(area.x + area.width / 2, area.y + area.height / 2)
     imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
-    wide, high = min(_PAGE, area.width - 2 * _EDGE), area.height - 2 * _EDGE
+    wide, high = min(_PAGE_WIDTH, area.width - 2 * _EDGE_MARGIN), area.height - 2 * _EDGE_MARGIN
     # Make the page as tall as its contents. In a small window it scrolls.
     imgui.set_next_window_size_constraints(ImVec2(wide, 0), ImVec2(wide, max(high, 1.0)))
     imgui.set_next_window_size(ImVec2(wide, 0))
-    imgui.begin(labelled(tr("Start"), "Start"), None, _FLAGS)
+    imgui.begin(labelled(tr("Start"), "Start"), None, _WINDOW_FLAGS)
     room = imgui.get_content_region_avail().x
-    column = min(_COLUMN, (room - _BETWEEN) / 2)
-    is_narrow = column < _LEAST_COLUMN
+    column = min(_COLUMN_WIDTH, (room - _COLUMN_GAP) / 2)
+    is_narrow = column < _MIN_COLUMN_WIDTH
     column = room if is_narrow else column
     imgui.push_font(None, 22.0)
     imgui.push_text_wrap_pos(0.0)
@@ -72,12 +72,12 @@ def _page(workspace: Workspace, area: Area) -> None:
     imgui.push_font(None, BODY * _fitting(workspace, column))
     imgui.begin_group()
     heading("Begin")
-    for name in _FIRST:
+    for name in _FIRST_ACTIONS:
         if name in workspace.actions:
             action_button(workspace, name, column)
     imgui.end_group()
     if not is_narrow:
-        imgui.same_line(0.0, _BETWEEN)
+        imgui.same_line(0.0, _COLUMN_GAP)
     imgui.begin_group()
     heading("Samples")
     for name in SAMPLES:
@@ -93,7 +93,7 @@ def _page(workspace: Workspace, area: Area) -> None:
 
 def _fitting(workspace: Workspace, column: float) -> float:
     """Returns the text scale, at most 1, at which all buttons fit a column."""
-    names = [*_FIRST, *(f"sample.{name}" for name in SAMPLES)]
+    names = [*_FIRST_ACTIONS, *(f"sample.{name}" for name in SAMPLES)]
     labels = [tr(workspace.actions[name].label) for name in names if name in workspace.actions]
     room = column - 2 * imgui.get_style().frame_padding.x
     return min(1.0, room / max(imgui.calc_text_size(label).x for label in labels))
@@ -101,7 +101,7 @@ def _fitting(workspace: Workspace, column: float) -> float:
 
 def _recent(workspace: Workspace, column: float) -> None:
     heading("Recent")
-    paths = [Path(name) for name in workspace.preferences.recent[:_MOST_RECENT]]
+    paths = [Path(name) for name in workspace.preferences.recent[:_MAX_RECENT_FILES]]
     if not paths:
         quiet("Files that you open or save are listed here. You can also drop files onto the window.")
     for number, path in enumerate(paths):

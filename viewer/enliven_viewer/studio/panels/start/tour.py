@@ -8,40 +8,40 @@ import math
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.panels.start.placing import Rectangle, place_arrow, place_card
+from enliven_viewer.studio.panel_layout import MENU, Area, PanelLayout
+from enliven_viewer.studio.panels.start.card_placement import Rectangle, place_arrow, place_card
 from enliven_viewer.studio.panels.style import filled, packed
-from enliven_viewer.studio.places import MENU, Area, Places
 from enliven_viewer.studio.start import TOUR, Tour
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GOOD, INK, QUIET
 
-_CARD = 330.0
+_CARD_WIDTH = 330.0
 """Width of the card in pixels: a sentence in two lines, and four buttons."""
-_SENTENCE = 19.0
+_SENTENCE_TEXT_SIZE = 19.0
 """Text size of the sentence in pixels: readable for a child, and for a person that stands."""
-_ICON = 26.0
+_ICON_SIZE = 26.0
 """Size in pixels of a step's icon: the same as on the target's button, but larger."""
-_BUTTON = 30.0
+_BUTTON_HEIGHT = 30.0
 """Height of the buttons in pixels: easy to hit."""
-_DOT = 4.0
+_DOT_RADIUS = 4.0
 """Radius in pixels of a step's dot."""
-_AIR = 5.0
+_OUTLINE_GAP = 5.0
 """Gap in pixels between the target and its outline."""
-_LINE = 3.0
+_OUTLINE_WIDTH = 3.0
 """Width of the outline in pixels."""
 _PULSE_S = 1.4
 """Period in seconds of the pulsing outline: calm, but visible from the corner of the eye."""
-_HEAD = 11.0
+_ARROW_HEAD_SIZE = 11.0
 """Size in pixels of an arrow's head."""
-_DASH = 9.0
+_DASH_LENGTH = 9.0
 """Length in pixels of a dash of the drag path, and of the gap after it."""
-_HAND = 30.0
+_HAND_SIZE = 30.0
 """Size of the hand in pixels."""
-_OWN = ("tour card", "tour outline")
+_TOUR_WIDGETS = ("tour card", "tour outline")
 """The tour's own entries among the widgets of the window."""
-_TIP = (380.0, 58.0)
+_TOOLTIP_EXTENT = (380.0, 58.0)
 """Extent in pixels of a widget's tooltip, to both sides and below its middle."""
-_FLAGS = (
+_WINDOW_FLAGS = (
     imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
     | imgui.WindowFlags_.no_move
@@ -49,8 +49,8 @@ _FLAGS = (
     | imgui.WindowFlags_.no_scrollbar
     | imgui.WindowFlags_.no_focus_on_appearing
 )
-_DONE = later("Done!")
-_REVIEWED = later("You did this already.")
+_DONE_TEXT = later("Done!")
+_REVIEWED_TEXT = later("You did this already.")
 _SHOW, _BACK, _SKIP, _NEXT, _LATER, _CLOSE = (
     later("Show me"),
     later("Back"),
@@ -61,7 +61,7 @@ _SHOW, _BACK, _SKIP, _NEXT, _LATER, _CLOSE = (
 )
 
 
-def draw_tour(workspace: Workspace, places: Places) -> None:
+def draw_tour(workspace: Workspace, places: PanelLayout) -> None:
     """Draws the tour on top of everything."""
     area = places.viewport
     tour = workspace.tour
@@ -85,7 +85,10 @@ def draw_tour(workspace: Workspace, places: Places) -> None:
         _outline(draw, shape, calm=workspace.preferences.less_motion)
         if card is not None and tour.target.box is None:
             _pointer(
-                draw, card, shape, [workspace.widgets[name] for name in workspace.widgets if name not in _OWN]
+                draw,
+                card,
+                shape,
+                [workspace.widgets[name] for name in workspace.widgets if name not in _TOUR_WIDGETS],
             )
     if tour.target.path and not dialogue:
         _way(draw, [ImVec2(area.x + x, area.y + y) for x, y in tour.target.path])
@@ -97,18 +100,18 @@ def _grown(meant: Rectangle) -> Rectangle:
     size = imgui.get_io().display_size
     left, top, right, bottom = meant
     return (
-        max(left - _AIR, 0.0),
-        max(top - _AIR, 0.0),
-        min(right + _AIR, size.x),
-        min(bottom + _AIR, size.y),
+        max(left - _OUTLINE_GAP, 0.0),
+        max(top - _OUTLINE_GAP, 0.0),
+        min(right + _OUTLINE_GAP, size.x),
+        min(bottom + _OUTLINE_GAP, size.y),
     )
 
 
-def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | None) -> Rectangle:
+def _card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rectangle | None) -> Rectangle:
     """Draws the card next to its target."""
     area = places.viewport
     size = imgui.get_io().display_size
-    wide = min(_CARD, size.x - 20)
+    wide = min(_CARD_WIDTH, size.x - 20)
     high = _height(tour, wide)
     window = 0.0, MENU if places.viewport.y else 0.0, size.x, size.y
     others = [
@@ -116,11 +119,22 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
         for place in (places.side, places.tools, places.timeline)
     ]
     widgets = workspace.widgets
-    obstacles = (tour.covered((area.x, area.y)), widgets.get("performer inset"), widgets.get("holders"))
+    obstacles = (
+        tour.chair_rectangle((area.x, area.y)),
+        widgets.get("performer inset"),
+        widgets.get("holders"),
+    )
     others += [obstacle for obstacle in obstacles if obstacle is not None]
     if shape is not None and tour.target.box is None:
         middle = (shape[1] + shape[3]) / 2
-        others += [(shape[0] - _TIP[0], middle, shape[2] + _TIP[0], middle + _TIP[1])]
+        others += [
+            (
+                shape[0] - _TOOLTIP_EXTENT[0],
+                middle,
+                shape[2] + _TOOLTIP_EXTENT[0],
+                middle + _TOOLTIP_EXTENT[1],
+            )
+        ]
     page = workspace.drawn.find(("start page",))
     others += [page[1]] if page is not None else []
     picture = area.x, area.y, area.x + area.width, area.y + area.height
@@ -134,7 +148,7 @@ def _card(workspace: Workspace, tour: Tour, places: Places, shape: Rectangle | N
     imgui.set_next_window_size(ImVec2(wide, high))
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.5)
     imgui.push_style_color(imgui.Col_.border, packed(ACCENT, 0.7))
-    imgui.begin(labelled(tr("Tour"), "Tour"), None, _FLAGS)
+    imgui.begin(labelled(tr("Tour"), "Tour"), None, _WINDOW_FLAGS)
     _words(tour)
     _dots(tour)
     _buttons(workspace, tour)
@@ -156,8 +170,8 @@ def _with_way(tour: Tour, area: Area, shape: Rectangle | None) -> Rectangle | No
 
 def _sentence(tour: Tour) -> str:
     if tour.ticked > 0.0:
-        return tr(_DONE)
-    return tr(tour.text or _REVIEWED)
+        return tr(_DONE_TEXT)
+    return tr(tour.text or _REVIEWED_TEXT)
 
 
 def _height(tour: Tour, wide: float) -> float:
@@ -167,9 +181,9 @@ def _height(tour: Tour, wide: float) -> float:
     """
     style = imgui.get_style()
     room = wide - 2 * style.window_padding.x
-    grown = _SENTENCE / imgui.get_font_size()
+    grown = _SENTENCE_TEXT_SIZE / imgui.get_font_size()
     words = imgui.calc_text_size(_sentence(tour), wrap_width=room / grown).y * grown
-    inner = _ICON + words + 2 * _DOT + 4 + _BUTTON
+    inner = _ICON_SIZE + words + 2 * _DOT_RADIUS + 4 + _BUTTON_HEIGHT
     return float(2 * style.window_padding.y + inner + 3 * style.item_spacing.y)
 
 
@@ -178,12 +192,16 @@ def _words(tour: Tour) -> None:
     tint = GOOD if done else ACCENT
     icon = "\uf00c" if done or tour.step is None else tour.step.icon
     draw, at = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
-    draw.add_text(imgui.get_font(), _ICON - 4, ImVec2(at.x, at.y), packed(tint), icon)
+    draw.add_text(imgui.get_font(), _ICON_SIZE - 4, ImVec2(at.x, at.y), packed(tint), icon)
     draw.add_text(
-        imgui.get_font(), _SENTENCE, ImVec2(at.x + _ICON + 12, at.y + 2), packed(tint), tr(tour.title)
+        imgui.get_font(),
+        _SENTENCE_TEXT_SIZE,
+        ImVec2(at.x + _ICON_SIZE + 12, at.y + 2),
+        packed(tint),
+        tr(tour.title),
     )
-    imgui.dummy(ImVec2(1, _ICON))
-    imgui.push_font(None, _SENTENCE)
+    imgui.dummy(ImVec2(1, _ICON_SIZE))
+    imgui.push_font(None, _SENTENCE_TEXT_SIZE)
     imgui.push_text_wrap_pos(0.0)
     imgui.text_unformatted(_sentence(tour))
     imgui.pop_text_wrap_pos()
@@ -194,24 +212,24 @@ def _dots(tour: Tour) -> None:
     """Draws a dot for each step; those of finished steps are filled."""
     draw, at = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
     for number in range(len(TOUR)):
-        middle = ImVec2(at.x + _DOT + number * 4 * _DOT, at.y + _DOT + 2)
+        middle = ImVec2(at.x + _DOT_RADIUS + number * 4 * _DOT_RADIUS, at.y + _DOT_RADIUS + 2)
         if number < tour.number or (number == tour.number and tour.ticked > 0.0):
-            draw.add_circle_filled(middle, _DOT, packed(GOOD))
+            draw.add_circle_filled(middle, _DOT_RADIUS, packed(GOOD))
         elif number == tour.number:
-            draw.add_circle_filled(middle, _DOT + 1, packed(ACCENT))
+            draw.add_circle_filled(middle, _DOT_RADIUS + 1, packed(ACCENT))
         else:
-            draw.add_circle_filled(middle, _DOT - 1, packed(QUIET, 0.45))
-    imgui.dummy(ImVec2(1, 2 * _DOT + 4))
+            draw.add_circle_filled(middle, _DOT_RADIUS - 1, packed(QUIET, 0.45))
+    imgui.dummy(ImVec2(1, 2 * _DOT_RADIUS + 4))
 
 
 def _buttons(workspace: Workspace, tour: Tour) -> None:
     """Draws the buttons: show me, back, skip or next, and later."""
     spacing = imgui.get_style().item_spacing.x
     each = (imgui.get_content_region_avail().x - 3 * spacing) / 4
-    size = ImVec2(each, _BUTTON)
+    size = ImVec2(each, _BUTTON_HEIGHT)
     if tour.step is None:
         with filled(ACCENT):
-            if imgui.button(labelled(tr(_CLOSE), _CLOSE), ImVec2(-1, _BUTTON)):
+            if imgui.button(labelled(tr(_CLOSE), _CLOSE), ImVec2(-1, _BUTTON_HEIGHT)):
                 workspace.end_tour()
         workspace.remember("tour close")
         return
@@ -247,7 +265,7 @@ def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
     if shape is None:
         return None
     draw, size = imgui.get_foreground_draw_list(), imgui.get_io().display_size
-    grown = _SENTENCE / imgui.get_font_size()
+    grown = _SENTENCE_TEXT_SIZE / imgui.get_font_size()
     words = imgui.calc_text_size(_sentence(tour))
     wide, high = words.x * grown + 24, words.y * grown + 16
     x = min(max(shape[0], 8.0), size.x - wide - 8.0)
@@ -257,7 +275,7 @@ def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
     y = above if is_field or below + high > size.y else below
     draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(DARK), 8.0)
     draw.add_rect(ImVec2(x, y), ImVec2(x + wide, y + high), packed(ACCENT, 0.7), 8.0, 1.5)
-    draw.add_text(imgui.get_font(), _SENTENCE, ImVec2(x + 12, y + 8), packed(INK), _sentence(tour))
+    draw.add_text(imgui.get_font(), _SENTENCE_TEXT_SIZE, ImVec2(x + 12, y + 8), packed(INK), _sentence(tour))
     return None
 
 
@@ -267,22 +285,25 @@ def _outline(draw: imgui.ImDrawList, shape: Rectangle, *, calm: bool) -> None:
     left, top, right, bottom = shape
     for more, opacity in ((3 + 3 * swell, 0.25), (6 + 5 * swell, 0.12)):
         low, high = ImVec2(left - more, top - more), ImVec2(right + more, bottom + more)
-        draw.add_rect(low, high, packed(ACCENT, opacity), 9.0 + more, _LINE)
-    draw.add_rect(ImVec2(left, top), ImVec2(right, bottom), packed(ACCENT), 8.0, _LINE)
+        draw.add_rect(low, high, packed(ACCENT, opacity), 9.0 + more, _OUTLINE_WIDTH)
+    draw.add_rect(ImVec2(left, top), ImVec2(right, bottom), packed(ACCENT), 8.0, _OUTLINE_WIDTH)
 
 
 def _pointer(draw: imgui.ImDrawList, card: Rectangle, shape: Rectangle, widgets: list[Rectangle]) -> None:
     """Draws an arrow from the direction of the card to the outline."""
     arrow = place_arrow(card, shape, widgets)
     if arrow is not None:
-        draw.add_line(ImVec2(*arrow[0]), ImVec2(*arrow[1]), packed(ACCENT), _LINE)
+        draw.add_line(ImVec2(*arrow[0]), ImVec2(*arrow[1]), packed(ACCENT), _OUTLINE_WIDTH)
         _arrow_head(draw, *arrow)
 
 
 def _arrow_head(draw: imgui.ImDrawList, start: tuple[float, float], end: tuple[float, float]) -> None:
     angle = math.atan2(end[1] - start[1], end[0] - start[0])
     sides = [
-        ImVec2(end[0] - _HEAD * math.cos(angle + turn), end[1] - _HEAD * math.sin(angle + turn))
+        ImVec2(
+            end[0] - _ARROW_HEAD_SIZE * math.cos(angle + turn),
+            end[1] - _ARROW_HEAD_SIZE * math.sin(angle + turn),
+        )
         for turn in (0.5, -0.5)
     ]
     draw.add_triangle_filled(ImVec2(*end), sides[0], sides[1], packed(ACCENT))
@@ -296,13 +317,13 @@ def _way(draw: imgui.ImDrawList, points: list[ImVec2]) -> None:
             continue
         across, down = (end.x - start.x) / length, (end.y - start.y) / length
         at = 0.0
-        while at < length - _HEAD:
-            stop = min(at + _DASH, length - _HEAD)
+        while at < length - _ARROW_HEAD_SIZE:
+            stop = min(at + _DASH_LENGTH, length - _ARROW_HEAD_SIZE)
             low = ImVec2(start.x + at * across, start.y + at * down)
             high = ImVec2(start.x + stop * across, start.y + stop * down)
-            draw.add_line(low, high, packed(DARK, 0.7), _LINE + 3)
-            draw.add_line(low, high, packed(ACCENT), _LINE)
-            at += 2 * _DASH
+            draw.add_line(low, high, packed(DARK, 0.7), _OUTLINE_WIDTH + 3)
+            draw.add_line(low, high, packed(ACCENT), _OUTLINE_WIDTH)
+            at += 2 * _DASH_LENGTH
         _arrow_head(draw, (start.x, start.y), (end.x, end.y))
     draw.add_circle_filled(points[0], 7.0, packed(DARK, 0.7))
     draw.add_circle_filled(points[0], 5.0, packed(ACCENT))
@@ -321,8 +342,8 @@ def _hand(workspace: Workspace, tour: Tour) -> None:
     if showing.presses:
         draw.add_circle(ImVec2(x, y), 15.0, packed(ACCENT), 0, 3.0)
     for dx, dy, colour in ((1.5, 2.0, packed(DARK)), (0.0, 0.0, packed(INK))):
-        at = ImVec2(x - 0.36 * _HAND + dx, y - 0.1 * _HAND + dy)
-        draw.add_text(imgui.get_font(), _HAND, at, colour, "\uf0a6")
+        at = ImVec2(x - 0.36 * _HAND_SIZE + dx, y - 0.1 * _HAND_SIZE + dy)
+        draw.add_text(imgui.get_font(), _HAND_SIZE, at, colour, "\uf0a6")
     if showing.shift:
         text = tr("Shift")
         draw.add_rect_filled(ImVec2(x + 20, y + 22), ImVec2(x + 74, y + 48), packed(DARK), 6.0)

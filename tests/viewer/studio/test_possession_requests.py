@@ -1,0 +1,217 @@
+"""Tests that a press of Possess acts at once, or as soon as possible, or is refused with advice."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from patience import PATIENCE
+from sample_meshes.chair import make_chair
+from scanning_edge import ScanningEdge
+
+from enliven.deformation.graph.graph import DeformationGraph, character_from
+from enliven.frames import BodyFrame
+from enliven.person.body import Body
+from enliven.possession import ActorSettings, EmbeddedActor, standing_figure
+from enliven.wire import ScanMessage
+from enliven_viewer.studio.editor.editor import Editor
+from enliven_viewer.studio.perform import possession_requests
+from enliven_viewer.studio.perform.session import PerformSession
+from enliven_viewer.studio.workspace.files import add_sample
+
+STEP = 33_333_333
+
+
+class Sitting:
+    """An edge in this process, and a session that follows it."""
+
+    def __init__(self, folder: Path, *actors: EmbeddedActor) -> None:
+        self.house, self.editor = ScanningEdge(actors), Editor()
+        self.perform = PerformSession(self.editor, folder)
+        self.perform.active_workspace = "Perform"
+        self.house.followers.append(self)
+        self.count, self.present = 0, list[Body]()
+
+    def connect(self) -> None:
+        """Follows the edge, and waits until its characters have arrived."""
+        self.perform.connect(str(self.house.outlet.publisher.endpoint))
+        self.until(lambda: len(self.perform.stage_ids) == len(self.house.stage.actors))
+
+    def poll(self) -> None:
+        """Advances the session, as each frame of the window does."""
+        self.perform.advance(0.02)
+
+    def until(self, done, what: str = "it") -> None:
+        """Shows the current people to the camera until a condition holds."""
+
+        def after_a_frame() -> object:
+            self.count += 1
+            self.house.edge.step(BodyFrame(list(self.present), self.count * STEP, "reel"))
+            return done()
+
+        self.house.until(after_a_frame, what)
+
+    def pictures(self, count: int) -> None:
+        """Runs ``count`` frames."""
+        end = self.count + count
+        self.until(lambda: self.count >= end)
+
+    @property
+    def held(self) -> set[str]:
+        """Returns the characters with a performer attached."""
+        return {holder.character for holder in self.perform.holders}
+
+    @property
+    def toasts(self) -> list[tuple[str, str]]:
+        """Returns the notifications and their advice."""
+        return [(toast.text, toast.mend) for toast in self.editor.toasts.shown]
+
+
+def person(x: float = 0.0, z: float = -2.5) -> Body:
+    return Body(1, standing_figure() + np.array([x, 0.0, z]), np.ones(20))
+
+
+def actor(name: str = "chair", **options: object) -> EmbeddedActor:
+    mesh = make_chair(0.05)
+    graph = DeformationGraph.build(mesh, nodes=48, seed=0)
+    return EmbeddedActor(character_from(mesh, graph, name), graph, ActorSettings(**options))
+
+
+@pytest.fixture
+def sitting(tmp_path: Path, monkeypatch) -> Iterator:
+    monkeypatch.setattr(possession_requests, "SEEN_S", 0.1)
+    opened: list[Sitting] = []
+
+    def make(*actors: EmbeddedActor) -> Sitting:
+        opened.append(Sitting(tmp_path, *actors))
+        return opened[-1]
+
+    yield make
+    for session in opened:
+        session.perform.disconnect()
+        session.house.close()
+
+
+def test_person_in_view_steps_in_at_once(sitting) -> None:
+    session = sitting(actor())
+    session.connect()
+    session.present = [person()]
+    session.until(lambda: session.perform.performers)
+    session.perform.possession_requests.press()
+    assert not session.perform.possession_requests.words
+    session.until(lambda: session.held == {"chair"})
+    assert not session.toasts
+
+
+def test_possession_without_people_waits_for_the_first_person(sitting) -> None:
+    session = sitting(actor())
+    session.connect()
+    session.perform.possession_requests.press()
+    assert session.perform.possession_requests.words.startswith("No one is in view"), "it is said at once"
+    session.pictures(5)
+    assert not session.held and session.perform.possession_requests.waits
+    session.present = [person()]
+    session.until(lambda: session.held == {"chair"})
+    assert not session.perform.possession_requests.waits and not session.toasts
+
+
+def test_the_next_press_gives_up_one_that_waits(sitting) -> None:
+    session = sitting(actor())
+    session.connect()
+    session.perform.possession_requests.press()
+    session.perform.possession_requests.press()
+    session.present = [person()]
+    session.until(lambda: session.perform.performers)
+    session.pictures(10)
+    assert not session.held and not session.perform.possession_requests.waits
+
+
+def test_press_without_a_performer_ends_with_a_reason(sitting, monkeypatch) -> None:
+    monkeypatch.setattr(possession_requests, "PATIENCE_S", 0.1)
+    session = sitting(actor())
+    session.connect()
+    session.perform.possession_requests.press()
+    session.until(lambda: not session.perform.possession_requests.waits)
+    assert session.toasts == [("Possess was given up", "No one is in view: step in front of the camera")]
+
+
+def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
+    session = sitting(actor(place="fixed"))
+    session.connect()
+    session.present = [person(z=-9.0)]
+    session.until(lambda: session.perform.performers)
+    session.perform.possession_requests.press()
+    session.until(lambda: session.toasts)
+    ((message, mend),) = session.toasts
+    assert message.startswith("No part of the mesh is within") and mend.startswith("Step into the mesh")
+    assert not session.perform.possession_requests.waits
+
+
+def test_a_chosen_character_that_is_not_on_the_stage_is_put_there_first(sitting) -> None:
+    session = sitting(actor("bench"))
+    session.connect()
+    session.present = [person()]
+    add_sample(session.editor, "chair")
+    session.editor.choose("chair")
+    session.until(lambda: session.perform.performers)
+    session.perform.possession_requests.press()
+    assert session.perform.possession_requests.words == "chair is being made ready for the stage"
+    session.until(lambda: session.held == {"chair"}, "the chair, and not the bench that stood there")
+
+
+def test_a_press_before_the_stage_is_ready_is_kept(sitting) -> None:
+    session = sitting(actor())
+    session.perform.connect(str(session.house.outlet.publisher.endpoint))
+    session.perform.live.is_local = True  # a stage that was started by this window
+    session.perform.possession_requests.press()
+    assert session.perform.possession_requests.words == session.perform.live.making
+    session.present = [person()]
+    session.until(lambda: session.held == {"chair"})
+
+
+def test_a_press_while_a_scan_is_made_is_for_the_character_that_it_becomes(sitting) -> None:
+    session = sitting(actor(), actor("scan"))
+    session.connect()
+    session.present = [person()]
+    session.until(lambda: session.perform.performers and len(session.perform.stage_ids) == 2)
+    session.house.outlet.send(ScanMessage(1, "scanning"), 0)
+    session.until(lambda: session.perform.possession_requests._scan.phase == "scanning")
+    session.perform.possession_requests.press()
+    assert session.toasts == [("The camera scans", "Finish the scan first, or cancel it")]
+    session.house.outlet.send(ScanMessage(1, "finishing"), 0)
+    session.until(lambda: session.perform.possession_requests._scan.phase == "finishing")
+    session.perform.possession_requests.press()
+    assert session.perform.possession_requests.words == "The scan becomes a character"
+    session.pictures(5)
+    assert not session.held
+    session.house.outlet.send(ScanMessage(1, "done", character="scan"), 0)
+    session.until(lambda: session.held == {"scan"})
+
+
+def test_a_busy_stage_is_asked_again(sitting, monkeypatch) -> None:
+    monkeypatch.setattr("enliven_viewer.link.edge_connection._COMMAND_TIMEOUT_S", 0.1)
+    session = sitting(actor())
+    session.connect()
+    session.present = [person()]
+    session.until(lambda: session.perform.performers)
+    session.perform.possession_requests.press()
+    end = time.monotonic() + PATIENCE
+    while not session.perform.possession_requests.words and time.monotonic() < end:
+        session.poll()  # the edge compiles meanwhile, and is otherwise idle
+        time.sleep(0.01)
+    assert session.perform.possession_requests.words.startswith("The stage is busy")
+    session.until(lambda: session.held == {"chair"})
+
+
+def test_empty_and_missing_stage_are_reported(sitting) -> None:
+    session = sitting()
+    session.connect()
+    session.until(lambda: session.perform.connected)
+    session.perform.possession_requests.press()
+    assert session.toasts == [("Nothing stands on the stage", "Choose a character, and put it there")]
+    session.perform.disconnect()
+    session.perform.possession_requests.press()
+    assert not session.perform.possession_requests.waits

@@ -1,0 +1,209 @@
+"""The link to the edges: receives what they publish in order and without loss, and sends requests."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgspec
+import zmq
+
+from enliven.document import Character
+from enliven.errors import InputError
+from enliven.logs import escape_records
+from enliven.wire import (
+    Answer,
+    Endpoint,
+    Order,
+    Refused,
+    StatusMessage,
+    Topic,
+    parse_endpoint,
+    warm_up,
+)
+from enliven_viewer.link.edge_connection import EdgeConnection
+from enliven_viewer.link.received_data import Health, Notice
+from enliven_viewer.link.stage_link import StageLink
+from enliven_viewer.link.topic_health import TopicHealth
+
+_HEARTBEAT_TIMEOUT_S = 1.6
+"""Time without a heartbeat after which an edge of the same name no longer counts as a clash, in seconds:
+three intervals."""
+
+
+class EdgeClient:
+    """A client that follows one or several edges. It is polled from the drawing thread and never blocks.
+
+    Start it before or after its edges, and restart them as you like: characters and state are fetched
+    automatically. Poses that arrive before their character wait for it. Call :meth:`poll` once per frame,
+    then take the new values::
+
+        link = Link(["127.0.0.1:5580"])
+        while drawing:
+            link.poll()
+            for received in link.take(POSE):
+                show(link.characters[received.pose.character], received.pose)
+
+    With several edges, a character's id is "edge/id" here. With one edge, it is the id given by the edge,
+    unless ``prefixed`` is set.
+
+    The constructor compiles the pose decoder, which takes some seconds the first time on a machine.
+
+    Args:
+        endpoints: ``Endpoint``, or "host", "host:port" (the control port is the next one),
+            "host:port:control_port".
+        name: name of this viewer, sent to the edges.
+
+    Attributes:
+        edges: one :class:`EdgeConnection` per endpoint, in the given order.
+
+    Raises:
+        InputError: if an address is invalid, or none is given.
+    """
+
+    def __init__(
+        self,
+        endpoints: Sequence[str | Endpoint] = (Endpoint(),),
+        name: str = "viewer",
+        *,
+        prefixed: bool = False,
+    ) -> None:
+        escape_records()
+        edge_endpoints = [parse_endpoint(e) if isinstance(e, str) else e for e in endpoints]
+        edge_endpoints = list(dict.fromkeys(edge_endpoints))
+        if not edge_endpoints:
+            raise InputError(
+                "no edge to link to", where="link", mend="Give an address, such as 127.0.0.1:5580."
+            )
+        self._notices: deque[Notice] = deque(maxlen=200)
+        self._heard: dict[tuple[str, int], tuple[float, float]] = {}
+        self._prefixed = several = prefixed or len(edge_endpoints) > 1
+        warm_up()
+
+        def label(edge: str, character: str) -> str:
+            return f"{edge}/{character}" if several else character
+
+        # Use the process's shared context, because a separate one would wait for its sockets at garbage
+        # collection.
+        context: zmq.Context[Any] = zmq.Context.instance()
+        self.edges = [
+            EdgeConnection(context, e, name[:64], label, self._notices.append) for e in edge_endpoints
+        ]
+
+    def poll(self) -> None:
+        """Processes all received messages and requests missing data; does not block."""
+        for edge in self.edges:
+            edge.poll()
+        self._find_clashes()
+
+    @property
+    def characters(self) -> dict[str, Character]:
+        """Returns the characters by id. An object is replaced when its edge publishes a new revision."""
+        return {name: held.character for edge in self.edges for name, held in edge.held.items()}
+
+    def latest(self, topic: Topic) -> dict[str, Any]:
+        """Returns the newest value of each key of a topic, such as the cues by character."""
+        return {key: value for edge in self.edges for key, value in edge.latest.get(topic.name, {}).items()}
+
+    @property
+    def status(self) -> StatusMessage | None:
+        """Returns the last heartbeat of the first edge with one, or None."""
+        return next((e.status for e in self.edges if e.status is not None), None)
+
+    @property
+    def health(self) -> dict[Endpoint, Health]:
+        """Returns the health of each edge, by endpoint."""
+        return {edge.endpoint: edge.health() for edge in self.edges}
+
+    @property
+    def clock_offset_ns(self) -> int:
+        """Returns the offset of the first edge's wall clock from this machine's, see ``ClockEstimate``."""
+        return self.edges[0].clock.offset_ns
+
+    @property
+    def topics(self) -> dict[Endpoint, dict[str, TopicHealth]]:
+        """Returns the health of each topic of each edge: alive, on rate, valid."""
+        return {edge.endpoint: edge.topics() for edge in self.edges}
+
+    @property
+    def stage(self) -> StageLink:
+        """Returns the stage of the first edge."""
+        return self.edges[0].stage
+
+    def take(self, topic: Topic) -> list[Any]:
+        """Returns all values of a topic since the last call; those of each edge are in order."""
+        inboxes = [edge.inbox[topic.name] for edge in self.edges if topic.name in edge.inbox]
+        return [value for inbox in inboxes for value in inbox.take()]
+
+    def take_notices(self) -> list[Notice]:
+        """Returns messages for the user since the last call.
+
+        They are refusals, restarts, version mismatches and name clashes.
+        """
+        return _take_all(self._notices)
+
+    def ask(self, order: Order, on_reply: Callable[[Answer], None] | None = None) -> None:
+        """Sends an order to the edge of its character, or to all edges. A notice reports a refusal.
+
+        Args:
+            order: the order, with the character's id as used here.
+            on_reply: called from a later :meth:`poll` with Done or Refused; immediately if no edge has the
+                character.
+        """
+        character = getattr(order, "character", None)
+        if character is None:
+            for edge in self.edges:
+                edge.command(order, on_reply)
+            return
+        for edge in self.edges:
+            if character in edge.held:
+                prefix = f"{edge.name}/" if self._prefixed else ""
+                own = msgspec.structs.replace(order, character=character.removeprefix(prefix))
+                edge.command(own, on_reply)
+                return
+        character_names = ", ".join(self.characters) or "none"
+        refused = Refused(f"unknown character {character!r}; known: {character_names}"[:400])
+        self._notices.append(Notice("warning", refused.reason))
+        if on_reply is not None:
+            on_reply(refused)
+
+    def close(self) -> None:
+        """Closes the sockets."""
+        for edge in self.edges:
+            edge.close()
+
+    def _find_clashes(self) -> None:
+        """Marks edges with the same name that are alive at the same time.
+
+        After a restart the old one is silent.
+        """
+        now = time.monotonic()
+        for edge in self.edges:
+            if edge.status is not None and now - edge.last_heard < _HEARTBEAT_TIMEOUT_S:
+                key = (edge.status.edge, edge.status.instance)
+                first, _ = self._heard.get(key, (edge.last_heard, 0.0))
+                self._heard[key] = (first, edge.last_heard)
+        self._heard = {key: span for key, span in self._heard.items() if now - span[1] < _HEARTBEAT_TIMEOUT_S}
+        for edge in self.edges:
+            clash = edge.status is not None and self._has_rival(edge.status.edge, edge.status.instance)
+            if clash and not edge.clash:
+                text = f"two edges are named {edge.name!r}: give one another name with --name"
+                self._notices.append(Notice("error", text))
+            edge.clash = clash
+
+    def _has_rival(self, name: str, instance: int) -> bool:
+        """Returns True if another instance of this name was alive at the same time as this one."""
+        span = self._heard.get((name, instance))
+        return span is not None and any(
+            other[0] == name and other[1] != instance and max(first, span[0]) < min(last, span[1])
+            for other, (first, last) in self._heard.items()
+        )
+
+
+def _take_all(queue: deque[Any]) -> list[Any]:
+    """Empties a queue and returns its contents."""
+    taken = list(queue)
+    queue.clear()
+    return taken

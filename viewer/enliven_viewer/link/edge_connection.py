@@ -1,0 +1,476 @@
+"""The link to one edge; handles late starts, silence, restarts and version mismatches."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import zmq
+from msgspec.structs import astuple
+
+from enliven.document import Character
+from enliven.errors import EnlivenError, InputError
+from enliven.wire import (
+    MAX_STREAM_BYTES,
+    POSE,
+    STATUS,
+    STREAMS,
+    SUPERSEDED,
+    UNREAD_STREAMS,
+    Answer,
+    Ask,
+    CharacterMessage,
+    Endpoint,
+    GetState,
+    Hello,
+    MalformedMessageError,
+    Order,
+    OtherVersionError,
+    Ping,
+    Pong,
+    PoseCodec,
+    PoseMessage,
+    Refused,
+    Rejects,
+    StatusMessage,
+    Topic,
+    Welcome,
+    check_request,
+    make_socket,
+    message_to_character,
+    message_to_pose,
+    unpack_stream,
+)
+from enliven_viewer.link.bounded_containers import BoundedQueue, NewestValues
+from enliven_viewer.link.clock import ClockEstimate
+from enliven_viewer.link.received_data import Health, Notice, ReceivedPose
+from enliven_viewer.link.requests import Requests
+from enliven_viewer.link.stage_link import StageLink
+from enliven_viewer.link.topic_health import SILENT_AFTER, TopicHealth, TopicWatch
+from enliven_viewer.link.topic_tracks import labelled, track_of
+
+_POLL_BUDGET_S = 0.01
+"""Maximum time in seconds that one poll spends on messages, so that a flood of them does not block
+drawing.
+"""
+_MAX_STORED_FRAMES = 4000
+"""Maximum number of poses, and of frames of bodies, stored for a caller that does not take them: two minutes
+of one character.
+"""
+_MAX_STORED_BYTES = 64 * 1024 * 1024
+"""Maximum bytes of one topic stored for such a caller: two minutes of poses of a graph with 1,000 nodes."""
+_MAX_UNREAD_BYTES = 16 * 1024 * 1024
+"""Maximum bytes of messages that wait for their character, or until the sending edge is known."""
+_MAX_KEYS = 4096
+"""Maximum number of keys of a topic with a newest value each, such as the pieces of a scan. An edge sends at
+most this number.
+"""
+_MAX_NEWEST_BYTES = 128 * 1024 * 1024
+"""Maximum bytes of a topic's newest values. The pieces of a scanned room take about 40 MB."""
+_MAX_UNKNOWN_CHARACTERS = 64
+"""Maximum number of characters that messages mention before the edge lists them: four times the number on a
+stage.
+"""
+_MAX_CHARACTER_BYTES = 512 * 1024 * 1024
+"""Maximum bytes of all characters of an edge: four of two million vertices each."""
+_REQUEST_INTERVAL_S = 1.0
+"""Seconds between two identical requests while the streams arrive."""
+_FIRST_REQUEST_INTERVAL_S = 0.1
+"""Seconds between two requests before the streams arrive. Each request makes the edge publish a heartbeat."""
+_REPLY_TIMEOUT_S = 1.0
+"""Timeout in seconds of a hello or a ping. An edge answers within a frame."""
+_CHARACTER_TIMEOUT_S = 10.0
+"""Timeout in seconds of a character request, which may transfer megabytes over a slow network."""
+_MAX_PARALLEL_REQUESTS = 4
+"""Maximum number of simultaneous character requests, so that poses and heartbeats are not delayed."""
+_FULL_RETRY_INTERVAL_S = 30.0
+"""Seconds until a character that exceeds the memory limit is requested again."""
+NO_ANSWER = "does not answer"
+"""End of the refusal text of a command that timed out. A busy edge may still carry it out."""
+_COMMAND_TIMEOUT_S = 3.0
+"""Timeout of a command, in seconds. After it, the user gets a message that the edge does not answer."""
+
+
+@dataclass(frozen=True)
+class _HeldCharacter:
+    revision: int
+    character: Character
+    codec: PoseCodec
+    size: int
+
+
+class EdgeConnection:
+    """One SUB and one DEALER socket to an edge, with the received messages. An EdgeClient polls it.
+
+    Args:
+        endpoint: address of the edge, which need not be running yet.
+        viewer: name of this viewer, sent in the hello.
+        label: returns a character's id in this viewer, for its edge's name and its id on the edge.
+        notify: called with notices for the user.
+
+    Attributes:
+        inbox: by topic, the values that the caller has not taken yet.
+        latest: by topic and key, the newest value.
+        stage: puts characters onto the edge's stage.
+    """
+
+    def __init__(
+        self,
+        context: zmq.Context[Any],
+        endpoint: Endpoint,
+        viewer: str,
+        label: Callable[[str, str], str],
+        notify: Callable[[Notice], None],
+    ) -> None:
+        self.endpoint, self.clock = endpoint, ClockEstimate()
+        self._viewer, self._label, self._notify = viewer, label, notify
+        self._stream = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, UNREAD_STREAMS)
+        self._stream.setsockopt(zmq.SUBSCRIBE, b"")
+        self._stream.connect(endpoint.stream_address)
+        self._requests = Requests(context, endpoint)
+        self._rejects = Rejects(f"edge at {endpoint}")
+        self.status: StatusMessage | None = None
+        self.held: dict[str, _HeldCharacter] = {}
+        self.inbox: dict[str, BoundedQueue[Any]] = {}
+        self.latest: dict[str, NewestValues] = {}
+        self._watches: dict[str, TopicWatch] = {}
+        self.instance: int | None = None
+        self.clash = False
+        self._lost = 0
+        self._other_version: int | None = None
+        self.last_heard = self._ping_at = -math.inf
+        self._unsure: BoundedQueue[bytes] = BoundedQueue(_MAX_STORED_FRAMES, _MAX_UNREAD_BYTES)
+        self._told_full = False
+        self._after_silence = True
+        self._told_listening = False
+        self.stage = StageLink(self)
+        self._begin(None)
+
+    def poll(self) -> None:
+        """Processes received messages and requests missing data; does not block."""
+        self._requests.poll(self._reject)
+        until = time.monotonic() + _POLL_BUDGET_S
+        while time.monotonic() < until:
+            try:
+                parts = self._stream.recv_multipart(zmq.DONTWAIT)
+            except zmq.Again:
+                break
+            self._receive(b"".join(parts), latched=False)
+        self._ask()
+        self.stage.poll()
+
+    @property
+    def name(self) -> str:
+        """Returns the edge's name, or its address before the first message."""
+        return self.status.edge if self.status else str(self.endpoint)
+
+    def health(self) -> Health:
+        """Returns the health of the edge."""
+        now = time.monotonic()
+        poses = self._watch(POSE).health(self.status.fps if self.status else 0.0)
+        state, text = self._state(now, poses)
+        hz = poses.hz * max(len(self.latest.get(POSE.name, {})), 1)
+        return Health(state, text, hz, self._rejects.total, self._lost)
+
+    def topics(self) -> dict[str, TopicHealth]:
+        """Returns the health of each topic, by name."""
+        fps = self.status.fps if self.status else 0.0
+        return {name: self._watch(topic).health(fps) for name, topic in STREAMS.items()}
+
+    def command(self, request: Order, on_reply: Callable[[Answer], None] | None) -> None:
+        """Sends a command. A refusal becomes a notice; ``on_reply`` gets the reply."""
+
+        def replied(answer: Answer | None) -> None:
+            answer = answer or Refused(f"{self.name} {NO_ANSWER}")
+            if isinstance(answer, Refused) and answer.reason != SUPERSEDED:
+                self._notify(Notice("warning", answer.reason))
+            if on_reply is not None:
+                on_reply(answer)
+
+        try:
+            check_request(request)
+        except InputError as error:
+            replied(Refused(str(error)[:400]))
+            return
+        if not self._requests.send(request, "command", _COMMAND_TIMEOUT_S, replied):
+            replied(Refused(f"no edge answers at {self.endpoint}"))
+
+    def request(self, body: Ask, seconds: float, on_reply: Callable[[Answer | None], None]) -> bool:
+        """Sends a request.
+
+        Calls back with the answer, or with None after the timeout. Returns False without an edge.
+        """
+        return self._requests.send(body, "stage", seconds, on_reply)
+
+    def revision(self, character: str) -> int:
+        """Returns the revision of a character on the edge, by its id there; 0 for none."""
+        return self._wanted.get(character, 0)
+
+    @property
+    def complete(self) -> bool:
+        """Returns True if the edge's list of characters is known and all of them have been received."""
+        is_list_current = self.status is not None and self._known_revision == self.status.revision
+        return is_list_current and self._revisions == self._wanted
+
+    def close(self) -> None:
+        """Closes the sockets."""
+        self.stage.close()
+        self._requests.close()
+        self._stream.close(linger=0)
+
+    def _state(self, now: float, poses: TopicHealth) -> tuple[Any, str]:
+        """Returns the state and the text of :class:`Health`."""
+        if self._other_version is not None:
+            return "version mismatch", (
+                f"the edge at {self.endpoint} speaks version {self._other_version} of the wire and this "
+                "viewer another: install the same release of enliven on both"
+            )
+        if self.status is None:
+            return "waiting", f"waiting for an edge at {self.endpoint}"
+        if self.clash:
+            return "name clash", f"two edges are named {self.name!r}: give one another name with --name"
+        if self.status.phase == "ended":
+            return "ended", f"{self.name}: the stream has ended"
+        silent = now - self.last_heard
+        if silent > SILENT_AFTER or self._after_silence:
+            return "stale", f"{self.name} has been silent for {silent:.0f} s"
+        if poses.on_rate:
+            return "on rate", f"{self.name}: {self.status.phase}"
+        return "connected", f"{self.name}: {self.status.phase}"
+
+    def _begin(self, instance: int | None) -> None:
+        """Resets counters and requests for an edge that was started or restarted.
+
+        Its characters stay on the screen until the new process has sent its list.
+        """
+        self.instance = instance
+        self._known_revision = -1
+        self._revisions: dict[str, int] = {}
+        self._sequences: dict[str, int] = {}
+        self._unknown: set[str] = set()
+        self._waiting: BoundedQueue[tuple[PoseMessage, int]] = BoundedQueue(
+            _MAX_STORED_FRAMES, _MAX_UNREAD_BYTES
+        )
+        self._wanted: dict[str, int] = {}
+        self._asked_at: dict[str, float] = {}
+        self._hello_at = -math.inf
+        self._requests.forget()
+        self.stage.restart()
+
+    def _reject(self, error: MalformedMessageError) -> None:
+        """Counts a message that cannot be read. Notifies the user if it is of another version."""
+        if isinstance(error, OtherVersionError) and self._other_version != error.version:
+            self._other_version = error.version
+            self._notify(Notice("error", self._state(0.0, TopicHealth())[1]))
+        if error.kind in STREAMS:
+            self._watch(STREAMS[error.kind]).failed()
+        self._rejects.add(error)
+
+    def _receive(self, data: bytes, latched: bool) -> None:
+        """Processes one stream message. Drops it if it is inconsistent."""
+        try:
+            topic, message = unpack_stream(data)
+            if not latched:
+                self._hear(topic)
+            if topic is STATUS:
+                self._take_status(message)
+            elif topic is POSE:
+                self._take_pose(message, latched)
+            elif self._after_silence and not latched:
+                self._unsure.append(data, len(data))
+                return
+            elif self.status is not None and self._admits(topic, message):
+                own = labelled(message, lambda character: self._label(self.name, character))
+                track = track_of(topic)
+                self._keep(topic, topic.key(own), track.read(own, self.name), track.size_of(len(data)))
+            if not latched:
+                self._watch(topic).took(topic.key(message))
+            if self._after_silence and not latched:
+                self._known_again()
+        except MalformedMessageError as error:
+            self._reject(error)
+        except (EnlivenError, ValueError) as error:
+            self._watch(topic).failed()
+            self._rejects.add(error)
+
+    def _hear(self, topic: Topic) -> None:
+        """Records that the edge is alive.
+
+        After a silence, only a status or a pose shows whether it has restarted.
+        """
+        now = time.monotonic()
+        self._after_silence |= now - self.last_heard > SILENT_AFTER
+        self.last_heard, self._other_version = now, None
+
+    def _known_again(self) -> None:
+        """Processes the messages held back after a silence until the sending process was known."""
+        self._after_silence = False
+        while self._unsure:
+            self._receive(self._unsure.popleft(), latched=False)
+
+    def _admits(self, topic: Topic, message: Any) -> bool:
+        """Returns whether a message is about a listed character, or one of a few new ones."""
+        if not topic.of_character or message.character in self._wanted or message.character in self._unknown:
+            return True
+        if len(self._unknown) >= _MAX_UNKNOWN_CHARACTERS:
+            raise MalformedMessageError(topic.name, "it is about a character that the edge does not list")
+        self._unknown.add(message.character)
+        return True
+
+    def _keep(self, topic: Topic, key: str, value: Any, size: int) -> None:
+        """Stores a value with its size in bytes for the caller, and as the newest of its key."""
+        if topic.name not in self.inbox:
+            self.inbox[topic.name] = BoundedQueue(_MAX_STORED_FRAMES, _MAX_STORED_BYTES)
+            self.latest[topic.name] = NewestValues(_MAX_KEYS, _MAX_NEWEST_BYTES)
+        self.latest[topic.name].put(key, value, size)
+        self.inbox[topic.name].append(value, size)
+
+    def _watch(self, topic: Topic) -> TopicWatch:
+        """Returns the counts of a topic."""
+        return self._watches.setdefault(topic.name, TopicWatch(topic))
+
+    def _take_status(self, message: StatusMessage) -> None:
+        if message.instance != self.instance:
+            if self.instance is not None:
+                self._notify(Notice("info", f"{message.edge} has restarted"))
+            self._begin(message.instance)
+        self.status = message
+        self.clock.add_heartbeat(message.published_ns, time.time_ns())
+        if message.revision != self._known_revision:
+            self._hello_at = -math.inf
+
+    def _take_pose(self, message: PoseMessage, latched: bool) -> None:
+        """Checks a pose's sequence number, and decodes the pose now or once its character has arrived."""
+        if message.instance != self.instance:
+            if latched:
+                return
+            self._begin(message.instance)
+        self._admits(POSE, message)
+        last = self._sequences.get(message.character)
+        if last is not None and (latched or message.sequence <= last):
+            return
+        if not latched:
+            self._sequences[message.character] = message.sequence
+            self._lost += message.sequence - last - 1 if last is not None else 0
+        self._decode(message, time.time_ns())
+
+    def _decode(self, message: PoseMessage, received_ns: int) -> None:
+        held_revision = self._revisions.get(message.character, 0)
+        if held_revision != message.revision:
+            if message.revision > held_revision:
+                self._waiting.append((message, received_ns), len(message.transforms))
+            return
+        shown = self._label(self.name, message.character)
+        held = self.held[shown]
+        pose = replace(message_to_pose(message, held.codec), character=shown)
+        times = (message.captured_ns, message.published_ns, received_ns, self.clock.offset_ns)
+        of = held.character, message.revision
+        size = pose.linear.nbytes + pose.positions.nbytes
+        self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times, *of), size)
+
+    def _ask(self) -> None:
+        """Sends a hello until it is answered, and requests missing characters and the time."""
+        now = time.monotonic()
+        listening = now - self.last_heard < SILENT_AFTER
+        # Until the streams arrive, every request triggers a heartbeat of the edge, so ask more often.
+        pause = _REQUEST_INTERVAL_S if listening else _FIRST_REQUEST_INTERVAL_S
+        behind = self.status is None or self.status.revision != self._known_revision
+        if behind and now - self._hello_at >= pause and not self._requests.under_way("hello"):
+            hello = Hello(self._viewer, listening)
+            if self._requests.send(hello, "hello", _REPLY_TIMEOUT_S, self._take_welcome):
+                self._hello_at = now
+        elif now - self._ping_at >= pause or listening != self._told_listening:
+            ping = Ping(self._viewer, time.time_ns(), listening)
+            if self._requests.send(ping, "ping", _REPLY_TIMEOUT_S, self._take_pong):
+                self._ping_at, self._told_listening = now, listening
+        for character, revision in self._wanted.items():
+            if (
+                self._revisions.get(character) != revision
+                and now - self._asked_at.get(character, 0.0) > pause
+            ):
+                self._fetch(character, now)
+
+    def _fetch(self, character: str, now: float) -> None:
+        key = f"character {character}\0"
+        if self._requests.under_way("character ") < _MAX_PARALLEL_REQUESTS and not self._requests.under_way(
+            key
+        ):
+            self._asked_at[character] = now
+            self._requests.send(GetState(character), key, _CHARACTER_TIMEOUT_S, self._take_character)
+
+    def _take_pong(self, answer: Answer | None) -> None:
+        if isinstance(answer, Pong):
+            self.clock.add_ping(answer.sent_ns, answer.edge_ns, time.time_ns())
+
+    def _take_welcome(self, answer: Answer | None) -> None:
+        """Stores the edge's list of characters, and removes those that are no longer listed."""
+        if not isinstance(answer, Welcome):
+            return
+        self._take_status(answer.status)
+        self._known_revision = answer.status.revision
+        wanted = {each.character: each.revision for each in answer.characters}
+        self._asked_at = {c: t for c, t in self._asked_at.items() if wanted.get(c) == self._wanted.get(c)}
+        self._wanted = wanted
+        shown = {self._label(self.name, character) for character in self._wanted}
+        for gone in [name for name in self.held if name not in shown]:
+            del self.held[gone]
+        self._forget_others(shown)
+        self._revisions = {name: held for name, held in self._revisions.items() if name in wanted}
+        self._sequences = {name: last for name, last in self._sequences.items() if name in wanted}
+        self._unknown.clear()
+        for message in answer.latest:
+            self._receive(message, latched=True)
+
+    def _forget_others(self, shown: set[str]) -> None:
+        """Removes the newest messages about characters that the edge does not list."""
+        for name, newest in self.latest.items():
+            if STREAMS[name].of_character:
+                for gone in newest.keys() - shown:
+                    newest.forget(gone)
+
+    def _take_character(self, answer: Answer | None) -> None:
+        """Stores a character and decodes the poses that waited for it.
+
+        If it is unusable, the old one stays.
+        """
+        if not isinstance(answer, CharacterMessage) or answer.id not in self._wanted:
+            return
+        shown = self._label(self.name, answer.id)
+        try:
+            character = replace(message_to_character(answer), id=shown)
+            codec = PoseCodec(character)
+        except (EnlivenError, ValueError) as error:
+            self._rejects.add(error)
+            return
+        size = _bytes_of(answer)
+        others = sum(held.size for name, held in self.held.items() if name != shown)
+        if others + size > _MAX_CHARACTER_BYTES:
+            self._asked_at[answer.id] = time.monotonic() + _FULL_RETRY_INTERVAL_S
+            self._tell_full()
+            return
+        self.held[shown] = _HeldCharacter(answer.revision, character, codec, size)
+        self._revisions[answer.id] = answer.revision
+        for message, received_ns in self._waiting.take():
+            try:
+                self._decode(message, received_ns)
+            except ValueError as error:
+                self._rejects.add(error)
+
+    def _tell_full(self) -> None:
+        """Notifies the user once that not all characters fit into memory."""
+        if not self._told_full:
+            self._told_full = True
+            most = _MAX_CHARACTER_BYTES // 1024**2
+            text = f"the characters of {self.name} have more than {most} MB; some are not shown. Remove some"
+            self._notify(Notice("warning", text))
+
+
+def _bytes_of(message: CharacterMessage) -> int:
+    """Returns the bytes of a character's arrays and images."""
+    parts = [*astuple(message)]
+    if message.materials is not None:
+        parts += [*astuple(message.materials), *(each.image for each in message.materials.textures)]
+    return sum(len(part) for part in parts if isinstance(part, bytes))

@@ -1,0 +1,195 @@
+"""A stage from an edge or a take, as a scene: polled once per frame, with playback and commands."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+from enliven.wire import Browse, Lock, Mode, Possess, Release, Resize, Smooth
+from enliven_viewer.language import tr
+from enliven_viewer.link import Feed
+from enliven_viewer.live.performer_numbers import PerformerNumbers
+from enliven_viewer.live.possession_choice import PossessionChoice
+from enliven_viewer.live.view_report import ViewReporter, is_end_on, turn_to_bones
+from enliven_viewer.playback import NS, Document, Playhead, SolvedSurfaces
+from enliven_viewer.render import CameraView, OrbitCamera, OverlayVisibility, Scene, SceneStyle, scene_of
+from enliven_viewer.settings import ViewerSettings
+
+_SILENCE_TIMEOUT_S = 2.0
+"""Time without a message after which the window may idle, in seconds: four heartbeats of an edge."""
+_LONG_WAIT_S = 12.0
+"""Waiting time for a local stage after which the reason is shown, in seconds. Kernels are compiled at the
+first start."""
+
+
+class LiveStage:
+    """The performers and characters of one feed, and the orders to it.
+
+    Args:
+        feed: source of the document's data.
+        take: name of the played take, or empty for a live edge.
+
+    Attributes:
+        playhead: the displayed time.
+        style: the visible overlays.
+        possession: options of the next possession.
+        scene: the last displayed scene.
+        scrubbing: whether the pointer is dragging the playhead.
+        target: the character that orders apply to; None leaves the choice to the edge.
+        held: the possessed characters. holding: ids of the performers that control something.
+        numbers: numbers of the performers, as shown to people.
+        is_local: whether the edge was started on this machine for this window, so that its start takes time.
+    """
+
+    def __init__(
+        self, feed: Feed, document: Document, settings: ViewerSettings | None = None, *, take: str = ""
+    ) -> None:
+        self.feed, self.document, self.take = feed, document, take
+        self.playhead = Playhead(document.timeline, live=not take, loop=bool(take))
+        self.style = SceneStyle()
+        self.possession = PossessionChoice()
+        self.scene = Scene()
+        settings = settings or ViewerSettings()
+        self._showing = OverlayVisibility(settings.render, settings.film.overlay_seconds)
+        self._view_reporter = ViewReporter()
+        self._surfaces = SolvedSurfaces()
+        self._since, self.scrubbing = 0.0, False
+        self.target: str | None = None
+        self.held: set[str] = set()
+        self.holding: set[int] = set()
+        self.numbers = PerformerNumbers()
+        self.is_local = False
+
+    def advance(self, seconds: float) -> None:
+        """Processes received messages, and advances the viewer's clock by ``seconds``."""
+        arrived = self.feed.poll(self.document)
+        playing = not (self.playhead.live or self.playhead.paused)
+        self._since = 0.0 if arrived or playing else self._since + seconds
+        self.playhead.advance(seconds)
+        moment = self.playhead.moment()
+        style = self._showing.style(self.style, moment, self.playhead.time_ns / NS)
+        self.scene = self._without_next_matches(scene_of(self.document, moment, style, self._surfaces))
+        self.numbers.see((*(body.id for body in self.scene.bodies), *self.holding))
+
+    @property
+    def is_quiet(self) -> bool:
+        """Returns True if nothing has arrived for a while and nothing is being played back."""
+        return self._since > _SILENCE_TIMEOUT_S
+
+    @property
+    def present(self) -> tuple[str, ...]:
+        """Returns the characters, and whether a person is present.
+
+        A camera reframes when these change.
+        """
+        return (*self.document.characters, *("body" for _ in self.scene.bodies[:1]))
+
+    def possess(self, mode: Mode = "alone") -> None:
+        """Asks the feed to let the chosen performer, or every free one, possess a character."""
+        for name in self._order_targets(self.target):
+            self.feed.ask(self.order_to_possess(mode, name))
+
+    def order_to_possess(self, mode: Mode, name: str | None) -> Possess:
+        """Returns the order to let the chosen performer possess a character with the chosen body parts."""
+        return Possess(name, self.possession.body, self.possession.parts, mode)
+
+    def release(self) -> None:
+        """Asks the feed to release the chosen character, or those of the chosen performer, or all."""
+        for name in [self.target] if self.target in self.held else self._order_targets(None):
+            self.feed.ask(Release(name, self.possession.body))
+
+    def scale_by_hands(self) -> None:
+        """Asks the feed to switch the gesture that scales a character by the distance between the hands."""
+        for name in self._order_targets(self.target)[:1]:
+            self.feed.ask(Resize("hands", name, self.possession.body))
+
+    def choose_parts(self, number: int) -> None:
+        """Chooses the body parts of the next possession, and previews them."""
+        self.possession.choose(number)
+        self.possess("preview")
+
+    def choose_performer(self) -> None:
+        """Chooses the performer of the next possession: the next one in view, or the first that appears."""
+        self.possession.next_performer(body.id for body in self.scene.bodies)
+        self.possess("preview")
+
+    def smoother(self, step: int) -> None:
+        """Asks the feed to smooth the chosen performer, or all in view, more (1) or less (-1)."""
+        present = [body.id for body in self.scene.bodies]
+        for body, amount in self.possession.smoother(step, present).items():
+            self.feed.ask(Smooth(body, amount))
+
+    def toggle_lock(self) -> None:
+        """Asks the feed to admit only the present performers, or everyone again."""
+        wanted = not self.possession.locked
+        self.feed.ask(Lock(wanted), lambda: setattr(self.possession, "locked", wanted))
+
+    def browse(self, step: int) -> None:
+        """Asks the feed for another match, for every character that waits for a choice."""
+        for name in self.scene.boards:
+            self.feed.ask(Browse(name, step))
+
+    def show_bones(self, camera: OrbitCamera) -> None:
+        """Turns the camera to the direction that shows most of the characters' bones."""
+        turn_to_bones(camera, self.scene)
+
+    def report_view(self, view: CameraView) -> None:
+        """Reports the viewing direction to the feed if a match is being chosen and the view has changed."""
+        if not self.scene.boards:
+            return
+        look = self._view_reporter.changed(view, time.monotonic())
+        if look is not None:
+            self.feed.ask(look)
+
+    def switch(self, *names: str) -> None:
+        """Switches overlays of the style on, or off if the first of them is on."""
+        shown = 0.0 if getattr(self.style, names[0]) > 0 else 1.0
+        self.style = replace(self.style, **dict.fromkeys(names, shown))
+
+    def words(self, view: CameraView) -> str:
+        """Returns the text about the next possession, or about why bones cannot be seen; empty for a take."""
+        if self.take:
+            return ""
+        if is_end_on(self.scene, view):
+            return tr("Some bones point at you: V shows more of them")
+        return self.possession.words(self.numbers.number_of)
+
+    @property
+    def notice(self) -> str:
+        """Returns the text in the middle of an empty image."""
+        if self.document.characters or len(self.document.timeline):
+            return ""
+        edge = self.document.edge
+        if edge.connected:
+            return tr("Waiting for the characters of the stage")
+        if self.is_local:
+            return edge.message or self.making
+        return edge.message or tr("Waiting for a stage at {0}", edge.address.removeprefix("tcp://"))
+
+    @property
+    def making(self) -> str:
+        """Returns the text about a local stage that is still starting."""
+        more = tr(": the first time it takes some minutes") if self._since > _LONG_WAIT_S else ""
+        return tr("The stage is being made ready{0}", more)
+
+    def close(self) -> None:
+        """Closes the feed."""
+        self.feed.close()
+
+    def _without_next_matches(self, scene: Scene) -> Scene:
+        """Returns the scene without match candidates on possessed characters.
+
+        Older edges send these for the next performer.
+        """
+        shown = {
+            name: board
+            for name, board in scene.boards.items()
+            if board.state != "choosing" or name not in self.held
+        }
+        return replace(scene, boards=shown)
+
+    def _order_targets(self, meant: str | None) -> list[str | None]:
+        """Returns the character for an order. With several characters, None lets the edge choose."""
+        if meant in self.document.characters:
+            return [meant]
+        return [None] if len(self.document.characters) > 1 else list(self.document.characters)

@@ -1,0 +1,54 @@
+"""Visibility of performance overlays: skeletons during a choice, then only the mesh."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from enliven_viewer.playback import TimelineMoment
+from enliven_viewer.render.scene import SceneStyle
+from enliven_viewer.settings import RenderSettings
+
+_FADE_S = 1.2
+"""Duration in seconds of the fade-out: slow enough not to look like a jump."""
+
+
+class OverlayVisibility:
+    """The visibility of skeletons and attachment points, which fade out once a mesh is possessed.
+
+    Args:
+        linger: seconds for which they stay before fading.
+    """
+
+    def __init__(self, settings: RenderSettings, linger: float) -> None:
+        self._when, self._linger = settings.skeleton, linger
+        self._since: float | None = None
+
+    def style(self, wanted: SceneStyle, moment: TimelineMoment | None, second: float) -> SceneStyle:
+        """Returns the wanted style adjusted for a moment; ``second`` counts seconds from any start."""
+        shown = self._overlay_strength(moment, second)
+        body = shown
+        if moment is not None and moment.props is not None and self._when != "never":
+            # A performer that plays along without a mesh is visible only as a skeleton, so always show it.
+            holding = sum(cues.state == "possessed" for cues in moment.cues.values())
+            body = 1.0 if len(moment.bodies) > holding else shown
+        return replace(
+            wanted, body=body * wanted.body, reveal=shown * wanted.reveal, cues=shown * wanted.cues
+        )
+
+    def _overlay_strength(self, moment: TimelineMoment | None, second: float) -> float:
+        """Returns the strength of the overlays, 0 to 1."""
+        if self._when != "choosing":
+            return float(self._when == "always")
+        if moment is None or not moment.possessed or _choosing(moment):
+            self._since = None
+            return 1.0
+        if self._since is None:
+            self._since = second
+        left = 1 - min(max((second - self._since - self._linger) / _FADE_S, 0.0), 1.0)
+        return left * left * (3 - 2 * left)
+
+
+def _choosing(moment: TimelineMoment) -> bool:
+    """Returns True if a performer sees a preview of a possession, in addition to the current one."""
+    previewed = any(len(cues.nodes) and not cues.firm.all() for cues in moment.cues.values())
+    return previewed or any(board.state == "choosing" for board in moment.boards.values())

@@ -1,0 +1,39 @@
+"""The state of changing a shortcut."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from enliven_viewer.studio.actions.table import ActionTable
+
+
+@dataclass
+class ShortcutCapture:
+    """The action with a shortcut being changed, and the key pressed for it.
+
+    Attributes:
+        action: its id; empty if no change is in progress.
+        key: a pressed key that belongs to another action, until the artist confirms or cancels; else empty.
+    """
+
+    action: str = ""
+    key: str = ""
+
+    def begin(self, action: str) -> None:
+        """Starts waiting for the shortcut of an action; an empty id cancels."""
+        self.action, self.key = action, ""
+
+    def press(self, table: ActionTable, key: str) -> None:
+        """Handles a pressed key: assigns it if it is free. Escape cancels."""
+        if key == "escape":
+            self.begin("")
+        elif table.rival(self.action, key) is None:
+            self.key = key
+            self.take(table)
+        else:
+            self.key = key
+
+    def take(self, table: ActionTable) -> None:
+        """Assigns the key to the action, and removes it from the other one."""
+        table.set_shortcut(self.action, self.key)
+        self.begin("")

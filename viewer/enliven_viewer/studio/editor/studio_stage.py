@@ -1,0 +1,72 @@
+"""All characters of a project in their current poses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from enliven.arrays import Float
+from enliven.document import Pose, Project, RigBase
+from enliven.modeling.edits import rig_of
+from enliven_viewer.studio.viewport import DrawnMeshes, StageCharacter
+
+
+class ShownState(Protocol):
+    """The state that a stage shows: a project and a time."""
+
+    time: float
+
+    @property
+    def project(self) -> Project:
+        """Returns the project as shown."""
+
+
+class StudioStage:
+    """All characters of an editor's project; cached while nothing changes.
+
+    Args:
+        editor: the editor with the project and the time.
+        solved: for rig kinds with surfaces solved in the background, the function that returns a standing
+            character.
+    """
+
+    def __init__(self, editor: ShownState, solved: Mapping[str, Callable[[RigBase], StageCharacter]]) -> None:
+        self._editor, self._solved = editor, solved
+        self._meshes = DrawnMeshes()
+        self._players: dict[str, tuple[tuple[object, ...], Callable[[float], tuple[Pose, Float]]]] = {}
+        self._known: tuple[Project, float, dict[str, StageCharacter]] | None = None
+
+    @property
+    def characters(self) -> tuple[StageCharacter, ...]:
+        """Returns all characters, in the project's order."""
+        return tuple(self.of(name) for name in self._editor.project.characters)
+
+    def of(self, character_id: str) -> StageCharacter:
+        """Returns one of the characters.
+
+        Raises:
+            InputError: if no character has the id.
+        """
+        project, time = self._editor.project, self._editor.time
+        character = project.character(character_id)
+        if character.kind in self._solved:
+            return self._solved[character.kind](character)
+        if self._known is None or self._known[0] is not project or self._known[1] != time:
+            self._known = (project, time, {})
+            self._players = {
+                name: player for name, player in self._players.items() if name in project.characters
+            }
+        characters = self._known[2]
+        if character_id not in characters:
+            characters[character_id] = self._place_character(project, character, time)
+        return characters[character_id]
+
+    def _place_character(self, project: Project, character: RigBase, time: float) -> StageCharacter:
+        cached, played = self._players.get(character.id), character.needed().items()
+        # Compare the takes too. Editing a key replaces a take under the same name, and leaves the character
+        # unchanged.
+        takes = (getattr(project, held)[name] for held, names in played for name in sorted(names))
+        needs = (character, *takes)
+        if cached is None or [*map(id, cached[0])] != [*map(id, needs)]:
+            cached = self._players[character.id] = (needs, rig_of(character).player(project, character))
+        return StageCharacter(character, self._meshes.of(character), *cached[1](time))

@@ -1,0 +1,148 @@
+"""Solves the motions of puppets in the background. Meanwhile the last valid motion is shown.
+
+solving = MotionSolver(editor.toasts)
+project, puppet = solving.newest_solution(project, "cactus")       # the newest with solved motions
+state = state_of(project, puppet, time)                  # so this costs nothing
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for
+from dataclasses import dataclass
+
+from enliven.document import Project, Puppet
+from enliven.errors import EnlivenError
+from enliven.examples import missing, motion_of
+from enliven_viewer.studio.toasts import Toasts
+
+_MAX_WAIT_S = 0.012
+"""Maximum time in seconds that a frame waits. Faster results appear in the same frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Request:
+    """A request: a puppet and the project that holds its takes."""
+
+    project: Project
+    puppet: Puppet
+
+    def same(self, other: _Request | None) -> bool:
+        """Returns True if another request is for the same motions, that is, the same puppet and takes."""
+        if other is None or other.puppet is not self.puppet:
+            return False
+        names = {pose.take for pose in self.puppet.poses} | {layer.take for layer in self.puppet.layers}
+        return all(self.project.takes[name] is other.project.takes[name] for name in names)
+
+
+class _SolveState:
+    """The state of solving for one puppet."""
+
+    def __init__(self) -> None:
+        self.good: _Request | None = None
+        self.asked: _Request | None = None
+        self.future: Future[None] | None = None
+        self.problem: EnlivenError | None = None
+        self.told = ""
+
+
+class MotionSolver:
+    """A solver in a separate thread. It solves one puppet after another, always the newest request.
+
+    Args:
+        toasts: shows errors, each once.
+        patience: seconds that :meth:`newest_solution` waits for a motion.
+    """
+
+    def __init__(self, toasts: Toasts, patience: float = _MAX_WAIT_S) -> None:
+        self.patience = patience
+        self._toasts = toasts
+        self._pool: ThreadPoolExecutor | None = None
+        self._known: dict[str, _SolveState] = {}
+
+    def newest_solution(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
+        """Returns the newest solved project and puppet; without layers if nothing has been solved yet.
+
+        The returned puppet may have other control points than the project's, so draw the returned one.
+        """
+        request = _Request(project, project.puppets[puppet_id])
+        solved = self._known.setdefault(puppet_id, _SolveState())
+        if request.same(solved.good) and solved.problem is None:
+            assert solved.good is not None
+            return solved.good.project, request.puppet
+        if not request.puppet.layers or missing(project, request.puppet):
+            solved.good = solved.problem = None
+            return project, request.puppet.with_changes(
+                layers=()
+            ) if request.puppet.layers else request.puppet
+        self._ask(solved, request)
+        if solved.good is None:
+            return project, request.puppet.with_changes(layers=())
+        return solved.good.project, solved.good.puppet
+
+    def problem(self, puppet_id: str) -> EnlivenError | None:
+        """Returns the error of a puppet's newest motions; None if they can be solved."""
+        solved = self._known.get(puppet_id)
+        return solved.problem if solved else None
+
+    def busy(self, puppet_id: str) -> bool:
+        """Returns True if a motion of the puppet is being solved."""
+        solved = self._known.get(puppet_id)
+        return solved is not None and solved.future is not None
+
+    def settle(self, project: Project, puppet_id: str) -> tuple[Project, Puppet]:
+        """Returns the same as :meth:`newest_solution`, but waits until the motion is solved or refused.
+
+        For sessions without a window.
+        """
+        shown = self.newest_solution(project, puppet_id)
+        while self.busy(puppet_id):
+            future = self._known[puppet_id].future
+            if future is not None:
+                wait_for([future])
+            shown = self.newest_solution(project, puppet_id)
+        return shown
+
+    def close(self) -> None:
+        """Ends the thread."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+            self._pool = None
+
+    def _ask(self, solved: _SolveState, request: _Request) -> None:
+        """Starts solving a request unless it was refused before.
+
+        Waits for it at most as long as a frame may take.
+        """
+        if solved.future is None:
+            if request.same(solved.asked) and solved.problem is not None:
+                return
+            solved.asked, solved.future = request, self._begin(request)
+            # Wait only once, because other panels request the result in the same frame.
+            wait_for([solved.future], timeout=self.patience)
+        if not solved.future.done():
+            return
+        error, asked = solved.future.exception(), solved.asked
+        solved.future = None
+        if error is None:
+            solved.good, solved.problem = asked, None
+        else:
+            self._store_error(solved, error)
+
+    def _begin(self, request: _Request) -> Future[None]:
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(1, thread_name_prefix="solving")
+        return self._pool.submit(_solve, request)
+
+    def _store_error(self, solved: _SolveState, error: BaseException) -> None:
+        """Stores the error, and reports it once."""
+        if solved.told == str(error) and solved.problem is not None:
+            return
+        solved.told, solved.problem = str(error), self._toasts.tell(error)
+
+
+def _solve(request: _Request) -> None:
+    """Solves every audible motion into the cache of :func:`enliven.examples.puppet_motion.motion_of`."""
+    for number, layer in enumerate(request.puppet.layers):
+        if not layer.muted and layer.weight > 0.0:
+            motion_of(request.project, request.puppet, number)

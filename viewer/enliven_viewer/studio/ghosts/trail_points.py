@@ -1,0 +1,57 @@
+"""Chooses the points of a character that leave a motion trail: the ends of its limbs, or the selection."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float
+from enliven.document import Puppet, RigBase
+
+_MAX_TRAILS = 7
+"""Maximum number of trails without a selection: two hands, two feet, a head and two ears, or a tail."""
+_MIN_END_DISTANCE = 0.12
+"""Minimum distance between two ends, as a fraction of the character's size. So the fingers of a hand count as
+one end.
+"""
+
+
+def choose_trail_points(
+    character: RigBase, rest: Float, chosen: int | None, chain: tuple[int, ...]
+) -> tuple[int, ...]:
+    """Returns the points of a character that leave a trail: the selected points, or else its far ends.
+
+    Args:
+        rest: (N, 3) metres, the character's points at one time: joints, nodes or control points.
+        chosen: the selected point, or None.
+        chain: the selected chain of points; its last one leaves a trail.
+    """
+    wanted = [point for point in (chosen, *chain[-1:]) if point is not None and point < len(rest)]
+    if wanted:
+        return tuple(dict.fromkeys(wanted))
+    if isinstance(character, Puppet):
+        return tuple(range(min(len(rest), 2 * _MAX_TRAILS)))
+    parents = character.parents
+    if not len(parents):
+        return far_ends(rest, np.arange(len(rest)), rest.mean(0))
+    leaves = np.setdiff1d(np.arange(len(rest)), parents)
+    return far_ends(rest, leaves, rest[0])
+
+
+def far_ends(points: Float, candidates: AnyArray, start: Float) -> tuple[int, ...]:
+    """Returns the candidates among points (N, 3) that lie far from ``start`` (3,) and from each other.
+
+    They are in ascending order.
+    """
+    candidates = np.asarray(candidates, np.int64)
+    if not len(candidates):
+        return ()
+    ends = list[int]()
+    size = float(np.linalg.norm(points.max(0) - points.min(0)))
+    away = np.linalg.norm(points[candidates] - start, axis=1)
+    for _ in range(_MAX_TRAILS):
+        best = int(away.argmax())
+        if away[best] < _MIN_END_DISTANCE * size and ends:
+            break
+        ends.append(int(candidates[best]))
+        away = np.minimum(away, np.linalg.norm(points[candidates] - points[ends[-1]], axis=1))
+    return tuple(sorted(ends))

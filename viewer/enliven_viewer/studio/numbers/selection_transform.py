@@ -1,0 +1,126 @@
+"""Position and size of the selection, and the edits that change them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Project
+from enliven.errors import InputError
+from enliven.modeling.edits import middle_of, move_characters, scale_characters
+from enliven.rotation import from_rotation_vector
+from enliven_viewer.language import later, tr
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.viewport import Selection
+
+AXES = ("x", "y", "z")
+_MIN_SCALABLE_HEIGHT_M = 1e-3
+"""In metres. The height of a flatter object cannot be changed."""
+_MAX_HEIGHT_M = 1000.0
+"""Maximum height in metres. A larger number is a typing error."""
+
+
+class SelectionTransform:
+    """The position and size of the selection in its current pose."""
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+        self._known: tuple[Project, Selection, float, tuple[Float, Float] | None] | None = None
+
+    @property
+    def box(self) -> tuple[Float, Float] | None:
+        """Returns the lowest and the highest corner (3,) of the selection in metres.
+
+        Returns None without a selection.
+        """
+        editor, cached = self.editor, self._known
+        same = cached is not None and cached[0] is editor.project and cached[1] == editor.selection
+        if cached is None or not same or not (editor.playing or cached[2] == editor.time):
+            # During playback, do not update the numbers in each frame. They would be unreadable, and skinning
+            # would cost frames.
+            cached = self._known = (editor.project, editor.selection, editor.time, self._surface_bounds())
+        return cached[3]
+
+    def _surface_bounds(self) -> tuple[Float, Float] | None:
+        names = self.editor.selection.characters
+        characters = [character for character in self.editor.stage_characters if character.id in names]
+        points = [
+            character.vertices if len(character.vertices) else character.handles for character in characters
+        ]
+        if not points or not all(len(places) for places in points):
+            return None
+        return np.min([places.min(0) for places in points], axis=0), np.max(
+            [places.max(0) for places in points], axis=0
+        )
+
+    @property
+    def place(self) -> Float | None:
+        """Returns (3,) metres: the horizontal centre of the selection, at the height of its lowest point."""
+        box = self.box
+        if box is None:
+            return None
+        middle = (box[0] + box[1]) / 2.0
+        return np.array([middle[0], box[0][1], middle[2]])
+
+    @property
+    def height(self) -> float | None:
+        """Returns the height of the selection in metres; None without a selection."""
+        box = self.box
+        return None if box is None else float(box[1][1] - box[0][1])
+
+    def move_to(self, axis: int, metres: float) -> None:
+        """Moves the selection along one world axis to a coordinate."""
+        place, names = self.place, self.editor.selection.characters
+        if place is not None:
+            way = np.eye(3)[axis] * (metres - place[axis])
+            self.editor.edit(later("place {0}", self._subject_name), lambda p: move_characters(p, names, way))
+
+    def make_tall(self, metres: float) -> None:
+        """Scales the selection to a height in metres, in place.
+
+        Raises:
+            InputError: if the selection is flat, or the height is invalid.
+        """
+        tall = self.height
+        if tall is None:
+            return
+        if not (tall > _MIN_SCALABLE_HEIGHT_M and _MIN_SCALABLE_HEIGHT_M <= metres <= _MAX_HEIGHT_M):
+            problem = (
+                tr("it is flat") if tall <= _MIN_SCALABLE_HEIGHT_M else tr("nothing is {0:g} m tall", metres)
+            )
+            raise InputError(problem, mend=tr("Give a height such as 1.7 m or 150 %."))
+        self.scale(metres / tall)
+
+    def scale(self, factor: float) -> None:
+        """Scales the selection in place."""
+        place, names = self.place, self.editor.selection.characters
+        if place is None:
+            return
+
+        def change(project: Project) -> Project:
+            about = _fixed_point(project, names)
+            project = scale_characters(project, names, factor)
+            return move_characters(project, names, (factor - 1.0) * (about - place))
+
+        self.editor.edit(later("size of {0}", self._subject_name), change)
+
+    def turn(self, axis: int, degrees: float) -> None:
+        """Turns the selection about a world axis through its position."""
+        place, names = self.place, self.editor.selection.characters
+        if place is not None:
+            turn = from_rotation_vector(np.eye(3)[axis] * np.radians(degrees))
+            still = np.zeros(3)
+            self.editor.edit(
+                later("turn {0}", self._subject_name), lambda p: move_characters(p, names, still, turn, place)
+            )
+
+    @property
+    def _subject_name(self) -> str:
+        names = self.editor.selection.characters
+        return names[0] if len(names) == 1 else later("{0} shapes", len(names))
+
+
+def _fixed_point(project: Project, names: tuple[str, ...]) -> Float:
+    """Returns (3,) metres: the fixed point of scaling; for several characters, on the floor."""
+    middle = middle_of(project, names)
+    return middle if len(names) == 1 else middle * [1.0, 0.0, 1.0]

@@ -1,0 +1,99 @@
+"""Lays out and draws the panels of a window."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from enliven_viewer.studio.panel_layout import TIMELINE, PanelLayout, lay_out_panels
+from enliven_viewer.studio.panels import (
+    draw_curves,
+    draw_menu,
+    draw_overlay,
+    draw_side,
+    draw_source,
+    draw_timeline,
+    draw_toolbar,
+    split_side,
+)
+from enliven_viewer.studio.panels.examples import draw_examples, draw_performer, draw_strip
+from enliven_viewer.studio.panels.files import draw_progress_box
+from enliven_viewer.studio.panels.outliner import draw_outliner, split_outliner
+from enliven_viewer.studio.panels.stage import draw_perform, draw_scan, draw_workspace_tabs
+from enliven_viewer.studio.tools import MapTool
+from enliven_viewer.studio.window_pictures import WindowPictures, edits_puppet
+from enliven_viewer.studio.workspace import Workspace
+
+_HIDDEN_PANELS: dict[str, tuple[str, ...]] = {
+    "Perform": ("tools",),
+    "Animate": (),
+    "Model": ("timeline",),
+    "Play": ("tools", "side"),
+}
+"""The panels that each workspace hides."""
+
+
+def panel_layout_of(workspace: Workspace, *, bare: bool) -> PanelLayout:
+    """Returns the layout of the panels at the window's size; for a bare window, only the view."""
+    size, room = imgui.get_io().display_size, workspace.perform.active_workspace
+    without = ("menu", "tools", "side", "timeline") if bare else _HIDDEN_PANELS[room]
+    if room == "Play" and workspace.perform.live is not None:
+        # Leave out the timeline panel, because the timeline of the live stage is drawn over the view.
+        without = (*without, "timeline")
+    how = {
+        "puppet": edits_puppet(workspace),
+        "curves": workspace.curves.on,
+        "hinted": not bare and has_tool(room),
+    }
+    tall = workspace.preferences.timeline_height or TIMELINE
+    return lay_out_panels(size.x, size.y, without=without, timeline_height=tall, **how)
+
+
+def has_tool(room: str) -> bool:
+    """Returns whether a workspace has tools."""
+    return room in ("Animate", "Model")
+
+
+def draw_panels(workspace: Workspace, places: PanelLayout, pictures: WindowPictures) -> None:
+    """Draws the menu and the panels of the workspace."""
+    room = workspace.perform.active_workspace
+    draw_menu(workspace)
+    draw_workspace_tabs(workspace)
+    if places.tools.width:
+        draw_toolbar(workspace, places.tools)
+    if room == "Perform" and workspace.scan.shown:
+        draw_scan(workspace, places.side)
+    elif room == "Perform":
+        draw_perform(workspace, places.side)
+    elif places.side.width:
+        _side(workspace, places, pictures)
+    if places.timeline.height:
+        draw_timeline(workspace, places.timeline)
+    if places.curves is not None:
+        draw_curves(workspace, places.curves)
+    draw_progress_box(workspace, places.viewport)
+    draw_overlay(workspace, places.viewport, tool=has_tool(room), hint=places.hint)
+
+
+def _side(workspace: Workspace, places: PanelLayout, pictures: WindowPictures) -> None:
+    """Draws the outliner, with the selection below it."""
+    tool, column = workspace.input.tool, places.side
+    if isinstance(tool, MapTool):
+        column, below = split_side(column)
+        texture = pictures.source.renderer.picture.texture.glo
+        draw_source(workspace, tool, below, places.viewport, texture)
+    above, below = split_outliner(column, workspace.outliner.share)
+    chosen = workspace.editor.selection
+    if chosen.character is None or (column is not places.side and chosen.layer is None):
+        # Nothing is selected, or there is only room for the tree and the source. So the tree takes the whole
+        # column.
+        above = column
+    elif places.performer is None:
+        draw_side(workspace, below)
+    if above.height >= 1.0:
+        draw_outliner(workspace, above, column)
+    if places.performer is not None:
+        texture = pictures.performer.renderer.picture.texture.glo
+        draw_performer(workspace, places.performer, texture)
+        draw_examples(workspace, below)
+        if places.strip is not None:
+            draw_strip(workspace, places.strip, pictures.thumbnails)

@@ -1,0 +1,119 @@
+"""The layout of the panels in a window, in pixels. Panels lie around the viewport and do not cover it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+MENU = 23.0
+"""Height of the menu bar in pixels: one line of text."""
+TOOLS = 92.0
+"""Width of the toolbar in pixels: a button of 72 with margins."""
+SIDE = 288.0
+"""Width of the side panel in pixels: two buttons of 126 side by side."""
+TIMELINE = 196.0
+"""Height of the timeline in pixels: the transport, the ruler and five lanes."""
+TIMELINE_MOST = 0.75
+"""Maximum fraction of the window's height that an artist can give the timeline."""
+LEAST = 118.0
+"""Minimum height of the timeline in pixels, in a low window: the transport, the ruler, and one lane."""
+PICTURE = 270.0
+"""Height of the view in pixels below which the view takes space from the timeline."""
+CURVES = 178.0
+"""Height of the curve area in pixels: as much as three lines of values need."""
+STRIP = 142.0
+"""Height in pixels of a puppet's strip of key poses: a title and a row of tiles."""
+STRIP_PICTURE = 190.0
+"""Minimum height in pixels of a puppet's view. In a lower window the strip of key poses is hidden."""
+PERFORMER_LEAST = 150.0
+"""Minimum width in pixels of the performer's view, so that its take can be chosen. It takes at most half of a
+narrow view.
+"""
+PERFORMER = 0.36
+"""Fraction of the view's width for the performer, so that the puppet stays larger."""
+HINT = 32.0
+"""Height in pixels of the hint strip below the view: two lines of small text."""
+HINT_OVER = 480.0
+"""Minimum width in pixels of a view that shows the hint inside it, above the characters."""
+HOLDER = 48.0
+"""Height in pixels of a line of large text about the performers and their characters."""
+
+
+class Area(NamedTuple):
+    """A rectangle: x and y of the top left corner, width and height."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    def holds(self, x: float, y: float) -> bool:
+        """Returns True if a pixel is inside the rectangle."""
+        return self.x <= x < self.x + self.width and self.y <= y < self.y + self.height
+
+
+class PanelLayout(NamedTuple):
+    """The areas of the panels at one window size."""
+
+    tools: Area
+    side: Area
+    timeline: Area
+    viewport: Area
+    performer: Area | None = None
+    strip: Area | None = None
+    curves: Area | None = None
+    hint: Area | None = None
+
+
+def lay_out_panels(
+    width: float,
+    height: float,
+    *,
+    puppet: bool = False,
+    curves: bool = False,
+    hinted: bool = False,
+    timeline_height: float = TIMELINE,
+    without: Collection[str] = (),
+) -> PanelLayout:
+    """Returns the areas of the panels and of the view.
+
+    Tools are at the left, properties at the right, the timeline is at the bottom, and the view takes the
+    rest.
+
+    With a puppet, the performer is at the left of the view, and the strip of key poses below both. In a low
+    window there is no strip, since the timeline also shows the key poses. Curves lie above the timeline, if
+    that is shown. In a low window the timeline leaves the view a minimum height.
+
+    Args:
+        timeline_height: height of the timeline chosen by the artist, in pixels.
+        hinted: whether the tool has a hint. Below a narrow view the hint has its own strip.
+        without: hidden panels, of "menu", "tools", "side" and "timeline"; they have no width or height.
+    """
+    menu, left = MENU * ("menu" not in without), TOOLS * ("tools" not in without)
+    right = SIDE * ("side" not in without)
+    room = height - menu - PICTURE - CURVES * curves - STRIP * puppet - HINT * hinted
+    usual = min(max(room, LEAST), TIMELINE)
+    if timeline_height != TIMELINE:
+        # The user has chosen the height of the timeline, so the view may be lower than usual.
+        usual = max(min(timeline_height, TIMELINE_MOST * height - CURVES * curves), LEAST)
+    low = height - usual * ("timeline" not in without)
+    timeline, above = Area(0.0, low, width, height - low), None
+    if curves and timeline.height:
+        low -= CURVES
+        above = Area(0.0, low, width, CURVES)
+    hint = None
+    if hinted and width - left - right < HINT_OVER:
+        low -= HINT
+        hint = Area(0.0, low, width, HINT)
+    tools = Area(0.0, menu, left, low - menu)
+    side = Area(width - right, menu, right, low - menu)
+    rest = Area(left, menu, max(width - left - right, 1.0), max(low - menu, 1.0))
+    if not puppet:
+        return PanelLayout(tools, side, timeline, rest, curves=above, hint=hint)
+    stripped = STRIP if rest.height - STRIP >= STRIP_PICTURE else 0.0
+    high = max(rest.height - stripped, 1.0)
+    wide = round(min(max(PERFORMER * rest.width, PERFORMER_LEAST), rest.width / 2))
+    performer = Area(rest.x, rest.y, wide, high)
+    strip = Area(rest.x, rest.y + high, rest.width, STRIP) if stripped else None
+    viewport = Area(rest.x + wide, rest.y, max(rest.width - wide, 1.0), high)
+    return PanelLayout(tools, side, timeline, viewport, performer, strip, above, hint)

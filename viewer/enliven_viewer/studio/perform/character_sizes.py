@@ -1,0 +1,146 @@
+"""Sizes of the characters on the stage, and the exaggeration of soft parts.
+
+They are edits, so undo affects the stage.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection
+
+import numpy as np
+
+from enliven.document import FREE
+from enliven.modeling.edits import handle_characters
+from enliven.wire import SIZES, Answer, Order, Refused, Resize, SizeMessage
+from enliven_viewer.language import later, tr
+from enliven_viewer.link import EdgeClient
+from enliven_viewer.studio.editor import Editor
+
+_SIZE_TOLERANCE = 0.005
+"""Relative difference below which two sizes count as equal; an edge ignores it too."""
+_RESEND_INTERVAL_S = 1.0
+"""Time after which a size is sent once more, in seconds. A restarted edge has lost it."""
+_TEXT_S = 3.0
+"""Time for which the text stays after scaling has ended, in seconds."""
+
+
+class CharacterSizes:
+    """The character sizes read from the edge, and those of the project, which are sent to it.
+
+    Attributes:
+        words: large text: the character with its size, and what the hands do; None for none.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        self._editor = editor
+        self.words: tuple[str, str] | None = None
+        self._told: dict[str, SizeMessage] = {}
+        self._asked: dict[tuple[str, str], tuple[float | None, float]] = {}
+        self._words_until = 0.0
+
+    @property
+    def scaled_character(self) -> str | None:
+        """Returns the character that hands are scaling; None for none."""
+        return next((name for name, message in self._told.items() if message.body >= 0), None)
+
+    def of(self, name: str) -> float:
+        """Returns the size of a character on the stage, relative to its own size."""
+        return self._told[name].size if name in self._told else 1.0
+
+    def wanted_size(self, name: str) -> float:
+        """Returns the size that a character of the project should have there, relative to its own size."""
+        return self._editor.project.handling.get(name, FREE).size
+
+    def advance(self, client: EdgeClient, standing: Collection[str]) -> None:
+        """Reads sizes from the edge, stores those set by hands, and sends the project's where they differ."""
+        client.take(SIZES)
+        before, self._told = self._told, {}
+        for message in client.latest(SIZES).values():
+            if message.character in standing:
+                self._told[message.character] = message
+        self._update_text(before)
+        for name in standing:
+            self._swing(name, client)
+        if self._editor.draft is not None:
+            return
+        for name in standing:
+            if name not in self._editor.project.characters or name == self.scaled_character:
+                continue
+            if name in before and before[name].body >= 0:
+                self._keep(name)
+            elif abs(self.of(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
+                size = self.wanted_size(name)
+                self._ask(client, Resize("set", name, size=size), size)
+
+    def forget(self) -> None:
+        """Discards the edge's sizes after the link was closed."""
+        self.words, self._told, self._asked = None, {}, {}
+
+    def reset(self, name: str | None, ask: Callable[[Order], object]) -> None:
+        """Resets the size of a character; as an edit if the character is in the project."""
+        if name in self._editor.project.characters:
+            self._edit(name, 1.0)
+        elif name is not None:
+            ask(Resize("set", name))
+
+    def lacks_size(self, name: str | None) -> str:
+        """Returns why the size cannot be reset, with advice; empty if it can."""
+        if (
+            name is not None
+            and max(abs(self.of(name) - 1.0), abs(self.wanted_size(name) - 1.0)) > _SIZE_TOLERANCE
+        ):
+            return ""
+        return "It has its own size. Scale it with both hands first"
+
+    def _update_text(self, before: dict[str, SizeMessage]) -> None:
+        """Updates the displayed text."""
+        now = time.monotonic()
+        if self.scaled_character is not None:
+            size = f"{self.scaled_character}: {self.of(self.scaled_character):.0%}"
+            self.words = size, tr("Hands apart: larger. Together: smaller. Hold still, and it stays.")
+            self._words_until = now + _TEXT_S
+        elif self.words is not None:
+            ended = next((name for name, message in before.items() if message.body >= 0), None)
+            if ended is not None:
+                self.words = f"{ended}: {self.of(ended):.0%}", tr("It stays.")
+                self._editor.frame_all(reset=False)
+            if now > self._words_until:
+                self.words = None
+
+    def _keep(self, name: str) -> None:
+        """Stores a size set by hands as an edit of the project."""
+        if abs(self.of(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
+            self._edit(name, self.of(name))
+
+    def _edit(self, name: str, size: float) -> None:
+        self._editor.edit(
+            later("size of {0}: {1:.0%}", name, size),
+            lambda project: handle_characters(project, [name], size=size),
+            over_locks=True,
+        )
+
+    def _swing(self, name: str, client: EdgeClient) -> None:
+        """Sends the exaggeration of soft parts if the project, or a current drag, differs from the edge."""
+        project = self._editor.draft or self._editor.project
+        edge_exaggeration = self._told[name].exaggeration if name in self._told else None
+        wanted = project.handling.get(name, FREE).exaggeration
+        if name in project.characters and wanted != edge_exaggeration:
+            self._ask(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
+
+    def _ask(self, client: EdgeClient, order: Resize, wanted: float | None) -> None:
+        """Sends the project's value.
+
+        Does not repeat it before the edge may have answered, or after a refusal.
+        """
+        key, now = (order.do, order.character or ""), time.monotonic()
+        asked, when = self._asked.get(key, (np.nan, -_RESEND_INTERVAL_S))
+        if asked != wanted or now - when > _RESEND_INTERVAL_S:
+            self._asked[key] = wanted, now
+            client.ask(order, lambda answer: self._take_answer(order, wanted, answer))
+
+    def _take_answer(self, order: Resize, wanted: float | None, answer: Answer) -> None:
+        if isinstance(answer, Refused):
+            self._asked[order.do, order.character or ""] = wanted, float("inf")
+            outcome = tr("keeps its size") if order.do == "set" else tr("swings as before")
+            self._editor.toasts.say(tr("{0} {1} on the stage", order.character, outcome), answer.reason)

@@ -1,0 +1,136 @@
+"""The merge of a character that is both in the project and on an edge's stage (live overlay).
+
+The character is shown only once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Character, GraphShape, Project, RigBase, Shape
+from enliven.matching import MatchList
+from enliven.takes import LiveLayer, LiveOverdub, plays
+from enliven_viewer.render import Scene, SceneCharacter
+from enliven_viewer.studio.editor import Editor
+
+_Key = tuple[Project, frozenset[int]]
+
+
+@dataclass(frozen=True)
+class OverlayConditions:
+    """The conditions that decide which version is shown.
+
+    Attributes:
+        is_performing: whether the workspace is for performing. In the others the project's version is edited.
+        plays_live: whether live motion counts; it does not while the project plays without a recording.
+        replaces_motion: whether a recording will replace the motion of the attached bones.
+        held_ids: ids of the characters that performers control.
+    """
+
+    is_performing: bool = True
+    plays_live: bool = True
+    replaces_motion: bool = False
+    held_ids: Collection[str] = ()
+
+
+@dataclass
+class LiveOverlay:
+    """The merge of the live scene with the motion of the project.
+
+    Attributes:
+        hidden: characters of the project that are currently replaced by live ones.
+    """
+
+    editor: Editor
+    hidden: frozenset[str] = frozenset()
+    _layers: dict[str, tuple[_Key, LiveLayer]] = field(default_factory=dict)
+    _overs: dict[str, tuple[Project, Character, LiveOverdub]] = field(default_factory=dict)
+
+    def merge(self, scene: Scene, told: OverlayConditions) -> Scene:
+        """Returns the scene without duplicates.
+
+        A rigged character plays its own motion at its place on the stage, with live motion added.
+        """
+        own, actors, boards, hidden = self.editor.project.characters, [], dict(scene.boards), set[str]()
+        for actor in scene.actors:
+            name = actor.character.id
+            character = own.get(name)
+            if character is None:
+                actors.append(actor)
+            elif not told.is_performing:
+                boards.pop(name, None)
+            elif isinstance(character, Shape) and len(character.skeleton) == len(actor.pose.positions):
+                moved, joints = self._add_live_motion(character, actor, told)
+                actors.append(moved)
+                hidden.add(name)
+                if name in boards:
+                    boards[name] = _move_match_lines(boards[name], character, actor, joints)
+            elif isinstance(character, GraphShape) and self._overdubs(character, actor, told):
+                actors.append(self._add_performance(character, actor))
+                hidden.add(name)
+            elif _replaces_own(character, actor, told, playing=self.editor.playing):
+                actors.append(actor)
+                hidden.add(name)
+        self.hidden = frozenset(hidden)
+        self._layers = {name: layer for name, layer in self._layers.items() if name in hidden}
+        self._overs = {name: over for name, over in self._overs.items() if name in hidden}
+        return replace(scene, actors=tuple(actors), boards=boards)
+
+    def _add_live_motion(
+        self, shape: Shape, actor: SceneCharacter, told: OverlayConditions
+    ) -> tuple[SceneCharacter, Float]:
+        """Returns a rigged character with its own motion and the live motion added, and its joints."""
+        replaced = frozenset[int]()
+        if told.replaces_motion and told.plays_live and actor.cues is not None:
+            replaced = frozenset(actor.cues.nodes[actor.cues.firm].tolist())
+        key, cached = (self.editor.project, replaced), self._layers.get(shape.id)
+        if cached is None or cached[0][0] is not key[0] or cached[0][1] != replaced:
+            cached = self._layers[shape.id] = key, LiveLayer(self.editor.project, shape.id, replaced)
+        pose, joints = cached[1].pose(actor.pose, self.editor.time, heard=told.plays_live)
+        return replace(actor, pose=pose), joints
+
+    def _overdubs(self, shape: GraphShape, actor: SceneCharacter, told: OverlayConditions) -> bool:
+        """Returns True if the live motion of a possessed mesh is added to its own."""
+        performed = shape.id in told.held_ids and told.plays_live and not told.replaces_motion
+        return performed and _same(shape, actor) and plays(self.editor.project, shape)
+
+    def _add_performance(self, shape: GraphShape, actor: SceneCharacter) -> SceneCharacter:
+        """Returns a possessed mesh with its own motion and the live motion added."""
+        cached = self._overs.get(shape.id)
+        if cached is None or cached[0] is not self.editor.project or cached[1] is not actor.character:
+            live_over = LiveOverdub(self.editor.project, shape.id, actor.character)
+            cached = self._overs[shape.id] = self.editor.project, actor.character, live_over
+        posed = self.editor.stage_character(shape.id)
+        pose, drawn = cached[2].pose(actor.pose, posed.pose), posed.drawn
+        assert drawn is not None
+        # Drop the cues. They refer to nodes of the mesh on the stage, which differ from the nodes of this
+        # mesh.
+        return replace(actor, character=drawn, pose=pose, cues=None)
+
+
+def _same(character: RigBase, actor: SceneCharacter) -> bool:
+    """Returns True if the stage has the same surface as the project."""
+    return character.mesh is not None and len(character.mesh.vertices) == len(actor.character.vertices)
+
+
+def _replaces_own(
+    character: RigBase, actor: SceneCharacter, told: OverlayConditions, *, playing: bool
+) -> bool:
+    """Returns True if the live version replaces the project's: it is being controlled, or nothing plays."""
+    return told.plays_live and (not playing or (_same(character, actor) and character.id in told.held_ids))
+
+
+def _move_match_lines(board: MatchList, shape: Shape, actor: SceneCharacter, joints: Float) -> MatchList:
+    """Returns a character's matches with their lines moved to its joints (N, 3) as shown."""
+    pose = actor.pose
+    live = pose.positions + np.einsum("nij,nj->ni", pose.linear, shape.skeleton.vectors)
+
+    def on(line: Float) -> Float:
+        return joints[np.linalg.norm(line[:, None] - live[None], axis=2).argmin(1)] if len(line) else line
+
+    rows = tuple(replace(row, lines=tuple(on(line) for line in row.lines)) for row in board.rows)
+    return replace(board, rows=rows)

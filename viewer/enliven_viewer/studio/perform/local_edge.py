@@ -1,0 +1,66 @@
+"""An edge on this machine, started and ended by the window."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+
+from enliven.commands import start_process
+from enliven.errors import ResourceError
+from enliven.wire import Endpoint, free_ports
+from enliven_viewer.language import tr
+
+_CLOSE_TIMEOUT_S = 5.0
+"""Seconds that an edge has to close its sensor before it is killed."""
+
+
+class LocalEdge:
+    """One edge as a child process.
+
+    Args:
+        words: command line arguments, such as "--sensor", "synthetic".
+
+    Attributes:
+        endpoint: address on which it will listen.
+
+    Raises:
+        ResourceError: if the edge's program is not installed.
+    """
+
+    def __init__(self, *words: str) -> None:
+        if find_spec("enliven_edge") is None:
+            mend = tr("Install it: pip install enliven-edge, or connect to an edge on the network.")
+            raise ResourceError(tr("the edge's program is not installed here"), where="stage", mend=mend)
+        pose, control = free_ports()[:2]
+        self.endpoint = Endpoint("127.0.0.1", pose, control)
+        ports = ("--port", str(pose), "--control-port", str(control), "--name", f"window-{os.getpid()}")
+        self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115, it must live as long as the edge
+        self._process = start_process(["edge", *words, *ports], stderr=self._log)
+
+    @property
+    def ended(self) -> str | None:
+        """Returns the last line of its output as the reason, if it has ended; None while it runs."""
+        if self._process.poll() is None:
+            return None
+        self._log.seek(0)
+        lines = [line.strip() for line in self._log.read().splitlines() if line.strip()]
+        return lines[-1] if lines else tr("it ended")
+
+    def close(self) -> None:
+        """Ends the process."""
+        if self._process.poll() is None:
+            self._process.terminate()
+            try:
+                self._process.wait(_CLOSE_TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._log.close()
+
+
+def replaying(recording: Path | None) -> LocalEdge:
+    """Returns an edge that plays a recording in a loop; by default the bundled one."""
+    return LocalEdge("--loop", *(("--recording", str(recording)) if recording else ()))

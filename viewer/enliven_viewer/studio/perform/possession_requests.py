@@ -1,0 +1,234 @@
+"""A press of *Possess*: carried out at once, as soon as possible, or refused with advice."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Protocol
+
+from enliven.wire import SCAN, SUPERSEDED, Answer, Mode, Refused, ScanMessage
+from enliven_viewer.language import tr
+from enliven_viewer.link import NO_ANSWER, EdgeClient
+from enliven_viewer.live import LiveStage
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform.stage_sender import StageSender
+
+PATIENCE_S = 120.0
+"""Longest time that a press waits while the stage, a character or a performer is missing, in seconds. Kernels
+are compiled at the first start, and an artist alone walks from the keyboard to the camera."""
+SEEN_S = 0.8
+"""Time for which a new performer must be in view before the possession, in seconds. By then, the performer is
+completely visible and still."""
+
+_BUSY_DELAY_S = 0.3
+"""Seconds without an answer after which the stage is reported as busy. Most answers take one frame."""
+
+
+class FollowedStage(Protocol):
+    """The session that a press applies to, which follows a stage."""
+
+    editor: Editor
+    live: LiveStage | None
+    sender: StageSender
+    stage_selection: str
+
+    @property
+    def connected(self) -> bool:
+        """Returns True if messages arrive from an edge."""
+
+    @property
+    def client(self) -> EdgeClient | None:
+        """Returns the link to the edge."""
+
+    @property
+    def stage_ids(self) -> tuple[str, ...]:
+        """Returns the ids of the characters on the stage."""
+
+    @property
+    def performers(self) -> tuple[int, ...]:
+        """Returns the ids of the performers in view."""
+
+    def lacks_edge(self) -> str:
+        """Returns why no edge can be used; empty if one can."""
+
+
+@dataclass
+class _PendingPress:
+    """A press that is not answered yet.
+
+    Attributes:
+        mode: what happens to earlier attachments.
+        character: id of the selected character; empty to let the edge choose.
+        until: monotonic time at which the press expires.
+        asked: whether a request to the edge is unanswered.
+        since: monotonic time of the first request.
+        of_scan: whether it applies to the character of a running scan.
+        had_to_wait: whether no performer was in view at some time.
+        seen_since: monotonic time since which a performer is in view.
+    """
+
+    mode: Mode
+    character: str
+    until: float
+    asked: bool = False
+    since: float | None = None
+    of_scan: bool = False
+    had_to_wait: bool = False
+    seen_since: float | None = None
+
+
+class PossessionRequests:
+    """Requests to possess a character now, or as soon as stage, character and performer are there.
+
+    Attributes:
+        words: what a press waits for, shown as large text; empty if it does not wait.
+    """
+
+    def __init__(self, stage: FollowedStage) -> None:
+        self._stage = stage
+        self._press: _PendingPress | None = None
+        self.words = ""
+
+    @property
+    def waits(self) -> bool:
+        """Returns True if a press is waiting; the next press cancels it."""
+        return bool(self.words)
+
+    def press(self, mode: Mode = "alone") -> None:
+        """Possesses the selected character, or cancels a waiting press."""
+        if self.waits:
+            self.forget()
+            return
+        live = self._stage.live
+        if live is not None and live.take:
+            self._refuse(tr("This is a recording. Connect to a stage to step in"))
+        elif live is not None and self._stage.client is None:
+            live.possess(mode)
+        elif live is not None:
+            chosen = self._stage.editor.selection.character or self._stage.stage_selection
+            self._press = _PendingPress(mode, chosen or "", time.monotonic() + PATIENCE_S)
+            self.advance()
+
+    def forget(self) -> None:
+        """Cancels the waiting press."""
+        self._press, self.words = None, ""
+
+    def advance(self) -> None:
+        """Advances a press as far as possible. Call once per frame."""
+        press = self._press
+        if press is None:
+            return
+        if press.asked:
+            self.words = self._busy_text(press)
+            return
+        lacking = self._lacks(press)
+        if lacking:
+            self._refuse(lacking)
+            return
+        self.words = self._waits_for(press)
+        if self.words and time.monotonic() > press.until:
+            self._refuse(tr("Possess was given up") + ". " + self.words)
+        elif not self.words:
+            self._ask(press)
+
+    def _lacks(self, press: _PendingPress) -> str:
+        """Returns why the press can never be carried out; empty if it may be."""
+        stage, live = self._stage, self._stage.live
+        if live is None:
+            return stage.lacks_edge()
+        if not stage.connected:
+            is_coming = live.is_local and not len(live.document.timeline)
+            return "" if is_coming else stage.lacks_edge()
+        name, phase = press.character, self._scan.phase
+        state = stage.sender.states.get(name, "")
+        if state.startswith("refused"):
+            return tr("{0} cannot stand on the stage. {1}", name, state.removeprefix("refused: "))
+        if phase in ("scanning", "paused"):
+            return tr("The camera scans. Finish the scan first, or cancel it")
+        if press.of_scan and phase in ("off", "failed"):
+            return tr("The scan did not become a character. Scan again, or choose another one")
+        own = stage.editor.project.characters.get(name)
+        if own is not None and name not in stage.stage_ids:
+            return "" if own.mesh is not None else tr("It has no surface, so it cannot be performed")
+        is_known = stage.client is not None and stage.client.edges[0].complete
+        is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known
+        nothing = tr("Nothing stands on the stage. Choose a character, and put it there")
+        return "" if stage.stage_ids or is_coming else nothing
+
+    def _waits_for(self, press: _PendingPress) -> str:
+        """Returns what is still missing; empty if nothing is."""
+        stage, live = self._stage, self._stage.live
+        if live is None or stage.client is None:
+            return ""
+        if not stage.connected or not (stage.stage_ids or stage.client.edges[0].complete):
+            return live.making
+        if self._scan.phase == "finishing":
+            press.of_scan = True
+            return tr("The scan becomes a character")
+        if press.of_scan:
+            press.character = self._scan.character
+        if waiting := self._waits_for_character(press):
+            return waiting
+        now = time.monotonic()
+        if not stage.performers and live.playhead.live:
+            press.seen_since, press.had_to_wait = None, True
+            return tr("No one is in view: step in front of the camera")
+        press.seen_since = press.seen_since or now
+        if press.had_to_wait and now - press.seen_since < SEEN_S:
+            return tr("Stand still for a moment")
+        return ""
+
+    def _waits_for_character(self, press: _PendingPress) -> str:
+        """Puts the character on the stage if it is missing.
+
+        Returns a text while it is awaited, else empty.
+        """
+        stage, name = self._stage, press.character
+        own = stage.editor.project.characters
+        if name in stage.stage_ids or (stage.stage_ids and name not in own and not press.of_scan):
+            return ""
+        if name in own and name not in stage.sender.states and stage.client is not None:
+            stage.sender.put(stage.client.stage, stage.editor.project, name)
+        return tr("{0} is being made ready for the stage", name) if name else tr("A character is on its way")
+
+    def _busy_text(self, press: _PendingPress) -> str:
+        """Returns a text if the edge has not answered for a while."""
+        lasts = press.since is not None and time.monotonic() - press.since > _BUSY_DELAY_S
+        return tr("The stage is busy. Please wait a moment") if lasts else ""
+
+    def _ask(self, press: _PendingPress) -> None:
+        """Sends the request to the edge."""
+        stage = self._stage
+        if stage.live is None or stage.client is None:
+            return
+        press.asked, press.since = True, press.since or time.monotonic()
+        self.words = self._busy_text(press)
+        meant = press.character if press.character in stage.stage_ids else None
+        order = stage.live.order_to_possess(press.mode, meant)
+        stage.client.ask(order, lambda answer: self._take_answer(press, answer))
+
+    def _take_answer(self, press: _PendingPress, answer: Answer) -> None:
+        """Handles the edge's answer. A busy edge is asked again."""
+        if press is not self._press:
+            return
+        if isinstance(answer, Refused) and answer.reason.endswith(NO_ANSWER):
+            press.asked = False
+            if time.monotonic() > press.until:
+                self._refuse(tr("The stage does not answer. Check that its program runs"))
+            return
+        self.forget()
+        if isinstance(answer, Refused) and answer.reason != SUPERSEDED:
+            where, _, problem = answer.reason.partition(": ")
+            self._refuse(problem if where.startswith(("possessing", "stage")) else answer.reason)
+
+    def _refuse(self, reason: str) -> None:
+        """Shows the reason and the advice, and cancels the press."""
+        self.forget()
+        problem, _, mend = reason.partition(". ")
+        self._stage.editor.toasts.say(problem[:1].upper() + problem[1:].removesuffix("."), mend)
+
+    @property
+    def _scan(self) -> ScanMessage:
+        """Returns the state of the edge's scan."""
+        client = self._stage.client
+        return (None if client is None else client.latest(SCAN).get("")) or ScanMessage()

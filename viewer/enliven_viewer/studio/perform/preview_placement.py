@@ -1,0 +1,167 @@
+"""The performers as seen by their camera, in the corner of the view that covers the characters least."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.person import BONES, Body
+from enliven.wire import CameraMessage
+
+EYE = 1.1
+"""Height in metres of an assumed camera, as on a table, if the messages do not contain the camera's
+position.
+"""
+_TAN_HALF_FOV = np.tan(np.radians(29.0))
+"""Tangent of half the vertical field of view: depth cameras have 56 to 60 degrees."""
+WIDER = 1.2
+"""Aspect ratio of the view: that of depth cameras, slightly cropped."""
+_MIN_CAMERA_DISTANCE = 0.6
+"""Minimum distance in metres of a depth camera. If performers are nearer, an assumed camera in front of them
+is used.
+"""
+_ASSUMED_CAMERA_DISTANCE = 2.5
+"""Distance in metres of that assumed camera: the usual distance."""
+_HEIGHT_FRACTION = 0.3
+"""Fraction of the view's height, so that the character stays the main subject."""
+_MIN_HEIGHT = 104.0
+"""Minimum height in pixels: poses are recognisable from this size on."""
+_MAX_HEIGHT = 400.0
+"""Maximum height in pixels: a larger image shows no more detail."""
+_MAX_WIDTH_FRACTION = 0.45
+"""Maximum fraction of the view's width for all insets side by side."""
+_MARGIN = 14.0
+"""Distance in pixels from the border of the view."""
+_BOTTOM_SPACE = 62.0
+"""Space in pixels at the bottom for the live timeline in Play, and for messages elsewhere."""
+_MIN_CORNER_GAIN = 0.25
+"""Minimum improvement, as a fraction of the inset, for moving to another corner, so that it does not jump
+about.
+"""
+_CORNER_SEARCH_FRAMES = 20
+"""Number of frames between two searches for a free corner, since that needs the characters' vertices."""
+
+Rectangle = tuple[float, float, float, float]
+"""Left, top, width and height in pixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectedBody:
+    """A performer as seen by a camera.
+
+    Attributes:
+        id: number of the performer in the window.
+        places: (20, 2) position in the view: 0 to the aspect ratio to the right, 0 to 1 down; NaN behind the
+            camera.
+        depth: (20,) metres in front of the camera.
+        confidence: (20,) in [0, 1].
+        focal: focal length in view heights.
+    """
+
+    id: int
+    places: Float
+    depth: Float
+    confidence: Float
+    focal: float = float(0.5 / _TAN_HALF_FOV)
+
+    @property
+    def bones(self) -> list[tuple[int, int]]:
+        """Returns the bones, farthest first."""
+        return sorted(BONES, key=lambda bone: -float(self.depth[list(bone)].sum()))
+
+    def pixels(self, metres: float, joint: int) -> float:
+        """Returns the size of a length at a joint, as a fraction of the view's height."""
+        return float(metres * self.focal / max(self.depth[joint], _MIN_CAMERA_DISTANCE))
+
+
+def width_of(camera: CameraMessage | None) -> float:
+    """Returns the aspect ratio of a camera's view; :data:`WIDER` if it sends no image."""
+    return WIDER if camera is None or not camera.height else camera.width / camera.height
+
+
+def project_bodies(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[ProjectedBody, ...]:
+    """Returns performers as seen by their camera.
+
+    If its position is unknown, a level camera in front of them is assumed.
+    """
+    if not bodies:
+        return ()
+    if camera is not None:
+        return tuple(_project_body(camera, body) for body in bodies)
+    nearest = max(float(body.joints[:, 2].max()) for body in bodies)
+    eye = np.array([0.0, EYE, 0.0])
+    if nearest > -_MIN_CAMERA_DISTANCE:
+        middle = np.mean([body.joints.mean(0) for body in bodies], axis=0)
+        eye = np.array([middle[0], EYE, nearest + _ASSUMED_CAMERA_DISTANCE])
+    bodies_seen = []
+    for body in bodies:
+        way = body.joints - eye
+        depth = -way[:, 2]
+        half = np.where(depth > 0.0, depth, np.nan) * _TAN_HALF_FOV
+        places = np.stack([0.5 * (WIDER + way[:, 0] / half), 0.5 * (1.0 - way[:, 1] / half)], 1)
+        bodies_seen.append(ProjectedBody(body.id, places, depth, body.confidence))
+    return tuple(bodies_seen)
+
+
+def _project_body(camera: CameraMessage, body: Body) -> ProjectedBody:
+    """Returns a performer as seen by a camera with a known position."""
+    rows, (across, down, right, low) = np.reshape(camera.place, (3, 4)), camera.lens
+    ahead = (body.joints - rows[:, 3]) @ rows[:, :3]
+    depth = np.where(ahead[:, 2] > 0.0, ahead[:, 2], np.nan)
+    places = np.stack([across * ahead[:, 0] / depth + right, down * ahead[:, 1] / depth + low], 1)
+    return ProjectedBody(body.id, places, ahead[:, 2], body.confidence, down)
+
+
+class PreviewPlacement:
+    """The place of the inset. It stays in a corner until another one covers much less."""
+
+    def __init__(self) -> None:
+        self._corner, self._drawn = 0, 0
+
+    def place(
+        self, width: float, height: float, views: float, covered: Callable[[], Sequence[Rectangle]]
+    ) -> Rectangle:
+        """Returns the inset's rectangle in a view with a width and height in pixels.
+
+        Several cameras are side by side.
+
+        Args:
+            views: total width of the camera views, in units of one with aspect ratio :data:`WIDER`.
+            covered: returns the rectangles of the characters in pixels; called only now and then.
+        """
+        fits = min(
+            _MAX_HEIGHT, _MAX_WIDTH_FRACTION * width / (WIDER * views), height - _BOTTOM_SPACE - _MARGIN
+        )
+        tall = max(min(max(_HEIGHT_FRACTION * height, _MIN_HEIGHT), fits), 1.0)
+        wide = tall * WIDER * views
+        right, low = width - wide - _MARGIN, height - tall - _BOTTOM_SPACE
+        corners = [(x, y, wide, tall) for x, y in ((right, low), (right, _MARGIN), (_MARGIN, low))]
+        if self._drawn % _CORNER_SEARCH_FRAMES == 0:
+            rectangles = covered()
+            costs = [
+                sum(_common(corner, rectangle) for rectangle in rectangles) / (wide * tall)
+                for corner in corners
+            ]
+            best = int(np.argmin(costs))
+            if costs[best] + _MIN_CORNER_GAIN < costs[self._corner]:
+                self._corner = best
+        self._drawn += 1
+        return corners[self._corner]
+
+
+def rectangle_of(pixels: Float) -> Rectangle | None:
+    """Returns the bounding rectangle of pixels (N, 2); None if one is behind the camera."""
+    if not len(pixels) or not np.isfinite(pixels).all():
+        return None
+    low, high = pixels.min(0), pixels.max(0)
+    return float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1])
+
+
+def _common(one: Rectangle, other: Rectangle) -> float:
+    """Returns the area of the intersection of two rectangles in square pixels."""
+    wide = min(one[0] + one[2], other[0] + other[2]) - max(one[0], other[0])
+    high = min(one[1] + one[3], other[1] + other[3]) - max(one[1], other[1])
+    return max(wide, 0.0) * max(high, 0.0)

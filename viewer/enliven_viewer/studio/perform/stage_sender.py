@@ -1,0 +1,120 @@
+"""Characters of the project on the stage of an edge: sends, updates after edits, and removes them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+
+from enliven.document import GraphShape, Project, Puppet, RigBase
+from enliven.formats.project import project_of_mesh, texture_bytes
+from enliven.wire import MAX_TEXTURE_BYTES, Answer, Done, Refused
+from enliven_viewer.language import later, tr
+from enliven_viewer.link import StageLink
+
+_SEND_DELAY_S = 0.25
+"""Seconds without another edit after which an edited character is sent, so that a dragged slider sends
+once.
+"""
+
+
+class StageSender:
+    """The characters of a project that are on the stage.
+
+    Args:
+        tell: shows a message and an advice.
+
+    Attributes:
+        states: by character, the state shown to the artist.
+    """
+
+    def __init__(self, tell: Callable[[str, str], None]) -> None:
+        self._tell = tell
+        self.states: dict[str, str] = {}
+        self._sent: dict[str, RigBase] = {}
+        self._seen: dict[str, tuple[RigBase, float]] = {}
+
+    def put(self, stage: StageLink, project: Project, name: str) -> None:
+        """Sends a character. It is sent again automatically after edits."""
+        character = project.character(name)
+        is_resent = self.states.get(name) == "on the stage"
+        self._sent[name], self.states[name] = character, "being sent"
+        on_answer = partial(self._take_answer, name, is_resent)
+        if isinstance(character, Puppet) and len(character.poses) < 2 and character.mesh is not None:
+            # A puppet without examples cannot move by itself. So send only its mesh, which a performer can
+            # possess.
+            stage.put(project_of_mesh(character.mesh, name), name, fit=True, then=on_answer)
+        else:
+            stage.put(project, name, then=on_answer)
+
+    def mark_sent(self, name: str, one: RigBase) -> None:
+        """Records that a character made by the edge is on the stage in its current state."""
+        self._sent[name], self.states[name] = one, "on the stage"
+
+    def remove(self, stage: StageLink, name: str) -> None:
+        """Removes a character from the stage."""
+        self._sent.pop(name, None)
+        self.states.pop(name, None)
+        stage.remove(name, partial(self._take_removal, name))
+
+    def advance(self, stage: StageLink, project: Project) -> None:
+        """Sends edited characters after a pause in the editing."""
+        now = time.monotonic()
+        for name, sent in list(self._sent.items()):
+            character = project.characters.get(name)
+            if character is not None and _differs_in_motion_only(character, sent):
+                self._sent[name] = character
+                continue
+            if character is None or character is sent or self.states[name].startswith("refused"):
+                self._seen.pop(name, None)
+                continue
+            if self._seen.get(name, (None, 0.0))[0] is not character:
+                self._seen[name] = character, now
+            elif now - self._seen[name][1] >= _SEND_DELAY_S:
+                self.put(stage, project, name)
+
+    def again(self, stage: StageLink, project: Project) -> None:
+        """Sends everything again to a restarted edge, which has an empty stage."""
+        for name in [name for name in self._sent if name in project.characters]:
+            self.put(stage, project, name)
+
+    def forget(self) -> None:
+        """Discards the state of the stage after the link was closed."""
+        self.states, self._sent, self._seen = {}, {}, {}
+
+    def _take_answer(self, name: str, again: bool, answer: Answer) -> None:
+        if name not in self._sent:
+            return
+        if isinstance(answer, Done):
+            self.states[name] = "on the stage"
+            if not again:
+                self._tell(tr("{0} stands on the stage", name), self._placement_note(name))
+        elif isinstance(answer, Refused):
+            self.states[name] = later("refused: {0}", answer.reason)
+            self._tell(tr("{0} cannot stand on the stage", name), answer.reason)
+
+    def _placement_note(self, name: str) -> str:
+        """Returns a note for the artist about a character that was put on the stage."""
+        if texture_bytes(self._sent[name]) > MAX_TEXTURE_BYTES:
+            most = MAX_TEXTURE_BYTES >> 20
+            return tr(
+                "Its textures stay here: they have more than {0} MB. Make their pictures smaller.", most
+            )
+        return tr("It follows every edit.")
+
+    def _take_removal(self, name: str, answer: Answer) -> None:
+        if isinstance(answer, Refused):
+            self._tell(tr("{0} was not removed from the stage", name), answer.reason)
+        else:
+            self._tell(tr("{0} is gone from the stage", name), "")
+
+
+def _differs_in_motion_only(character: RigBase, sent: RigBase) -> bool:
+    """Returns True if an edit of a possessed mesh changed only its motion.
+
+    On the stage the mesh is at rest.
+    """
+    kinds = isinstance(character, GraphShape) and isinstance(sent, GraphShape)
+    return kinds and all(
+        getattr(character, each) is getattr(sent, each) for each in (*character.drawn_by, "ends", "joints")
+    )

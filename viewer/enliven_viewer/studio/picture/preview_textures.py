@@ -1,0 +1,53 @@
+"""Preview images of the edges' cameras, as textures for the corner of the window."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from enliven.arrays import UInt8
+from enliven.wire import CameraMessage
+from enliven_viewer.theme import GLANCE_FAR, GLANCE_NEAR, theme_in_use
+
+_NEARNESS_EXPONENT = 1.7
+"""Exponent of the nearness, so that a person two metres in front of a wall contrasts with it."""
+
+
+class PreviewTextures:
+    """One texture per edge. Each image is uploaded once.
+
+    Args:
+        ctx: the window's context.
+    """
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self._ctx = ctx
+        self._made: dict[str, tuple[CameraMessage, moderngl.Texture, object]] = {}
+
+    def of(self, name: str, camera: CameraMessage | None) -> int | None:
+        """Returns the OpenGL number of the texture with an edge's newest camera image.
+
+        Returns None if there is no image.
+        """
+        if camera is None or not camera.height:
+            return None
+        cached = self._made.get(name)
+        if cached is not None and cached[0] is camera and cached[2] == theme_in_use():
+            return int(cached[1].glo)
+        size, pixels = (camera.width, camera.height), picture_of(camera).tobytes()
+        if cached is not None and cached[1].size == size:
+            texture = cached[1]
+            texture.write(pixels, alignment=1)
+        else:
+            texture = self._ctx.texture(size, 3, pixels, alignment=1)
+        self._made[name] = camera, texture, theme_in_use()
+        return int(texture.glo)
+
+
+def picture_of(camera: CameraMessage) -> UInt8:
+    """Returns (height, width, 3) sRGB: near surfaces bright, far and unknown ones dark."""
+    near = np.frombuffer(camera.nearness, np.uint8).reshape(camera.height, camera.width, 1) / 255.0
+    far = np.array(GLANCE_FAR) / 255.0
+    return np.asarray(
+        np.round(255 * (far + near**_NEARNESS_EXPONENT * (np.array(GLANCE_NEAR) / 255.0 - far))), np.uint8
+    )

@@ -1,0 +1,214 @@
+"""The gizmo of a control point: three arrows, three planes and a ring, of constant size on the screen.
+
+Red is x, green is y and blue is z of the world. An arrow moves along its axis, a square in the plane of two
+axes, the ring parallel to the image.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven_viewer.render import linear_from_srgb
+from enliven_viewer.render.overlay import tube_rows
+from enliven_viewer.studio.viewport import Disc, Fill, Lens, Line, Point
+from enliven_viewer.theme import AXES, HELD_AXIS, MARK, Colour, Paint
+
+LENGTH = 84.0
+"""Length of an arrow in pixels."""
+_SQUARE_START_PX = 24.0
+"""Distance in pixels along both axes at which a square begins, so that it does not cover the ring."""
+_SQUARE_END_PX = 42.0
+"""Distance in pixels along both axes at which a square ends: half of an arrow."""
+_GRAB_DISTANCE_PX = 8.0
+"""Distance in pixels within which an arrow can be grabbed."""
+_RING_RADIUS_PX = 13.0
+"""Radius of the ring in pixels."""
+_MIN_VISIBLE_FRACTION = 0.2
+"""Limit for hiding parts: a square seen nearly edge-on, or an arrow seen nearly end-on, cannot be grabbed."""
+_CONE_FRACTION = 0.24
+"""Fraction of an arrow's length that its cone takes."""
+_GUIDE_HALF_LENGTH_PX = 260.0
+"""Half length in pixels of the guide line along which an arrow is dragged: three times the arrow."""
+PARTS = ("x", "y", "z", "yz", "zx", "xy", "view")
+_STEPS = np.array([1.0, 2.0, 5.0, 10.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Gizmo:
+    """A gizmo at a place (3,) metres in the world, as seen by a lens."""
+
+    place: Float
+    lens: Lens
+
+    @property
+    def pixel(self) -> float:
+        """Returns the size of a pixel in metres at the gizmo's position."""
+        lens = self.lens
+        depth = max(float((self.place - lens.view.eye) @ lens.forward), 0.05)
+        return 2 * depth / (float(lens.view.clip_from_camera[1, 1]) * lens.size[1])
+
+    def at(self, pixel: Point) -> str:
+        """Returns the part under a pixel, or an empty string."""
+        centre, tips = self._projected_arrows()
+        if not np.isfinite(centre).all() or not np.isfinite(tips).all():
+            return ""
+        where = np.array(pixel)
+        if np.linalg.norm(where - centre) <= _RING_RADIUS_PX:
+            return "view"
+        ways = [
+            (self._arrow_distance(centre, tips[axis], where), axis)
+            for axis in range(3)
+            if self._foreshortening(axis) > _MIN_VISIBLE_FRACTION
+        ]
+        away, axis = min(ways, default=(np.inf, 0))
+        if away <= _GRAB_DISTANCE_PX:
+            return PARTS[axis]
+        for axis in range(3):
+            if self._square_seen(axis) and _inside(self._square(axis), where):
+                return PARTS[3 + axis]
+        return ""
+
+    def drag_offset(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
+        """Returns (3,) metres in the world: the movement of the place for a drag between two pixels.
+
+        Returns None if a pixel is beyond the horizon of the part's plane.
+        """
+        if part == "view":
+            way = self.lens.on_plane(now, self.place) - self.lens.on_plane(start, self.place)
+        elif len(part) == 1:
+            axis = PARTS.index(part)
+            way = np.eye(3)[axis] * (self._on_axis(axis, now) - self._on_axis(axis, start))
+        else:
+            normal = np.eye(3)[PARTS.index(part) - 3]
+            first, last = self._on_plane(normal, start), self._on_plane(normal, now)
+            if first is None or last is None:
+                return None
+            way = last - first
+        step = self.step
+        return np.asarray(np.round(way / step) * step if snap else way)
+
+    @property
+    def step(self) -> float:
+        """Returns the step in metres that Shift snaps to: a round number near ten pixels."""
+        wanted = 10.0 * self.pixel
+        power = 10.0 ** np.floor(np.log10(wanted))
+        return float(power * _STEPS[np.abs(_STEPS * power - wanted).argmin()])
+
+    def rows(self, lit: str, alone: str = "") -> Float32:
+        """Returns the arrows as ``tube_rows``; ``alone`` names the dragged part."""
+        arrows = []
+        for axis in range(3):
+            part = PARTS[axis]
+            if self._foreshortening(axis) <= _MIN_VISIBLE_FRACTION or (alone and part not in alone):
+                continue
+            arrows.append(self._arrow(axis, HELD_AXIS if lit == part else AXES[axis]))
+        return np.concatenate(arrows) if arrows else np.zeros((0, 12), np.float32)
+
+    def marks(self, lit: str, alone: str = "") -> tuple[Fill | Line | Disc, ...]:
+        """Returns the squares and the ring, as marks over the image."""
+        centre, _ = self._projected_arrows()
+        if not np.isfinite(centre).all():
+            return ()
+        marks: list[Fill | Line | Disc] = []
+        if len(alone) == 1:
+            marks += self._track(PARTS.index(alone))
+        for axis in range(3):
+            part = PARTS[3 + axis]
+            if not self._square_seen(axis) or (alone and alone != part):
+                continue
+            colour = _float(HELD_AXIS if lit == part else AXES[axis])
+            corners = tuple((float(x), float(y)) for x, y in self._square(axis))
+            marks.append(Fill(corners, (*colour[:3], 0.62 if lit == part else 0.34)))
+            marks.append(Line(corners, (*colour[:3], 0.95), 1.5, closed=True))
+        if not alone or alone == "view":
+            tint = _float(HELD_AXIS) if lit == "view" else (*MARK[:3], 0.85)
+            marks.append(Disc((float(centre[0]), float(centre[1])), _RING_RADIUS_PX, tint, 2.0))
+        return tuple(marks)
+
+    def _track(self, axis: int) -> list[Line]:
+        """Returns the guide line along which an arrow is dragged."""
+        ends = (
+            self.place
+            + np.outer([-_GUIDE_HALF_LENGTH_PX, _GUIDE_HALF_LENGTH_PX], np.eye(3)[axis]) * self.pixel
+        )
+        pixels = self.lens.project(ends)[0]
+        if not np.isfinite(pixels).all():
+            return []
+        first, last = ((float(x), float(y)) for x, y in pixels)
+        return [Line((first, last), (*_float(AXES[axis])[:3], 0.55), 1.2)]
+
+    def _arrow(self, axis: int, colour: Paint) -> Float32:
+        way, pixel = np.eye(3)[axis] * self.pixel, self.pixel
+        ends = np.array([16.0, LENGTH * (1 - _CONE_FRACTION), LENGTH])[:, None] * way + self.place
+        tints = linear_from_srgb(np.array([colour, colour], float))
+        rows = tube_rows(ends[:2], ends[1:], np.array([1.7, 5.6]) * pixel, tints)
+        rows[1, 7] = 0.15 * pixel
+        return rows
+
+    def _projected_arrows(self) -> tuple[Float, Float]:
+        """Returns (2,) pixels of the place, and (3, 2) pixels of the arrow tips."""
+        points = np.concatenate([self.place[None], self.place + np.eye(3) * LENGTH * self.pixel])
+        pixels, _ = self.lens.project(points)
+        return pixels[0], pixels[1:]
+
+    def _foreshortening(self, axis: int) -> float:
+        """Returns the foreshortening of an arrow: 0 along the line of sight, 1 perpendicular to it."""
+        sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
+        return float(np.sqrt(max(1.0 - sight[axis] ** 2, 0.0)))
+
+    def _square_seen(self, axis: int) -> bool:
+        sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
+        return abs(float(sight[axis])) > _MIN_VISIBLE_FRACTION
+
+    def _square(self, axis: int) -> Float:
+        """Returns (4, 2) pixels of the square perpendicular to an axis."""
+        first, second = (np.eye(3)[(axis + k) % 3] * self.pixel for k in (1, 2))
+        ends = [
+            (_SQUARE_START_PX, _SQUARE_START_PX),
+            (_SQUARE_END_PX, _SQUARE_START_PX),
+            (_SQUARE_END_PX, _SQUARE_END_PX),
+            (_SQUARE_START_PX, _SQUARE_END_PX),
+        ]
+        corners = np.array([self.place + a * first + b * second for a, b in ends])
+        return self.lens.project(corners)[0]
+
+    @staticmethod
+    def _arrow_distance(centre: Float, tip: Float, at: Float) -> float:
+        """Returns the distance in pixels from the outer part of an arrow."""
+        way = tip - centre
+        length = float(way @ way)
+        if length < 1e-9:
+            return np.inf
+        share = float(np.clip((at - centre) @ way / length, 16.0 / LENGTH, 1.05))
+        return float(np.linalg.norm(centre + share * way - at))
+
+    def _on_axis(self, axis: int, at: Point) -> float:
+        """Returns metres along an axis from the place to the point nearest to a pixel's ray."""
+        ray, line = self.lens.ray(at), np.eye(3)[axis]
+        between, slant = self.place - self.lens.view.eye, float(ray @ line)
+        return float((slant * (ray @ between) - line @ between) / max(1.0 - slant * slant, 1e-6))
+
+    def _on_plane(self, normal: Float, at: Point) -> Float | None:
+        """Returns (3,) the intersection of a pixel's ray with the plane through the place.
+
+        Returns None if they do not intersect.
+        """
+        ray, eye = self.lens.ray(at), self.lens.view.eye
+        steep, away = float(ray @ normal), float((self.place - eye) @ normal)
+        if abs(steep) < 1e-3 or away / steep <= 0.0:
+            return None
+        return np.asarray(eye + ray * (away / steep))
+
+
+def _inside(corners: Float, at: Float) -> bool:
+    """Returns True if a pixel is inside a convex quadrilateral (4, 2)."""
+    way, arm = np.roll(corners, -1, 0) - corners, at - corners
+    side = way[:, 0] * arm[:, 1] - way[:, 1] * arm[:, 0]
+    return bool(np.isfinite(side).all() and ((side >= 0).all() or (side <= 0).all()))
+
+
+def _float(colour: Paint) -> Colour:
+    return (colour[0] / 255, colour[1] / 255, colour[2] / 255, 1.0)

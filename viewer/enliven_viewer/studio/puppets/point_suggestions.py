@@ -1,0 +1,74 @@
+"""Suggests control points at the ends of the mesh's limbs, found in a background thread."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import numpy as np
+import scipy
+
+from enliven.deformation.graph import extremities, scatter
+from enliven.document import Puppet
+from enliven.meshes import Mesh
+from enliven_viewer.studio.puppets.mesh_cache import size_of
+
+_MAX_CANDIDATES = 14
+"""Maximum number of extreme vertices to examine: more than the limbs of a spider."""
+_LIMBLESS_COUNT = 5
+"""Number of suggested vertices on a mesh without limbs: enough to bend it."""
+_SURFACE_SAMPLES = 4000
+"""Number of surface samples for measuring the neighbourhood of a vertex."""
+_NEIGHBOURHOOD_RADIUS = 0.12
+"""Radius of the neighbourhood, as a fraction of the mesh's size: about the thickness of a limb."""
+_MIN_MEAN_OFFSET = 0.36
+"""Minimum offset of the neighbourhood's mean, as a fraction of that radius, for the end of a limb."""
+_MIN_POINT_DISTANCE = 0.06
+"""Minimum distance to existing control points, as a fraction of the mesh's size."""
+
+
+class PointSuggestions:
+    """Suggestions for one mesh at a time."""
+
+    def __init__(self) -> None:
+        self._threads: ThreadPoolExecutor | None = None
+        self._mesh: Mesh | None = None
+        self._found: Future[tuple[int, ...]] | None = None
+
+    def of(self, puppet: Puppet) -> tuple[int, ...]:
+        """Returns suggested vertices that are not near a control point; empty while the search runs."""
+        if self._mesh is not puppet.mesh:
+            self._mesh = puppet.mesh
+            self._threads = self._threads or ThreadPoolExecutor(1, "suggested points")
+            self._found = self._threads.submit(_ends, puppet.mesh)
+        search = self._found
+        if search is None or not search.done() or search.exception() is not None:
+            return ()
+        vertices = puppet.mesh.vertices
+        rest, apart = puppet.rest, _MIN_POINT_DISTANCE * size_of(puppet.mesh)
+        return tuple(
+            vertex
+            for vertex in search.result()
+            if not len(rest) or np.linalg.norm(rest - vertices[vertex], axis=1).min() > apart
+        )
+
+    def wait(self) -> None:
+        """Waits until the vertices are found. For sessions without a window."""
+        if self._found is not None:
+            self._found.result()
+
+
+def _ends(mesh: Mesh) -> tuple[int, ...]:
+    """Returns the vertices at the ends of limbs; else the most extreme vertices.
+
+    At an end, the neighbourhood lies to one side of the vertex.
+    """
+    candidates = extremities(mesh, _MAX_CANDIDATES)
+    samples = scatter(mesh, _SURFACE_SAMPLES, np.random.default_rng(0)).positions
+    tree, reach = scipy.spatial.cKDTree(samples), _NEIGHBOURHOOD_RADIUS * size_of(mesh)
+    ends = []
+    for vertex in candidates:
+        near = tree.query_ball_point(mesh.vertices[vertex], reach)
+        aside = np.linalg.norm(samples[near].mean(0) - mesh.vertices[vertex]) if near else 0.0
+        if aside > _MIN_MEAN_OFFSET * reach:
+            ends.append(int(vertex))
+    return tuple(ends) if len(ends) > 1 else tuple(int(vertex) for vertex in candidates[:_LIMBLESS_COUNT])

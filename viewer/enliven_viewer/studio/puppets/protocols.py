@@ -1,0 +1,69 @@
+"""Protocols between the studio's puppets and the editor that holds the project."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+from enliven.arrays import Float
+from enliven.document import KeyPose, Project, Puppet, RigBase
+from enliven.examples import State
+from enliven_viewer.studio.examples import MotionSolver
+from enliven_viewer.studio.toasts import Toasts
+from enliven_viewer.studio.viewport import Selection
+
+R = TypeVar("R", bound=RigBase)
+
+
+class EditorProtocol(Protocol):
+    """An editor: the project with its history, the current time, and the selection."""
+
+    time: float
+    playing: bool
+    scrubbing: bool
+    selection: Selection
+    toasts: Toasts
+    solving: MotionSolver
+
+    @property
+    def project(self) -> Project:
+        """Returns the project as shown, including a draft."""
+
+    def edit(self, name: str, change: Callable[[Project], Project]) -> bool:
+        """Applies an edit and adds it to the history. Returns False if it failed."""
+
+    def select(self, **changes: object) -> None:
+        """Changes parts of the selection."""
+
+    def choose(self, character: str | None, handle: int | None = None) -> None:
+        """Selects a character, and optionally one of its handles."""
+
+    def chosen(self, rig: type[R], /) -> R | None:
+        """Returns the selected character if it has this type of rig."""
+
+
+class PoseEditState(Protocol):
+    """The key pose being edited, or the control point being dragged, as the stage shows it."""
+
+    silhouette: bool
+    start_state: State | None
+
+    @property
+    def puppet(self) -> Puppet | None:
+        """Returns the selected puppet."""
+
+    @property
+    def number(self) -> int | None:
+        """Returns the number of the key pose; None while the puppet plays."""
+
+    @property
+    def previous(self) -> KeyPose | None:
+        """Returns the key pose to compare it with."""
+
+    @property
+    def places(self) -> Float | None:
+        """Returns (P, 3) metres in the mesh's frame; None while the puppet plays."""
+
+    @property
+    def dragging(self) -> bool:
+        """Returns True if a control point is being dragged."""

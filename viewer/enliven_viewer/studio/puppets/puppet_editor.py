@@ -1,0 +1,196 @@
+"""Edits the selected puppet: dragging its control points, and its key poses.
+
+puppets = editor.puppets
+puppets.begin_pose("walk", 0.4)        # a new key pose for that moment of a take, or the one that is there
+puppets.drag(2, place)                 # the surface follows; nothing is remembered yet
+puppets.drop()                         # one edit of the project
+puppets.accept()                       # the puppet plays again
+
+Every finished step is an edit, so that undo, the recovery file and all panels include it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Puppet
+from enliven.modeling.puppet import change_key_pose, remove_point
+from enliven_viewer.language import later, tr, tr_n
+from enliven_viewer.studio.puppets.key_poses import KeyPoses
+from enliven_viewer.studio.puppets.mesh_cache import middle_of, size_of
+from enliven_viewer.studio.puppets.protocols import EditorProtocol
+from enliven_viewer.studio.puppets.puppet_stage import PuppetStage
+from enliven_viewer.studio.puppets.self_intersection import SelfIntersectionSearch
+from enliven_viewer.studio.puppets.symmetry import mirrored_places
+
+_LARGE_MESH_FACES = 200_000
+"""Number of faces above which self-intersections are searched only after a drag, not during it."""
+_MAX_DRAG_DISTANCE = 50.0
+"""Maximum distance of a dragged control point from the mesh's centre, in mesh sizes. Beyond it the drag is an
+accident.
+"""
+
+
+class PuppetEditor(KeyPoses):
+    """The state of editing puppets, shared by the stage and the examples panel.
+
+    Attributes:
+        moment: the take, and the time in it, that the performer's view shows. A drag begins a key pose there.
+            None means the lowest layer at the project's time.
+        silhouette: whether the previous key pose is outlined while one is edited.
+        warn: whether self-intersecting faces are shown.
+    """
+
+    def __init__(self, editor: EditorProtocol) -> None:
+        super().__init__(editor, PuppetStage(editor, self))
+        self.moment: tuple[str, float] | None = None
+        self.silhouette, self.warn = True, True
+        self.self_intersection = SelfIntersectionSearch()
+        self._dragged: Float | None = None
+
+    def advance(self) -> None:
+        """Advances one frame: surfaces relax towards rest.
+
+        Another time or another puppet ends the editing of a key pose.
+        """
+        self.leave_elsewhere()
+        self.stage.improve()
+        standing = self.stage_puppet
+        if standing is not None and self.dragging and len(standing.character.mesh.faces) > _LARGE_MESH_FACES:
+            return
+        if self.warn and self.shaping and standing is not None:
+            self.self_intersection.look(standing.character, standing.surface)
+        else:
+            self.self_intersection.forget()
+
+    @property
+    def shaping(self) -> bool:
+        """Returns True if a key pose is being edited or a control point dragged."""
+        return self.posing or self.dragging
+
+    @property
+    def places(self) -> Float | None:
+        """Returns (P, 3) metres in the mesh's frame, as dragged or from the key pose.
+
+        Returns None while the puppet plays.
+        """
+        if self._dragged is not None:
+            return self._dragged
+        return None if self.key is None else self.key.places
+
+    @property
+    def dragging(self) -> bool:
+        """Returns True if a control point is being dragged."""
+        return self._dragged is not None
+
+    def drag(self, point: int, place: Float) -> None:
+        """Previews a control point at a place (3,) in the mesh's frame. With symmetry its partner follows."""
+        puppet, place = self.puppet, np.asarray(place, np.float64)
+        if puppet is None or not 0 <= point < len(puppet.points) or not np.isfinite(place).all():
+            return
+        places = np.array(self._start(puppet))
+        places[point] = _near(puppet, place)
+        if self.symmetric:
+            places = mirrored_places(puppet, places, point)
+        self._dragged = places
+
+    def drop(self, name: str = "") -> bool:
+        """Ends a drag with one edit. If no key pose is being edited, one begins at :attr:`moment`."""
+        puppet, places, self._dragged = self.puppet, self._dragged, None
+        if puppet is None or places is None:
+            return False
+        if self.number is None:
+            return self._begin_here(puppet, places)
+        number = self.number
+        return self.editor.edit(
+            name or "pose", lambda p: change_key_pose(p, puppet.id, number, places=places)
+        )
+
+    def let_go(self) -> None:
+        """Clears the current drag."""
+        self._dragged = None
+
+    def nudge(self, way: Float) -> bool:
+        """Moves the selected control point by (3,) metres in the mesh's frame.
+
+        With symmetry, its partner moves too.
+        """
+        puppet, point = self.puppet, self.point
+        if puppet is None or point is None:
+            return False
+        self.drag(point, self._start(puppet)[point] + way)
+        return self.drop(later("nudge {0}", puppet.points[point].name))
+
+    def reset_point(self) -> bool:
+        """Moves the selected control point back to its rest position."""
+        puppet, point = self.puppet, self.point
+        if puppet is None or point is None:
+            return False
+        self.drag(point, puppet.rest[point])
+        return self.drop(later("reset {0}", puppet.points[point].name))
+
+    def remove_point(self) -> bool:
+        """Removes the selected control point, also from all key poses, as one edit."""
+        puppet, point = self.puppet, self.point
+        if puppet is None or point is None:
+            return False
+        name, used = puppet.points[point].name, len(puppet.poses)
+        if not self.editor.edit(later("remove {0}", name), lambda p: remove_point(p, puppet.id, name)):
+            return False
+        self.editor.select(handle=None)
+        if used:
+            self.editor.toasts.say(
+                tr_n(
+                    "{1} is gone, also from {0} key pose", "{1} is gone, also from {0} key poses", used, name
+                ),
+                tr("Ctrl+Z brings it back."),
+            )
+        return True
+
+    def _start(self, puppet: Puppet) -> Float:
+        """Returns (P, 3) metres, the positions at the start of a drag.
+
+        They are those of the key pose at this moment, or those shown.
+        """
+        if self.places is not None:
+            return self.places
+        moment = self._moment(puppet)
+        there = None if moment is None else self.pose_at(*moment)
+        return self.current_places(puppet) if there is None else puppet.poses[there].places
+
+    def current_places(self, puppet: Puppet) -> Float:
+        """Returns (P, 3) metres in the mesh's frame: the current positions of its control points."""
+        standing = self.stage.find(puppet.id)
+        return puppet.rest if standing is None else standing.state.places
+
+    def _begin_here(self, puppet: Puppet, places: Float) -> bool:
+        """Stores the dragged positions as the key pose of the moment that the performer's view shows."""
+        moment = self._moment(puppet)
+        if moment is None:
+            self.editor.toasts.say(
+                tr("No take is shown, so this pose means nothing yet"),
+                tr("Choose a take in the performer's view, go to a moment of it, and drag again."),
+            )
+            return False
+        there = self.pose_at(*moment)
+        if there is None:
+            return self._add(puppet, *moment, places)
+        self.edit_pose(there)
+        return self.editor.edit("pose", lambda p: change_key_pose(p, puppet.id, there, places=places))
+
+    def _moment(self, puppet: Puppet) -> tuple[str, float] | None:
+        """Returns the shown take and the time in it; None if no take is shown."""
+        takes, moment = self.editor.project.takes, self.moment
+        if moment is None and puppet.layers:
+            layer = puppet.layers[0]
+            moment = (layer.take, layer.played(self.editor.time, takes[layer.take].duration)[0])
+        return moment if moment is not None and moment[0] in takes else None
+
+
+def _near(puppet: Puppet, place: Float) -> Float:
+    """Returns the place (3,), clamped to the maximum distance from the mesh's centre."""
+    middle, most = middle_of(puppet.mesh), _MAX_DRAG_DISTANCE * size_of(puppet.mesh)
+    way = place - middle
+    away = float(np.linalg.norm(way))
+    return place if away <= most else middle + way * (most / away)

@@ -1,0 +1,97 @@
+"""The selection of puppet and control point, and the creation of control points on the mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.document import Project, Puppet
+from enliven.modeling.puppet import add_point
+from enliven_viewer.language import later, tr
+from enliven_viewer.studio.puppets.protocols import EditorProtocol
+from enliven_viewer.studio.puppets.puppet_stage import PuppetStage, StagePuppet
+from enliven_viewer.studio.puppets.solver import LARGE
+from enliven_viewer.studio.puppets.symmetry import partner_vertex, plane_for
+
+
+class PuppetSelection:
+    """The selected puppet and control point, with the command that adds control points.
+
+    Attributes:
+        stage: the puppets in their current poses.
+        symmetric: whether control points are added and dragged symmetrically.
+    """
+
+    def __init__(self, editor: EditorProtocol, stage: PuppetStage) -> None:
+        self.editor, self.stage = editor, stage
+        self.symmetric = False
+
+    @property
+    def stage_puppets(self) -> tuple[StagePuppet, ...]:
+        """Returns every puppet in its current pose."""
+        return self.stage.puppets
+
+    @property
+    def puppet(self) -> Puppet | None:
+        """Returns the selected puppet."""
+        return self.editor.chosen(Puppet)
+
+    @property
+    def point(self) -> int | None:
+        """Returns the number of the selected control point."""
+        return None if self.puppet is None else self.editor.selection.handle
+
+    @property
+    def stage_puppet(self) -> StagePuppet | None:
+        """Returns the selected puppet in its current pose."""
+        return None if self.puppet is None else self.stage.find(self.puppet.id)
+
+    def add_point(self, vertex: int) -> bool:
+        """Adds a control point at a vertex, with symmetry also at its mirror image, as one edit."""
+        puppet = self._selected_puppet()
+        if puppet is None:
+            return False
+        taken = [point.vertex for point in puppet.points]
+        if vertex in taken:
+            self.editor.choose(puppet.id, taken.index(vertex))
+            self.editor.toasts.say(tr("{0} is there already", puppet.points[taken.index(vertex)].name))
+            return False
+        other = partner_vertex(puppet, vertex) if self.symmetric else None
+        wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]
+
+        poses = self.stage.surfaces.settle_each(puppet, [pose.places for pose in puppet.poses])
+        if poses is None and len(puppet.mesh.vertices) > LARGE:
+            self.editor.toasts.say(
+                tr("{0} is still being prepared", puppet.id), tr("Click again in a moment.")
+            )
+            return False
+
+        def change(project: Project) -> Project:
+            for new_vertex in wanted:
+                places = (
+                    None if poses is None else np.array([pose[new_vertex] for pose in poses]).reshape(-1, 3)
+                )
+                project = add_point(project, puppet.id, new_vertex, places=places)
+            return project
+
+        if not self.editor.edit(
+            later("put a control point") if len(wanted) == 1 else later("put control points"), change
+        ):
+            return False
+        self.editor.choose(puppet.id, len(taken))
+        return True
+
+    def set_symmetric(self, on: bool) -> None:
+        """Turns symmetric control points on or off. Reports if the mesh has no plane of symmetry."""
+        puppet = self.puppet
+        self.symmetric = on
+        if on and puppet is not None and plane_for(puppet) is None:
+            self.symmetric = False
+            self.editor.toasts.say(
+                tr("{0} has no plane of symmetry", puppet.id),
+                tr("Put and drag its control points one by one."),
+            )
+
+    def _selected_puppet(self) -> Puppet | None:
+        if self.puppet is None:
+            self.editor.toasts.say(tr("No puppet is chosen"), tr("Click one first."))
+        return self.puppet

@@ -1,0 +1,185 @@
+"""The puppets on the studio's stage at one time."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from dataclasses import dataclass
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+
+from enliven.arrays import AnyArray, Float, Float32
+from enliven.document import Character, Puppet, RigBase, SkinWeights
+from enliven.examples import State, in_world, pose_of_state
+from enliven.modeling.edits import as_standing
+from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
+from enliven_viewer.studio.puppets.protocols import EditorProtocol, PoseEditState
+from enliven_viewer.studio.puppets.puppet_states import playback_state
+from enliven_viewer.studio.puppets.surfaces import PuppetSurfaces
+from enliven_viewer.studio.viewport import DrawnMeshes, StageCharacter, moved
+
+
+@dataclass(frozen=True, eq=False)
+class StagePuppet(StageCharacter):
+    """A puppet on the stage at one time.
+
+    Attributes:
+        surface: (V, 3) metres, its vertices in the mesh's own frame.
+    """
+
+    character: Puppet
+    state: State
+    surface: Float
+
+    own_tool = True
+
+    @cached_property
+    def vertices(self) -> Float:
+        """Returns (V, 3) metres in the world."""
+        return self.to_world(self.surface)
+
+    @cached_property
+    def solved(self) -> Float32:
+        """Returns (V, 3) float32 metres in the world."""
+        vertices = np.empty(self.surface.shape, np.float32)
+        moved(self.surface, self._turn, self._root, vertices)
+        return vertices
+
+    def to_world(self, places: AnyArray) -> Float:
+        """Returns (N, 3) metres in the world, for positions (N, 3) in the mesh's frame."""
+        positions = np.empty(np.shape(places), np.float64)
+        moved(np.asarray(places, np.float64), self._turn, self._root, positions)
+        return positions
+
+    def to_mesh(self, places: AnyArray) -> Float:
+        """Returns (..., 3) metres in the mesh's frame, for positions (..., 3) in the world."""
+        return np.asarray((np.asarray(places, np.float64) - self._root) @ self._turn)
+
+    def direction_to_mesh(self, way: AnyArray) -> Float:
+        """Returns (3,) in the mesh's frame, for a direction (3,) in the world."""
+        return np.asarray(np.asarray(way, np.float64) @ self._turn)
+
+    @cached_property
+    def _turn(self) -> Float:
+        """Returns the (3, 3) rotation from the mesh to the world."""
+        yaw = from_rotation_vector(np.array([0.0, self.state.yaw, 0.0]))
+        return np.asarray(to_matrix(multiply(self.character.turn, yaw)))
+
+    @cached_property
+    def _root(self) -> Float:
+        """Returns (3,) metres: the position of the mesh's origin in the world."""
+        return np.asarray(rotate(self.character.turn, self.state.root) + self.character.place)
+
+
+class PuppetStage:
+    """All puppets of an editor's project in their current poses; cached while nothing changes."""
+
+    def __init__(self, editor: EditorProtocol, posing: PoseEditState) -> None:
+        self.editor, self.posing = editor, posing
+        self.surfaces, self._meshes = PuppetSurfaces(editor.toasts), puppet_meshes()
+        self._known: tuple[tuple[object, ...], tuple[StagePuppet, ...]] | None = None
+        self._polls = 0
+        self._ghost: StagePuppet | None = None
+        self._wanted: tuple[tuple[object, ...], Future[Float]] | None = None
+
+    @property
+    def ghost(self) -> StagePuppet | None:
+        """Returns the puppet in the previous key pose; None without one, or while it is being solved."""
+        posing, puppet = self.posing, self.posing.puppet
+        pose, now = posing.previous, self.find(puppet.id) if puppet is not None else None
+        if puppet is None or pose is None or now is None or not posing.silhouette:
+            return None
+        key = (pose.places, puppet.points, puppet.mesh, now.state.yaw, puppet.place, puppet.turn)
+        if self._wanted is None or not _same(self._wanted[0], key):
+            future = self.surfaces.solve_in_background(puppet, pose.places)
+            self._wanted = None if future is None else (key, future)
+        if self._wanted is not None and self._wanted[1].done() and self._wanted[1].exception() is None:
+            surface = self._wanted[1].result()
+            if self._ghost is None or self._ghost.surface is not surface:
+                state = State(pose.places, now.state.yaw, now.state.root)
+                self._ghost = self._make_stage_puppet(puppet, state, surface)
+            return self._ghost
+        return None
+
+    def wait(self) -> None:
+        """Waits for the ghost. For sessions without a window."""
+        if self.ghost is None and self._wanted is not None:
+            self._wanted[1].result()
+
+    @property
+    def puppets(self) -> tuple[StagePuppet, ...]:
+        """Returns all puppets, in the project's order."""
+        editor, posing = self.editor, self.posing
+        project = editor.project
+        key = (project, posing.places, editor.time, posing.number, self.surfaces.version, self._polls)
+        if self._known is None or not _same(self._known[0], key):
+            self.surfaces.keep_only(set(project.puppets))
+            self._known = (key, tuple(self._place_puppet(puppet) for puppet in project.puppets.values()))
+        return self._known[1]
+
+    def find(self, puppet_id: str) -> StagePuppet | None:
+        """Returns one of the puppets; None for an unknown id."""
+        return next((s for s in self.puppets if s.id == puppet_id), None)
+
+    def stage_puppet(self, puppet: RigBase) -> StagePuppet:
+        """Returns a puppet of the project in its current pose."""
+        return next(candidate for candidate in self.puppets if candidate.id == puppet.id)
+
+    def improve(self) -> None:
+        """Settles dragged surfaces further, and fetches solved ones. Call once per frame."""
+        self.surfaces.improve()
+        if any(self.editor.solving.busy(name) for name in self.editor.project.puppets):
+            self._polls += 1
+
+    def _place_puppet(self, puppet: Puppet) -> StagePuppet:
+        editor, posing, newest = self.editor, self.posing, puppet
+        places = posing.places if posing.puppet is puppet else None
+        if places is not None and len(places) == len(puppet.points):
+            way = posing.start_state or playback_state(editor, puppet)[1]
+            state = State(places, way.yaw, way.root)
+        else:
+            puppet, state = playback_state(editor, puppet)
+        if newest.root_layers or puppet.root_layers:
+            puppet = puppet.with_changes(root_layers=newest.root_layers)
+            puppet = cast(Puppet, as_standing(editor.project, puppet, editor.time))
+        warm = editor.playing or editor.scrubbing or posing.dragging
+        return self._make_stage_puppet(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
+
+    def _make_stage_puppet(self, puppet: Puppet, state: State, surface: Float) -> StagePuppet:
+        handles = in_world(puppet, state, state.places)
+        return StagePuppet(
+            puppet, self._meshes.of(puppet), pose_of_state(puppet, state), handles, state, surface
+        )
+
+
+def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
+    """Returns True if nothing changed. Objects are compared by identity, numbers by value."""
+    return all(
+        a is b or (isinstance(a, float | int) and isinstance(b, float | int) and a == b)
+        for a, b in zip(before, after, strict=True)
+    )
+
+
+def puppet_meshes() -> DrawnMeshes:
+    """Returns the render meshes of puppets, each as one rigid piece.
+
+    The vertices are solved on the CPU.
+    """
+    return DrawnMeshes(_rigid)
+
+
+def _rigid(puppet: RigBase) -> Character:
+    mesh = puppet.mesh
+    assert mesh is not None
+    weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
+    return Character(
+        id=puppet.id,
+        vertices=mesh.vertices.astype(np.float32),
+        faces=mesh.faces,
+        skin=SkinWeights(np.zeros(weights.shape, np.uint16), weights),
+        pivots=np.zeros((1, 3), np.float32),
+        edges=np.zeros((0, 2), np.int32),
+        colours=mesh.colours,
+        materials=mesh.materials,
+    )

@@ -1,0 +1,50 @@
+"""The positions of a puppet's control points during playback, and the initial positions of a new key pose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Project, Puppet
+from enliven.errors import EnlivenError
+from enliven.examples import State, missing, motion_of, state_of
+from enliven_viewer.studio.puppets.protocols import EditorProtocol
+
+
+def rest_state(puppet: Puppet) -> State:
+    """Returns the rest state of a puppet, at its placement."""
+    return State(puppet.rest, 0.0, np.zeros(3))
+
+
+def playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet, State]:
+    """Returns the puppet and its state at the editor's time; the rest state if it cannot move yet.
+
+    While the newest motion is being solved, the previously solved version of the puppet is returned.
+    """
+    project, solved = editor.solving.newest_solution(editor.project, puppet.id)
+    if not solved.layers:
+        return puppet, rest_state(puppet)
+    try:
+        state = state_of(project, solved, editor.time)
+    except EnlivenError:  # The examples panel reports this error.
+        return puppet, rest_state(puppet)
+    if solved.mesh is not puppet.mesh or solved.points != puppet.points:
+        return solved, state
+    return puppet, state
+
+
+def take_places(project: Project, puppet: Puppet, take: str, time: float) -> Float:
+    """Returns (P, 3) metres in the mesh's frame: the initial positions of a new key pose at a time of a take.
+
+    They come from the existing examples if the motion can be solved, or else from the last key pose.
+    """
+    start = np.array(puppet.poses[-1].places if puppet.poses else puppet.rest)
+    for number, layer in enumerate(puppet.layers):
+        if layer.take == take and not missing(project, puppet):
+            try:
+                motion = motion_of(project, puppet, number)
+            except EnlivenError:
+                continue
+            start[list(motion.points)] = motion.at(time)[0]
+            break
+    return start

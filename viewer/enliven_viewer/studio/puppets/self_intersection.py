@@ -1,0 +1,87 @@
+"""Finds self-intersecting faces of a posed puppet in a background thread."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import numpy as np
+import scipy
+
+from enliven.arrays import Float, Int
+from enliven.deformation.arap import SelfIntersection
+from enliven.document import Puppet
+from enliven.meshes import Mesh
+from enliven_viewer.language import tr
+
+_MAX_IGNORED_FACES = 2
+"""Maximum number of self-intersecting faces that is ignored as a rounding effect of the surface."""
+
+
+class SelfIntersectionSearch:
+    """A search for faces that intersect in the pose but not at rest, always for the newest requested pose.
+
+    Attributes:
+        faces: (K,) faces of the mesh that intersect in the last checked pose.
+        message: one line about them, or empty.
+    """
+
+    def __init__(self) -> None:
+        self.faces: Int = np.zeros(0, np.int64)
+        self.message = ""
+        self._threads: ThreadPoolExecutor | None = None
+        self._now: Future[tuple[Int, str]] | None = None
+        self._seen: Float | None = None
+        self._mesh: Mesh | None = None
+        self._finder: SelfIntersection | None = None
+
+    def look(self, puppet: Puppet, surface: Float) -> None:
+        """Starts a self-intersection check of the surface (V, 3) metres in the background.
+
+        Call once per frame; does not block.
+        """
+        if puppet.mesh is not self._mesh:
+            self.forget()
+            self._mesh, self._finder = puppet.mesh, None
+        if self._now is not None and self._now.done():
+            now, self._now = self._now, None
+            if now.exception() is None:
+                self.faces, self.message = now.result()
+        if self._now is None and surface is not self._seen:
+            self._seen = surface
+            self._threads = self._threads or ThreadPoolExecutor(1, "crossing faces")
+            self._now = self._threads.submit(self._find_faces, puppet, surface)
+
+    def wait(self) -> None:
+        """Waits for the current check. For sessions without a window."""
+        if self._now is not None:
+            self.faces, self.message = self._now.result()
+            self._now = None
+
+    def forget(self) -> None:
+        """Clears the results, and stops the current check."""
+        if self._now is not None:
+            self._now.cancel()
+        self.faces, self.message, self._now, self._seen = np.zeros(0, np.int64), "", None, None
+
+    def _find_faces(self, puppet: Puppet, surface: Float) -> tuple[Int, str]:
+        finder = self._finder
+        if finder is None:
+            finder = self._finder = SelfIntersection(puppet.mesh)
+        faces = finder.newly_crossing(surface)
+        return faces, sentence(puppet, faces) if len(faces) > _MAX_IGNORED_FACES else ""
+
+
+def sentence(puppet: Puppet, faces: Int) -> str:
+    """Returns a sentence about the intersecting parts.
+
+    Each of the faces (K,) belongs to the control point nearest at rest.
+    """
+    if not puppet.points:
+        return tr("the surface passes through itself")
+    middles = puppet.mesh.vertices[puppet.mesh.faces[faces]].mean(1)
+    counts = np.bincount(scipy.spatial.cKDTree(puppet.rest).query(middles)[1], minlength=len(puppet.points))
+    first, *others = np.argsort(counts, kind="stable")[::-1]
+    name = puppet.points[first].name
+    if others and counts[others[0]] > 0.15 * counts[first]:
+        return tr("{0} goes through {1}", name, puppet.points[others[0]].name)
+    return tr("the surface passes through itself near {0}", name)

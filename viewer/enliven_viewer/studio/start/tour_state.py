@@ -1,0 +1,214 @@
+"""The studio as the tour sees it: the chair, its performer, whether it dances, and cuts and merges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from enliven.arrays import Float, Float32
+from enliven.document import GraphShape
+from enliven.takes import plays
+from enliven_viewer.studio.actions import ActionTable
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.perform import PerformSession
+from enliven_viewer.studio.tools import Tool
+from enliven_viewer.studio.viewport import Point
+
+_TOOL_WORKSPACES = ("Animate", "Model")
+"""The workspaces with tools."""
+
+
+class SavedFile(Protocol):
+    """The file of the project."""
+
+    @property
+    def named(self) -> bool:
+        """Returns True if the project has a file."""
+
+    @property
+    def dirty(self) -> bool:
+        """Returns True if there is unsaved work."""
+
+
+class TourInput(Protocol):
+    """The input over the view: pointer, buttons and tools."""
+
+    tool: Tool
+    at: Point
+
+    def take(self, name: str) -> None:
+        """Makes another tool the active one."""
+
+    def press(self, at: Point, button: int = 0, *, shift: bool = False) -> None:
+        """Presses a button at a pixel of the view."""
+
+    def move(self, at: Point, *, shift: bool = False) -> None:
+        """Moves the pointer to a pixel of the view."""
+
+    def release(self, at: Point, button: int = 0, *, shift: bool = False) -> None:
+        """Releases the button."""
+
+    @property
+    def busy(self) -> bool:
+        """Returns True if a button is held."""
+
+
+class TourFileField(Protocol):
+    """The part of a file dialogue that the tour fills in."""
+
+    folder: Path
+    name: str
+
+    def chosen(self) -> Path:
+        """Returns the chosen path."""
+
+
+class TourWorkspace(Protocol):
+    """The part of the workspace that the tour reads and uses."""
+
+    @property
+    def editor(self) -> Editor:
+        """Returns the editor."""
+
+    @property
+    def actions(self) -> ActionTable:
+        """Returns every action."""
+
+    @property
+    def store(self) -> SavedFile:
+        """Returns the file of the project."""
+
+    @property
+    def perform(self) -> PerformSession:
+        """Returns the link to a stage."""
+
+    @property
+    def input(self) -> TourInput:
+        """Returns the input over the view."""
+
+    @property
+    def asking(self) -> str:
+        """Returns the open dialogue, or empty."""
+
+    @property
+    def browser(self) -> TourFileField | None:
+        """Returns the contents of a file dialogue."""
+
+    def attempt(self, command: Callable[[], object]) -> bool:
+        """Calls a function. Shows an error as a message and returns False."""
+
+    def chosen(self, path: Path) -> None:
+        """Chooses a file in the dialogue."""
+
+
+@dataclass(frozen=True)
+class TourCounts:
+    """Counters for detecting what has happened since a step began."""
+
+    chairs: int
+    merges: int
+
+
+@dataclass(frozen=True)
+class TourState:
+    """The state of the studio in the terms of the tour.
+
+    Attributes:
+        desk: the workspace.
+    """
+
+    desk: TourWorkspace
+
+    @property
+    def chairs(self) -> tuple[GraphShape, ...]:
+        """Returns the characters that a dancer can possess, and the parts cut off them."""
+        return tuple(self.desk.editor.project.graphs.values())
+
+    @property
+    def counts(self) -> TourCounts:
+        """Returns the current counts."""
+        merges = sum(name.startswith("merge") for name in self.desk.editor.history.names)
+        return TourCounts(len(self.chairs), merges)
+
+    @property
+    def chair(self) -> GraphShape | None:
+        """Returns the chair of the tour: the possessed one, or else the largest; None if there is none."""
+        held = self._held_characters()
+        chairs = sorted(self.chairs, key=lambda shape: (shape.id in held, _size(shape)))
+        return chairs[-1] if chairs else None
+
+    @property
+    def piece(self) -> GraphShape | None:
+        """Returns the smallest part that was cut off the chair; None if there is none."""
+        pieces = [chair for chair in self.chairs if chair is not self.chair]
+        return min(pieces, key=_size) if pieces else None
+
+    @property
+    def has_workshop(self) -> bool:
+        """Returns True if the current workspace has tools."""
+        return self.desk.perform.active_workspace in _TOOL_WORKSPACES
+
+    @property
+    def has_stage(self) -> bool:
+        """Returns True if a stage has been requested."""
+        return self.desk.perform.live is not None
+
+    @property
+    def has_dancer(self) -> bool:
+        """Returns True if a dancer is in view, and the chair is on the dancer's stage."""
+        perform, chair = self.desk.perform, self.chair
+        there = chair is not None and chair.id in perform.stage_ids
+        return there and perform.connected and bool(perform.performers)
+
+    @property
+    def is_held(self) -> bool:
+        """Returns True if a dancer possesses the chair."""
+        return bool(self._held_characters())
+
+    @property
+    def dances(self) -> bool:
+        """Returns True if the chair has its own motion."""
+        chair = self.chair
+        return chair is not None and plays(self.desk.editor.project, chair)
+
+    @property
+    def records(self) -> bool:
+        """Returns True if a recording is running or counting in."""
+        return self.desk.perform.recording.phase != "idle"
+
+    @property
+    def recorded_s(self) -> float:
+        """Returns the length of the running recording in seconds; 0 without one."""
+        recording = self.desk.perform.recording
+        return recording.seconds if recording.phase == "recording" else 0.0
+
+    @property
+    def is_saved(self) -> bool:
+        """Returns True if the project has a file without unsaved changes."""
+        return self.desk.store.named and not self.desk.store.dirty
+
+    @property
+    def extent(self) -> Float | Float32 | None:
+        """Returns (N, 3) metres: points on the chair as shown, live or playing; None without a chair."""
+        chair, perform = self.chair, self.desk.perform
+        if chair is None:
+            return None
+        live = () if perform.scene is None else perform.scene.actors
+        for actor in live if chair.id in perform.hidden else ():
+            if actor.character.id == chair.id:
+                return actor.extent
+        return self.desk.editor.stage_character(chair.id).extent
+
+    def has_tool(self, name: str) -> bool:
+        """Returns True if a tool is the active one."""
+        return self.desk.input.tool.name == name
+
+    def _held_characters(self) -> Sequence[str]:
+        graphs = self.desk.editor.project.graphs
+        return [holder.character for holder in self.desk.perform.holders if holder.character in graphs]
+
+
+def _size(shape: GraphShape) -> int:
+    return len(shape.mesh.vertices)

@@ -1,0 +1,307 @@
+"""The steps of the tour: a table of their sentences, targets, conditions and commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from enliven_viewer.language import later
+from enliven_viewer.playback import bounds_of
+from enliven_viewer.studio.start.chair_legs import chair_in_picture, leg_to_cut, piece_to_carry
+from enliven_viewer.studio.start.target import Target
+from enliven_viewer.studio.start.tour_state import TourCounts, TourState
+
+_DANCE_S = 3.0
+"""Seconds of dancing before the tour says how to stop: one swing of the arms."""
+_FRAMING_MARGIN = 1.5
+"""Framing margin around the chair before a leg is cut."""
+_FILE_NAME = "My dancing chair"
+"""File name that the tour types if it demonstrates that step."""
+
+
+def _nothing(toured: TourState) -> None:
+    """Does nothing: the part only waits."""
+
+
+@dataclass(frozen=True)
+class TourPart:
+    """One instruction. The tour shows the first part of a step that is not done yet.
+
+    Attributes:
+        text: one sentence.
+        target: returns where the tour points.
+        done: returns whether it is done, given the counts at the start of the step.
+        command: has the same effect as a click on the target.
+        shift: whether Shift is held during the drag along the target's path.
+        types: text to type into a field; empty for none.
+    """
+
+    text: str
+    target: Callable[[TourState], Target]
+    done: Callable[[TourState, TourCounts], bool]
+    command: Callable[[TourState], object] = _nothing
+    shift: bool = False
+    types: str = ""
+
+    @property
+    def waits(self) -> bool:
+        """Returns True if the part only waits for something that happens by itself."""
+        return self.command is _nothing and not self.types
+
+
+@dataclass(frozen=True)
+class TourStep:
+    """A step of the tour. It is done once its last part is done.
+
+    Attributes:
+        title: a few words.
+        icon: its glyph in Font Awesome 4.
+        parts: its instructions.
+        ready: returns whether its preconditions are met; if not, the tour returns to an earlier step.
+        begin: called when the step starts.
+    """
+
+    title: str
+    icon: str
+    parts: tuple[TourPart, ...]
+    ready: Callable[[TourState], bool] = lambda toured: True
+    begin: Callable[[TourState], object] = _nothing
+
+    def part(self, toured: TourState, before: TourCounts) -> TourPart | None:
+        """Returns the first part that is not done; None once the step is done."""
+        if self.parts[-1].done(toured, before):
+            return None
+        return next(part for part in self.parts if not part.done(toured, before))
+
+
+def _widget(*names: str) -> Callable[[TourState], Target]:
+    return lambda toured: Target(names)
+
+
+def _act(action: str) -> Callable[[TourState], object]:
+    return lambda toured: toured.desk.actions.do(action)
+
+
+def _go(room: str) -> Callable[[TourState], object]:
+    return lambda toured: setattr(toured.desk.perform, "active_workspace", room)
+
+
+def _call_dancer(toured: TourState) -> None:
+    toured.desk.attempt(lambda: toured.desk.perform.connect_local("--loop"))
+
+
+def _step_in(toured: TourState) -> None:
+    if toured.chair is not None:
+        toured.desk.editor.choose(toured.chair.id)
+    toured.desk.actions.do("perform.possess_alone")
+
+
+def _leg(toured: TourState) -> Target:
+    chair = toured.chair
+    return Target() if chair is None else leg_to_cut(toured.desk.editor, chair)
+
+
+def _piece(toured: TourState) -> Target:
+    chair, piece = toured.chair, toured.piece
+    if chair is None or piece is None:
+        return Target()
+    return piece_to_carry(toured.desk.editor, piece, chair)
+
+
+def _dance(toured: TourState) -> None:
+    """Plays the recording."""
+    if toured.dances:
+        toured.desk.editor.playing = True
+
+
+def _look_at_chair(toured: TourState) -> None:
+    """Frames the dancing chair, with room to draw around it."""
+    _dance(toured)
+    extent, editor = toured.extent, toured.desk.editor
+    if extent is not None:
+        box = bounds_of([extent])
+        if box is not None:
+            editor.camera.frame(
+                box, editor.size[0] / max(editor.size[1], 1.0), reset=False, room=_FRAMING_MARGIN
+            )
+
+
+def _save(toured: TourState) -> None:
+    browser = toured.desk.browser
+    if browser is not None:
+        toured.desk.attempt(lambda: toured.desk.chosen(browser.chosen()))
+
+
+def _has_name(toured: TourState) -> bool:
+    browser = toured.desk.browser
+    return browser is not None and browser.name.partition(".")[0] not in ("", "Untitled")
+
+
+def _drag(toured: TourState) -> None:
+    """Does nothing: the demonstration drags along the target's path."""
+
+
+_WORKSHOP = TourPart(
+    later("Click “Animate”: here you can change your chair."),
+    _widget("room Animate"),
+    lambda t, before: t.has_workshop,
+    _go("Animate"),
+)
+_STAGE = TourPart(
+    later("Click “Perform”: here is the stage."),
+    _widget("room Perform"),
+    lambda t, before: t.desk.perform.active_workspace == "Perform",
+    _go("Perform"),
+)
+_SCISSORS = TourPart(
+    later("Click “Cut”: these are your scissors."),
+    _widget("tool cut"),
+    lambda t, before: t.has_tool("cut"),
+    _act("tool.cut"),
+)
+
+TOUR = (
+    TourStep(
+        later("Get a chair"),
+        "\uf067",
+        (
+            _WORKSHOP,
+            TourPart(
+                later("Click “Armchair”: it comes onto the stage."),
+                _widget("do Armchair"),
+                lambda t, before: len(t.chairs) > before.chairs or (bool(t.chairs) and not t.dances),
+                _act("sample.chair"),
+            ),
+        ),
+    ),
+    TourStep(
+        later("Call a dancer"),
+        "\uf007",
+        (
+            _STAGE,
+            TourPart(
+                later("Click “A recorded person”, or a camera of yours above it."),
+                _widget("recorded person", "leave", "scan back"),
+                lambda t, before: t.has_stage,
+                _call_dancer,
+            ),
+            TourPart(
+                later("The dancer is coming. Wait a little."),
+                _widget("stage state"),
+                lambda t, before: t.has_dancer,
+            ),
+        ),
+        lambda t: bool(t.chairs),
+    ),
+    TourStep(
+        later("Step into the chair"),
+        "\uf090",
+        (
+            _STAGE,
+            TourPart(
+                later("Click “Possess”: the dancer slips into the chair."),
+                _widget("possess", "scan back"),
+                lambda t, before: t.is_held,
+                _step_in,
+            ),
+        ),
+        lambda t: t.has_dancer,
+    ),
+    TourStep(
+        later("Keep the dance"),
+        "\uf111",
+        (
+            _STAGE,
+            TourPart(
+                later("Click “Record”, and count along: three, two, one."),
+                _widget("record", "scan back"),
+                lambda t, before: t.records or t.dances,
+                _act("perform.record_or_end_the_recording"),
+            ),
+            TourPart(
+                later("Look: the chair does what the dancer does."),
+                lambda t: chair_in_picture(t.desk.editor, t.extent),
+                lambda t, before: t.recorded_s > _DANCE_S or t.dances,
+            ),
+            TourPart(
+                later("Click “Stop” when you have seen enough."),
+                _widget("record", "scan back"),
+                lambda t, before: t.dances and not t.records,
+                _act("perform.record_or_end_the_recording"),
+            ),
+        ),
+        lambda t: t.is_held or t.records or t.dances,
+    ),
+    TourStep(
+        later("Take the scissors"),
+        "\uf0c4",
+        (_WORKSHOP, _SCISSORS),
+        lambda t: bool(t.chairs),
+    ),
+    TourStep(
+        later("Cut a leg off"),
+        "\uf0c4",
+        (
+            _WORKSHOP,
+            _SCISSORS,
+            TourPart(
+                later("Drag across the leg, along the arrow: the chair holds still for you."),
+                _leg,
+                lambda t, before: len(t.chairs) > before.chairs,
+                _drag,
+            ),
+        ),
+        lambda t: bool(t.chairs),
+        _look_at_chair,
+    ),
+    TourStep(
+        later("Put it somewhere else"),
+        "\uf047",
+        (
+            _WORKSHOP,
+            TourPart(
+                later("Click “Move, merge”: now you can carry the leg."),
+                _widget("tool carry"),
+                lambda t, before: t.has_tool("carry"),
+                _act("tool.carry"),
+            ),
+            TourPart(
+                later("Hold the Shift key, and drag the leg along the arrow."),
+                _piece,
+                lambda t, before: t.counts.merges > before.merges,
+                _drag,
+                shift=True,
+            ),
+        ),
+        lambda t: len(t.chairs) > 1,
+        _dance,
+    ),
+    TourStep(
+        later("Keep your chair"),
+        "\uf0c7",
+        (
+            TourPart(
+                later("Click “File”, and then “Save”."),
+                _widget("menu File/Save", "menu File", "menu all"),
+                lambda t, before: t.desk.asking in ("save as", "changed"),
+                _act("file.save"),
+            ),
+            TourPart(
+                later("Type a name for your chair."),
+                _widget("file name"),
+                lambda t, before: _has_name(t),
+                types=_FILE_NAME,
+            ),
+            TourPart(
+                later("Click “Save”: now nothing is lost."),
+                _widget("dialog Save"),
+                lambda t, before: t.is_saved,
+                _save,
+            ),
+        ),
+    ),
+)
+"""The steps, in order. Each takes about a quarter of a minute."""
+
+ENDING = (later("You did it"), later("Your chair is kept. Open it again, and it dances."))
+"""Title and sentence shown once all steps are done."""

@@ -1,0 +1,279 @@
+"""Pointer input of the timeline: scrub, drag clips and markers, zoom, mute, lock, fold."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from enliven.document import LayerBase, Project, Switch
+from enliven.modeling.edits import change_layers, choose_take, move_marker
+from enliven_viewer.language import later, tr
+from enliven_viewer.studio.editor import Edit, Editor
+from enliven_viewer.studio.timeline.clip_drag import ClipDrag
+from enliven_viewer.studio.timeline.clip_pictures import ClipPictures
+from enliven_viewer.studio.timeline.layout import GAP, RULER, Lane, LaneHandle, TimelineLayout
+from enliven_viewer.studio.timeline.puppet_input import DRAGGED, PuppetRows
+from enliven_viewer.studio.timeline.snapping import snap_offset, snap_times
+
+_NO_HANDLE = LaneHandle("nothing")
+_MIN_VISIBLE_S = 0.25
+"""Minimum time span of the track, in seconds: a few frames."""
+_MAX_VISIBLE_FACTOR = 1.25
+"""Maximum time span of the track as a multiple of the project's length: leaves room to drag the last clip's
+end.
+"""
+_ZOOM_PER_NOTCH = 0.85
+"""Factor of the visible time span per notch of the wheel."""
+_MIN_SPAN_S = 0.1
+"""Minimum length of the marked span, in seconds: enough time to begin and to end a recording."""
+_SPAN_HANDLES = ("from", "to", "marked")
+_CLIP_HANDLES = ("bar", "begin", "edge", "blend")
+
+
+class TimelineInput:
+    """The pointer input on the timeline, turned into edits. Pixels count from the timeline's top left corner.
+
+    Attributes:
+        rows: pointer input on the rows below a puppet's bars.
+        width, scrolled: width of the area, and vertical scroll offset of the lanes, in pixels.
+        start, span: time at the left of the track, and visible time span, in seconds. A span of 0 shows
+            everything.
+        folded: characters with all lanes collapsed into one row.
+        opened: groups of alternatives that show a lane for every take.
+        locked: lanes that cannot be dragged, as the character and the first layer of each.
+        snapping: whether drags snap to clips, markers, the playhead and frames.
+        stuck: the time that the drag currently snaps to, or None.
+        clip: number of the selected clip in the selected layer.
+        marker: the marker being renamed, or empty.
+        pictures: thumbnails of the takes.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+        self.width, self.scrolled, self.start, self.span = 1000.0, 0.0, 0.0, 0.0
+        self._followed = ""
+        self.folded, self.locked = frozenset[str](), frozenset[tuple[str, int]]()
+        self.opened = frozenset[str]()
+        self.snapping, self.clip, self.marker = True, 0, ""
+        self.stuck: float | None = None
+        self.rows, self.pictures = PuppetRows(editor), ClipPictures()
+        self._handle = _NO_HANDLE
+        self._drag: ClipDrag | None = None
+        self._from, self._held_layout = 0.0, self.layout
+        self._switches: tuple[Switch, ...] = ()
+
+    @property
+    def layout(self) -> TimelineLayout:
+        """Returns the current layout."""
+        editor = self.editor
+        how = (self.scrolled, self.rows.details, self.start, self.span, self.folded, self.opened)
+        return TimelineLayout(editor.project, editor.length, self.width, *how, editor.marked)
+
+    def follow(self, tall: float, recorded: str = "") -> None:
+        """Scrolls vertically to the lanes of a newly recorded or newly selected character.
+
+        Args:
+            tall: height of ruler and lanes in pixels.
+            recorded: the character that was just recorded; empty for none.
+        """
+        chosen = self.editor.selection.character or ""
+        wanted, self._followed = recorded or (chosen if chosen != self._followed else ""), chosen
+        mine = [lane for lane in self.layout.lanes() if lane.character.id == wanted]
+        if not mine or self.busy:
+            return
+        low = mine[-1].top + mine[-1].height + GAP - tall
+        self.scrolled += max(low, 0.0)
+        self.scrolled += min(mine[0].top - max(low, 0.0) - RULER, 0.0)
+
+    @property
+    def busy(self) -> bool:
+        """Returns True if a part of the timeline is being dragged."""
+        return self._handle.kind != "nothing"
+
+    @property
+    def held(self) -> LaneHandle:
+        """Returns the part that is being dragged."""
+        return self._handle
+
+    def press(self, x: float, y: float, *, alt: bool = False, ctrl: bool = False) -> None:
+        """Handles a press of the left button. Alt slips a clip; Ctrl changes its speed."""
+        layout = self.layout
+        handle = layout.handle_at(x, y)
+        self.rows.marked = None
+        self._handle, self._from, self._held_layout, self._drag = handle, x, layout, None
+        if handle.kind == "ruler":
+            self.editor.scrub(layout.time(x))
+        elif handle.kind in ("fold", "solo", "name"):
+            self._press_head(handle)
+        elif handle.layers:
+            self.editor.select(character=handle.character, layer=handle.number)
+            self._press_lane(handle, layout, x, alt=alt, ctrl=ctrl)
+
+    def _press_lane(
+        self, handle: LaneHandle, layout: TimelineLayout, x: float, *, alt: bool, ctrl: bool
+    ) -> None:
+        locked = (handle.character, handle.number) in self.locked
+        if handle.kind == "lock":
+            self.locked = self.locked ^ {(handle.character, handle.number)}
+        elif handle.kind == "takes":
+            self.opened = self.opened ^ {self._layer(handle).alternatives}
+        elif handle.kind == "mute" and self._layer(handle).muted and layout.takes(self._bar(handle))[1] > 1:
+            layer = self._layer(handle)
+            of, name = layer.alternatives, layer.recorded
+            self.editor.edit(later("hear {0}", name), lambda project: choose_take(project, of, name))
+        elif handle.kind == "mute":
+            muted = not self.editor.project.characters[handle.character].playing[handle.number].muted
+            self.editor.edit("mute" if muted else "unmute", _changing(handle, muted=muted))
+        elif handle.kind in _CLIP_HANDLES:
+            self.clip = handle.item
+            frame = self.editor.settings.frame_step if self.snapping else 0.0
+            if locked:
+                self.editor.toasts.say(tr("This lane is locked"), tr("Click its lock first."))
+            else:
+                self._drag = ClipDrag.of(layout, handle, self.editor.time, frame, alt=alt, ctrl=ctrl)
+        elif handle.kind != "label":
+            if handle.kind == "switch":
+                self._switches = tuple(self.rows.details.switches(handle.number))
+            self.rows.press(handle, layout, x)
+
+    def _layer(self, handle: LaneHandle) -> LayerBase:
+        """Returns the first layer of the pressed lane."""
+        return self.editor.project.characters[handle.character].playing[handle.number]
+
+    def _bar(self, handle: LaneHandle) -> Lane:
+        """Returns the pressed lane."""
+        wanted = (handle.character, handle.layers)
+        return next(bar for bar in self.layout.bars() if (bar.character.id, bar.layers) == wanted)
+
+    def _press_head(self, handle: LaneHandle) -> None:
+        """Folds or unfolds a character's lanes, toggles solo, or selects the character."""
+        if handle.kind == "fold":
+            self.folded = self.folded ^ {handle.character}
+        elif handle.kind == "solo":
+            self.editor.edit("solo", lambda project: _solo(project, handle.character))
+        self.editor.choose(handle.character)
+
+    def drag(self, x: float) -> None:
+        """Handles pointer movement during a drag."""
+        if self._handle.kind == "ruler":
+            self.editor.scrubbing = True
+            self.editor.scrub(self._held_layout.time(x))
+        elif self._handle.kind in _SPAN_HANDLES:
+            self.editor.marked = self._span_to(x)
+        elif self._drag_title is not None and x != self._from:
+            if self.editor.puppets.posing:
+                self.editor.puppets.accept()
+            self.editor.sketch(self._change(x))
+
+    def release(self, x: float) -> None:
+        """Handles the release of the button. A drag becomes one edit; a click on a key pose opens it."""
+        word, handle = self._drag_title, self._handle
+        if word is not None and self.editor.draft is not None:
+            self.editor.edit(word, self._change(x))
+        elif handle.kind == "pose":
+            self.rows.edit_pose(handle.item)
+        elif handle.kind == "marker":
+            self.editor.scrub(self.editor.project.markers[handle.name].seconds)
+        self.editor.finish_scrubbing()
+        self._handle, self._drag, self.stuck = _NO_HANDLE, None, None
+
+    def double(self, x: float, y: float) -> bool:
+        """Handles a double click. Returns whether it had an effect."""
+        handle = self.layout.handle_at(x, y)
+        if handle.kind == "marker":
+            self.marker = handle.name
+            return True
+        return self.rows.double(handle)
+
+    def zoom(self, notches: float, x: float) -> None:
+        """Zooms the visible time span in or out around a pixel."""
+        layout = self.layout
+        at, most = layout.time(x), _MAX_VISIBLE_FACTOR * layout.length
+        span = min(max(layout.visible_s * _ZOOM_PER_NOTCH**notches, _MIN_VISIBLE_S), most)
+        share = (at - layout.start) / layout.visible_s
+        self.span = 0.0 if span >= layout.length and notches < 0 else span
+        self._start_at(at - share * span)
+
+    def pan(self, pixels: float) -> None:
+        """Pans the visible time span to the right by some pixels."""
+        layout = self.layout
+        self._start_at(layout.start + pixels * layout.visible_s / layout.track)
+
+    def show_all(self) -> None:
+        """Shows the whole project."""
+        self.start = self.span = 0.0
+
+    def _start_at(self, start: float) -> None:
+        room = max(_MAX_VISIBLE_FACTOR * self.editor.length - self.span, 0.0) if self.span else 0.0
+        self.start = min(max(start, 0.0), room)
+
+    @property
+    def _drag_title(self) -> str | None:
+        """Returns the name of the edit for dragging the held part; None if it cannot be dragged."""
+        if self._drag is not None:
+            return self._drag.word
+        return {"marker": later("move marker"), **DRAGGED}.get(self._handle.kind)
+
+    def _change(self, x: float) -> Edit:
+        """Returns the edit for a drag to ``x``."""
+        layout, handle = self._held_layout, self._handle
+        moved = layout.time(x) - layout.time(self._from)
+        if self._drag is not None:
+            change, self.stuck = self._drag.edit(moved)
+            return change
+        if handle.kind == "marker":
+            return self._marker_moved(handle, moved)
+        lane = next(
+            candidate
+            for candidate in layout.lanes()
+            if (candidate.character.id, candidate.layers) == (handle.character, handle.layers)
+            and candidate.kind != "head"
+        )
+        return self.rows.dragged(handle, layout.second(lane, x), self._switches)
+
+    def _span_to(self, x: float) -> tuple[float, float] | None:
+        """Returns the marked span after dragging an end, or all of it, to a pixel.
+
+        Returns None without a marked span.
+        """
+        layout, kind = self._held_layout, self._handle.kind
+        span = layout.marked
+        if span is None:
+            return None
+        moved = layout.time(x) - layout.time(self._from)
+        ends = {"from": (span[0],), "to": (span[1],)}.get(kind, span)
+        if self.snapping:
+            places = snap_times(layout, self.editor.time, self._handle)
+            times = [end + moved for end in ends]
+            more, self.stuck = snap_offset(layout, times, places, self.editor.settings.frame_step)
+            moved += more
+        if kind == "marked":
+            moved = max(moved, -span[0])
+            return span[0] + moved, span[1] + moved
+        if kind == "from":
+            return min(max(span[0] + moved, 0.0), span[1] - _MIN_SPAN_S), span[1]
+        return span[0], max(span[1] + moved, span[0] + _MIN_SPAN_S)
+
+    def _marker_moved(self, handle: LaneHandle, moved: float) -> Edit:
+        layout = self._held_layout
+        seconds = layout.project.markers[handle.name].seconds + moved
+        if self.snapping:
+            places = snap_times(layout, self.editor.time, handle)
+            more, self.stuck = snap_offset(layout, [seconds], places, self.editor.settings.frame_step)
+            seconds += more
+        return lambda project: move_marker(project, handle.name, seconds)
+
+
+def _changing(handle: LaneHandle, **changes: Any) -> Edit:
+    """Returns the edit that changes attributes of a lane's layers."""
+    return lambda project: change_layers(project, handle.character, handle.layers, **changes)
+
+
+def _solo(project: Project, name: str) -> Project:
+    """Returns the project with a character soloed. If the others are already muted, unmutes all."""
+    playing = {key: character for key, character in project.characters.items() if character.playing}
+    others = [character for key, character in playing.items() if key != name]
+    silent = bool(others) and all(layer.muted for character in others for layer in character.playing)
+    for key, character in playing.items():
+        muted = not silent and key != name
+        project = change_layers(project, key, range(len(character.playing)), muted=muted)
+    return project

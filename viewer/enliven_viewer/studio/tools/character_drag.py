@@ -1,0 +1,133 @@
+"""Drags of whole characters: move, turn in place, or merge with another."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Project
+from enliven.modeling.edits import key_characters, merge_characters, move_characters, rig_of, root_motion
+from enliven.rotation import IDENTITY, from_rotation_vector
+from enliven_viewer.language import later
+from enliven_viewer.playback import bounds_of
+from enliven_viewer.render import EMPTY_BOX
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.tools.base import Pointer
+from enliven_viewer.studio.viewport import Hit
+
+_ROTATION_PER_PIXEL = 0.01
+"""Rotation in radians per pixel."""
+_PIVOT_RADIUS_PX = 24.0
+"""Radius in pixels around the pivot. A drag that starts within it turns the character by sideways movement
+instead.
+"""
+_UP_AXIS = np.array([0.0, 1.0, 0.0])
+
+
+class CharacterDrag:
+    """A drag of a character by a handle or by a point on its surface.
+
+    Attributes:
+        character: id of the dragged character.
+        characters: ids of all characters that move along: the selection, if it contains the dragged one.
+        rooted: whether its first handle is shown, and follows the pointer.
+        handles: (H, 3) metres in the world, its handle positions at the start.
+    """
+
+    def __init__(self, editor: Editor, hit: Hit, start: Pointer) -> None:
+        posed = editor.stage_character(hit.character)
+        self.editor, self.character, self._start = editor, hit.character, start
+        self.handles = posed.handles
+        self.rooted = len(posed.handles) > 0 and not posed.own_tool
+        # Move the root in a plane parallel to the image, whichever part was grabbed.
+        self._at = (
+            posed.handles[0] if self.rooted else editor.lens.view.eye + hit.depth * editor.lens.ray(start.at)
+        )
+        character, project = posed.character, editor.project
+        centre = rig_of(character).centre(character)
+        stands = root_motion(project, project.character(hit.character), editor.time)(centre[None])[0]
+        self._about = self._at if self.rooted else stands
+        editor.selection = editor.selection.led_by(hit.character)
+        editor.select(handle=max(hit.handle, 0) if self.rooted else None, chain=())
+        self.characters = editor.selection.characters
+        self._stands = _standing(editor, self.characters)
+        editor.playing = False
+
+    @property
+    def several(self) -> bool:
+        """Returns True if more than one character is dragged."""
+        return len(self.characters) > 1
+
+    @property
+    def description(self) -> str:
+        """Returns what is dragged, for the name of an edit."""
+        return later("{0} shapes", len(self.characters)) if self.several else self.character
+
+    def move(self, project: Project, pointer: Pointer) -> Project:
+        """Returns the project with the characters moved along with the pointer."""
+        lens = self.editor.lens
+        way = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
+        if self.editor.snapping.acts(pointer.ctrl):
+            way = self.editor.snapping.way(self._stands, way)
+        return self._move_characters(project, way)
+
+    def turn(self, project: Project, pointer: Pointer) -> Project:
+        """Returns the project with the characters turned in the image plane.
+
+        The angle is that of the pointer's movement around the root.
+
+        With Shift, or without a visible root, they turn about the vertical axis by sideways pointer movement.
+        """
+        turn = from_rotation_vector(self._turn(pointer))
+        return self._move_characters(project, np.zeros(3), turn, self._about)
+
+    def _move_characters(
+        self, project: Project, way: Float, turn: Float = IDENTITY, about: Float | None = None
+    ) -> Project:
+        """Returns the project with the characters moved at all times.
+
+        In auto-key mode they get keys at the playhead instead.
+        """
+        centre = np.zeros(3) if about is None else about
+        if self.editor.keying:
+            return key_characters(project, self.characters, self.editor.time, way, turn, centre)
+        return move_characters(project, self.characters, way, turn, centre)
+
+    def merge(self, project: Project, host: Hit, notes: list[str]) -> Project:
+        """Returns the project with the character merged into another.
+
+        A handle of the other, or a point on a bone, carries it.
+        """
+        at = host.along if host.handle > 0 and host.along < 1.0 else 1.0
+        node = host.handle if host.handle >= 0 else None
+        return merge_characters(
+            project, host.character, self.character, self.editor.time, node=node, at=at, notes=notes
+        )
+
+    def _turn(self, pointer: Pointer) -> Float:
+        axis, radians = self._turn_characters(pointer)
+        snapping = self.editor.snapping
+        return axis * (snapping.turn(radians) if snapping.acts(pointer.ctrl) else radians)
+
+    def _turn_characters(self, pointer: Pointer) -> tuple[Float, float]:
+        """Returns the (3,) unit axis, and the rotation in radians."""
+        lens, start = self.editor.lens, self._start
+        across = _ROTATION_PER_PIXEL * (pointer.at[0] - start.at[0])
+        if pointer.shift or not self.rooted:
+            return _UP_AXIS, across
+        centre = lens.project(self._about[None])[0][0]
+        before, after = (np.array(p.at) - centre for p in (start, pointer))
+        if np.linalg.norm(before) < _PIVOT_RADIUS_PX:
+            return lens.forward, across
+        return lens.forward, math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
+
+
+def _standing(editor: Editor, characters: tuple[str, ...]) -> Float:
+    """Returns (3,) metres: the horizontal centre of the characters, at the height of their lowest point."""
+    low, high = (
+        bounds_of([character.extent for character in editor.stage_characters if character.id in characters])
+        or EMPTY_BOX
+    )
+    return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

@@ -1,0 +1,174 @@
+"""The tool that marks a performer's head, hands and feet on a possessed mesh."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import numpy as np
+import scipy
+
+from enliven.arrays import Float, Int
+from enliven.document import GraphShape, Project
+from enliven.errors import EnlivenError
+from enliven.meshes import Mesh
+from enliven.person import Joint
+from enliven.possession import find_person_in_mesh, standing_figure
+from enliven_viewer.language import later, tr
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.viewport import Disc, Label, Overlay, Point, surface_at, vertex_hit
+from enliven_viewer.theme import ACCENT, MARK, QUIET
+
+_END_WORDS = (later("head"), later("left hand"), later("right hand"), later("left foot"), later("right foot"))
+"""Names of the ends within a sentence."""
+END_NAMES = (later("Head"), later("Left hand"), later("Right hand"), later("Left foot"), later("Right foot"))
+"""Labels of the ends, in order."""
+_FIGURE_JOINTS = [Joint.HEAD, Joint.HAND_LEFT, Joint.HAND_RIGHT, Joint.FOOT_LEFT, Joint.FOOT_RIGHT]
+_MARK_RADIUS_PX = 8.0
+"""Radius of a mark in pixels."""
+_LABEL_OFFSET_PX = (14.0, 0.0)
+"""Offset in pixels from a mark to its label."""
+
+
+class LimbEndsTool(Tool):
+    """A tool that drags the marks of head, hands and feet over the surface of the selected possessed mesh."""
+
+    name, label, key, icon = "ends", "Name ends", "e", "\uf007"
+
+    def __init__(self, editor: Editor) -> None:
+        super().__init__(editor)
+        self._threads: ThreadPoolExecutor | None = None
+        self._mesh: Mesh | None = None
+        self._found: Future[Int] | None = None
+        self._held: tuple[int, int] | None = None
+
+    @property
+    def hint(self) -> str:
+        shape = self.editor.chosen(GraphShape)
+        if shape is None:
+            return "Click a character that performers hold, to name its head, hands and feet."
+        if self._held is not None:
+            return tr("Let go where the performer's {0} should be; Esc drops it.", _END_WORDS[self._held[0]])
+        if len(shape.ends):
+            return "These marks pair its limbs with yours. Drag one to move it; Delete finds them again."
+        return "Where head, hands and feet were found: drag a mark where it is wrong."
+
+    @property
+    def marks(self) -> Int:
+        """Returns (5,) the vertices at the ends.
+
+        Returns an empty array while they are being searched, or if nothing is selected.
+        """
+        shape = self.editor.chosen(GraphShape)
+        if shape is None:
+            return np.empty(0, np.int64)
+        if len(shape.ends):
+            vertices = scipy.spatial.cKDTree(shape.mesh.vertices).query(shape.ends)[1].astype(np.int64)
+        else:
+            vertices = self._suggested(shape.mesh).copy()
+        if self._held is not None and len(vertices):
+            vertices[self._held[0]] = self._held[1]
+        return np.asarray(vertices)
+
+    def hover(self, pointer: Pointer) -> None:
+        """Does nothing: only the marks can be grabbed."""
+
+    def press(self, pointer: Pointer) -> bool:
+        shape, self.editor.playing = self.editor.chosen(GraphShape), False
+        if shape is not None and len(marks := self.marks):
+            apart = np.linalg.norm(self._pixels(shape.id, marks) - np.array(pointer.at), axis=1)
+            if apart.min() <= max(self.editor.settings.reach, _MARK_RADIUS_PX):
+                end = int(apart.argmin())
+                self._held = end, int(marks[end])
+                return True
+        hit = self.character_at(pointer)
+        if hit is not None and hit.character != self.editor.selection.character:
+            self.editor.choose(hit.character)
+        return False
+
+    def drag(self, pointer: Pointer) -> None:
+        shape = self.editor.chosen(GraphShape)
+        if self._held is None or shape is None:
+            return
+        posed, lens = self.editor.stage_character(shape.id), self.editor.lens
+        hit = surface_at([posed], lens, pointer.at)
+        if hit is not None:
+            place = lens.view.eye + hit.depth * lens.ray(pointer.at)
+            self._held = self._held[0], vertex_hit(posed.vertices, shape.mesh.faces[hit.face], place)
+
+    def release(self, pointer: Pointer) -> None:
+        shape, held, marks = self.editor.chosen(GraphShape), self._held, self.marks
+        self._held = None
+        if shape is not None and held is not None:
+            self._name(shape, shape.mesh.vertices[marks], later("name the {0}", _END_WORDS[held[0]]))
+
+    def type(self, key: str) -> bool:
+        shape = self.editor.chosen(GraphShape)
+        if key not in ("delete", "backspace") or shape is None or not len(shape.ends):
+            return False
+        self._name(shape, np.empty((0, 3)), tr("find the ends"))
+        return True
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._held = None
+
+    def overlay(self) -> Overlay:
+        shape, marks = self.editor.chosen(GraphShape), self.marks
+        if shape is None or not len(marks):
+            return Overlay()
+        colour = ACCENT if len(shape.ends) else QUIET
+        shown: list[Disc | Label] = []
+        for number, (at, word) in enumerate(zip(self._pixels(shape.id, marks), END_NAMES, strict=True)):
+            if not np.isfinite(at).all():
+                continue
+            held = self._held is not None and self._held[0] == number
+            place: Point = (float(at[0]), float(at[1]))
+            shown += [
+                Disc(place, _MARK_RADIUS_PX, colour),
+                Disc(place, _MARK_RADIUS_PX, MARK, 3.0 if held else 1.5),
+            ]
+            shown.append(Label((place[0] + _LABEL_OFFSET_PX[0], place[1] + _LABEL_OFFSET_PX[1]), word, MARK))
+        return Overlay(tuple(shown))
+
+    def wait(self) -> None:
+        """Waits until the ends are found. For sessions without a window."""
+        if self._found is not None:
+            self._found.result()
+
+    def _pixels(self, character: str, vertices: Int) -> Float:
+        """Returns (5, 2) pixels of vertices in the character's current pose."""
+        return self.editor.lens.project(self.editor.stage_character(character).vertices[vertices])[0]
+
+    def _suggested(self, mesh: Mesh) -> Int:
+        """Returns the vertices at the ends as detected on the mesh; empty while the search runs."""
+        if self._mesh is not mesh:
+            self._mesh = mesh
+            self._threads = self._threads or ThreadPoolExecutor(1, "suggested ends")
+            self._found = self._threads.submit(suggested_ends, mesh)
+        search = self._found
+        return search.result() if search is not None and search.done() else np.empty(0, np.int64)
+
+    def _name(self, shape: GraphShape, ends: Float, step: str) -> None:
+        def named(project: Project) -> Project:
+            return project.with_characters(shape.with_changes(ends=ends, joints=np.empty((0, 3))))
+
+        self.editor.edit(step, named)
+
+
+def suggested_ends(mesh: Mesh) -> Int:
+    """Returns (5,) the vertices at a mesh's head, hands and feet.
+
+    If the mesh is not a person, a standing figure of its size is used.
+    """
+    try:
+        person = find_person_in_mesh(mesh)
+    except EnlivenError:  # The mesh has no area, so it shows no person.
+        person = None
+    if person is not None:
+        ends = person.ends
+    else:
+        low, high = mesh.bounds
+        foot = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+        ends = standing_figure(float(high[1] - low[1]))[_FIGURE_JOINTS] + foot
+    return np.asarray(scipy.spatial.cKDTree(mesh.vertices).query(ends)[1], np.int64)

@@ -1,0 +1,199 @@
+"""The move tool.
+
+Dropping a character's root on another character's node, or dropping it with Shift, merges the two.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+
+from enliven.arrays import Float, Int32
+from enliven.document import Project
+from enliven_viewer.language import later, tr
+from enliven_viewer.studio.editor import Editor
+from enliven_viewer.studio.tools.base import Pointer, Tool
+from enliven_viewer.studio.tools.character_drag import CharacterDrag
+from enliven_viewer.studio.viewport import Disc, Hit, Label, Line, Overlay, bone_at, joint_at
+from enliven_viewer.theme import GOOD, INK, STROKE
+
+_MERGE_DISTANCE = 0.05
+"""Maximum distance to another character, as a fraction of the dragged one's size, for a merge with Shift."""
+_MAX_COMPARED_VERTICES = 4000
+"""Maximum number of vertices of the dragged mesh that are compared with the others, so that dragging a scan
+stays smooth.
+"""
+
+
+class MoveTool(Tool):
+    """A tool that moves a character parallel to the image plane.
+
+    It merges the character if its root comes near a node or a bone.
+    """
+
+    name, label, key, icon = "carry", "Move, merge", "g", "\uf047"
+    plays_on = True
+
+    def __init__(self, editor: Editor) -> None:
+        super().__init__(editor)
+        self._held: CharacterDrag | None = None
+        self._host: Hit | None = None
+        self._others: list[tuple[str, scipy.spatial.cKDTree]] = []
+
+    @property
+    def hint(self) -> str:
+        if self._host is not None:
+            return "Let go to merge here; the motions of both are kept."
+        if self._held is not None and self._held.rooted:
+            return "Bring the red root onto a node of another shape to merge, or let go anywhere."
+        if self._held is not None:
+            return "Let go anywhere; with Shift over another, or where they touch, to make one of the two."
+        if self.editor.selection.character is not None and not self._chosen_is_rooted:
+            return "Drag it to move it; let go with Shift over another to make one of the two."
+        return "Drag a shape to move it. Drop its red root on another shape's node to merge the two."
+
+    @property
+    def _chosen_is_rooted(self) -> bool:
+        return any(
+            character.id == self.editor.selection.character for character in self.editor.editable_characters
+        )
+
+    def press(self, pointer: Pointer) -> bool:
+        hit = self.character_at(pointer)
+        self._held = None if hit is None else CharacterDrag(self.editor, hit, pointer)
+        self._others = []
+        if hit is not None:
+            self.editor.select(handle=None)
+        return hit is not None
+
+    def drag(self, pointer: Pointer) -> None:
+        held, editor = self._held, self.editor
+        if held is None:
+            return
+        editor.sketch(lambda project: held.move(project, pointer))
+        pixels = (
+            editor.lens.pixels_of(editor.stage_character(held.character).handles[:1]) if held.rooted else []
+        )
+        if pixels and not held.several:
+            others = [character for character in editor.editable_characters if character.id != held.character]
+            lens, at, snap = editor.lens, pixels[0], editor.settings.snap
+            self._host = joint_at(others, lens, at, snap) or bone_at(others, lens, at, snap / 2)
+        elif not held.several:
+            self._host = self._merge_target(pointer) if pointer.shift else None
+
+    def release(self, pointer: Pointer) -> None:
+        """Merges at the playhead if there is a target; else moves the character.
+
+        A merge keeps the pose, and both characters keep moving.
+        """
+        (held, host), self._held, self._host = (self._held, self._host), None, None
+        editor = self.editor
+        if held is None or editor.draft is None:
+            return
+        name, notes = held.character, list[str]()
+        if host is None and pointer.shift and not held.several:
+            host = self._merge_target(pointer)
+        if host is None:
+            editor.edit(later("move {0}", held.description), lambda project: held.move(project, pointer))
+            if pointer.shift:
+                self._tell_apart(held)
+            return
+        other = host
+
+        def change(project: Project) -> Project:
+            # A merge at a node also positions the character, so do not move it before.
+            moved = project if other.handle >= 0 else held.move(project, pointer)
+            return held.merge(moved, other, notes)
+
+        if editor.edit(later("merge {0}", name), change):
+            editor.choose(other.character)
+            editor.toasts.say(
+                tr("{0} is now part of {1}", name, other.character), tr("Ctrl+Z takes them apart.")
+            )
+            for note in notes[-2:]:  # The last note reports whether the two surfaces touch.
+                editor.toasts.say(note)
+
+    def _merge_target(self, pointer: Pointer) -> Hit | None:
+        """Returns the target of a merge with Shift: the character under the pointer, or the nearest."""
+        held = self._held
+        if held is None:
+            return None
+        return self.character_at(pointer, without=held.character) or self._touched_character(held)
+
+    def _touched_character(self, held: CharacterDrag) -> Hit | None:
+        """Returns the character that the dragged one touches or nearly touches."""
+        vertices = self.editor.stage_character(held.character).vertices
+        if not len(vertices):
+            return None
+        if not self._others:
+            # Compute this only once. Playback pauses during a drag, so the other characters do not move.
+            self._others = [
+                (
+                    character.id,
+                    scipy.spatial.cKDTree(_spread(character.vertices, character.character.mesh.faces)),
+                )
+                for character in self.editor.pickable_characters
+                if character.id != held.character and character.character.mesh is not None
+            ]
+        near = _MERGE_DISTANCE * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        step = -(-len(vertices) // _MAX_COMPARED_VERTICES)
+        gaps = [
+            (float(tree.query(vertices[::step], distance_upper_bound=near)[0].min()), name)
+            for name, tree in self._others
+        ]
+        gap, name = min(gaps, default=(np.inf, ""))
+        return Hit(name) if gap < near else None
+
+    def _tell_apart(self, held: CharacterDrag) -> None:
+        """Reports why a drop with Shift merged nothing."""
+        if held.several:
+            problem, mend = (
+                tr("Several were moved, and none merged"),
+                tr("Choose one, and let go of it with Shift."),
+            )
+        elif not [
+            character for character in self.editor.pickable_characters if character.id != held.character
+        ]:
+            problem, mend = (
+                tr("You need a second shape to merge"),
+                tr("Draw or open one; locked shapes cannot be merged."),
+            )
+        else:
+            problem, mend = (
+                tr("No shape is near {0}", held.character),
+                tr("Let go over another, or where they touch."),
+            )
+        self.editor.toasts.say(problem, mend)
+
+    def cancel(self) -> None:
+        super().cancel()
+        self._held = self._host = None
+
+    def overlay(self) -> Overlay:
+        plain = super().overlay()
+        if self._held is not None and self._host is not None and self._host.handle < 0:
+            return self._name_overlay(self._held, self._host, plain)
+        node = self.on_bone(self._host)
+        if self._held is None or node is None:
+            return plain
+        root = self.editor.lens.pixels_of(self.editor.stage_character(self._held.character).handles[:1])
+        marks = (
+            *(Line((at, node), STROKE, 2.0) for at in root),
+            Disc(node, 13.0, GOOD, 3.0),
+            Label((node[0] + 20, node[1]), "merge", INK),
+        )
+        return Overlay(marks, plain.chain, plain.hovered)
+
+    def _name_overlay(self, held: CharacterDrag, host: Hit, plain: Overlay) -> Overlay:
+        """Returns the overlay that names the merge target above the dragged character."""
+        vertices, lens = self.editor.stage_character(held.character).vertices, self.editor.lens
+        top = vertices.mean(0) + np.ptp(vertices @ lens.up) / 2 * lens.up
+        marks = tuple(
+            Label(at, tr("merge with {0}", host.character), INK) for at in lens.pixels_of(top[None])
+        )
+        return Overlay(marks, plain.chain, plain.hovered)
+
+
+def _spread(vertices: Float, faces: Int32) -> Float:
+    """Returns (V + F, 3) metres: vertices and face centres, so that large faces also count as near."""
+    return np.concatenate([vertices, vertices[faces].mean(1)])

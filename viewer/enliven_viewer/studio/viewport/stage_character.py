@@ -1,0 +1,88 @@
+"""A character of any rig on the stage at one time: its transforms, its surface, and its handles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from enliven.arrays import Float, Float32
+from enliven.deformation import skin_vertices
+from enliven.document import Character, Pose, RigBase, Skeleton
+from enliven.rotation import rotate
+
+
+@dataclass(frozen=True, eq=False)
+class StageCharacter:
+    """A character at one time.
+
+    Attributes:
+        character: the character as shown; an older version while its newest motion is being solved.
+        drawn: its render mesh, or None if it has no surface.
+        pose: its transforms.
+        handles: (H, 3) metres in the world, the positions of its joints or control points.
+    """
+
+    character: RigBase
+    drawn: Character | None
+    pose: Pose
+    handles: Float
+
+    own_tool = False
+    """Whether a special tool shows and edits its handles. Other tools then ignore them."""
+
+    @property
+    def id(self) -> str:
+        """Returns the id of the character."""
+        return self.character.id
+
+    @property
+    def solved(self) -> Float32 | None:
+        """Returns (V, 3) float32 metres in the world if a solver has computed the vertices.
+
+        Returns None if the transforms do.
+        """
+        return None
+
+    @cached_property
+    def vertices(self) -> Float:
+        """Returns (V, 3) metres in the world; empty without a surface."""
+        return np.zeros((0, 3)) if self.drawn is None else skin_vertices(self.drawn, self.pose).astype(float)
+
+    @property
+    def extent(self) -> Float | Float32:
+        """Returns (N, 3) metres: the cheapest available points with about the character's extent."""
+        return (
+            self.solved if self.solved is not None else self.handles if len(self.handles) else self.vertices
+        )
+
+    @cached_property
+    def bones(self) -> tuple[tuple[int, int], ...]:
+        """Returns the handles at both ends of each bone, the parent first; empty without bones."""
+        parents = () if self.own_tool else enumerate(self.character.parents)
+        return tuple((int(parent), handle) for handle, parent in parents if parent >= 0)
+
+    @property
+    def nodes(self) -> Float | Float32:
+        """Returns (N, 3) metres in the world: the nodes that can have keys.
+
+        Returns an empty array if the handles have the keys.
+        """
+        count = 0 if len(self.handles) else self.character.keyable
+        return self.pose.positions[:count]
+
+    def on_bone(self, handle: int, along: float) -> Float:
+        """Returns (3,) metres, a point on the bone that ends at a handle: 0 at its start, 1 at the handle."""
+        start = self.handles[max(int(self.character.parents[handle]), 0)]
+        return np.asarray(start + along * (self.handles[handle] - start))
+
+
+def joints_of(skeleton: Skeleton, turns: Float, root: Float) -> Float:
+    """Returns (N, 3) metres: the joint positions for world rotations (N, 4) and the root position (3,)."""
+    joints = np.empty_like(skeleton.positions)
+    joints[0] = root
+    arms = rotate(turns, skeleton.vectors)
+    for joint in range(1, len(skeleton)):
+        joints[joint] = joints[skeleton.parents[joint]] + arms[joint]
+    return joints

@@ -1,0 +1,153 @@
+"""The rendered images of a window: the stage, and the panels' images of takes and performers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from imgui_bundle import imgui
+
+from enliven.arrays import UInt8
+from enliven_viewer.render import Scene
+from enliven_viewer.render.gl import window_context
+from enliven_viewer.studio.panel_layout import Area
+from enliven_viewer.studio.panels.stage import place_of_side_view
+from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
+from enliven_viewer.studio.picture import PreviewTextures, Viewport
+from enliven_viewer.studio.tools import MapTool, PaintTool
+from enliven_viewer.studio.viewport import StageCharacter
+from enliven_viewer.studio.workspace import Workspace
+from enliven_viewer.theme import look_in_theme
+
+
+class WindowPictures:
+    """The renderers of a window. They draw into the framebuffer that is bound when the object is created.
+
+    Args:
+        films: if True, every image waits until it is complete, however long it takes.
+
+    Attributes:
+        source: draws the source take of a mapping, or the side view of a limb.
+        performer: draws the performer of an edited puppet.
+        thumbnails: draws key poses.
+        glances: draws the camera previews of performers.
+    """
+
+    def __init__(self, workspace: Workspace, *, films: bool) -> None:
+        self.workspace = workspace
+        settings, context = workspace.editor.settings, window_context()
+        # Detect the framebuffer now, while the window's own one is bound.
+        self._screen: Any = context.detect_framebuffer()
+        self.viewport = Viewport(context, (64, 64), settings.render)
+        self.viewport.renderer.textures.beside = not films
+        self.source = Viewport(context, (64, 64), settings.render)
+        self.performer = PerformerPicture(self.source.renderer)
+        self.thumbnails = Thumbnails(context, workspace.puppets.stage.surfaces)
+        self.glances = PreviewTextures(context)
+
+    def pixels(self) -> UInt8:
+        """Returns (H, W, 3) sRGB of the screen, top row first. Call after a frame."""
+        width, height = _framebuffer_size()
+        raw = self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1)
+        # Reading clears the error. moderngl causes it, because it queries buffers that the window lacks.
+        _ = self.viewport.renderer.ctx.error
+        return np.ascontiguousarray(np.frombuffer(raw, np.uint8).reshape(height, width, 3)[::-1])
+
+    def draw(self, area: Area) -> None:
+        """Draws the stage in an area of the window, and the images of the panels."""
+        workspace = self.workspace
+        editor, perform, scan = workspace.editor, workspace.perform, workspace.scan
+        self.source.renderer.look = look_in_theme("studio")
+        self._draw_source()
+        renderer = self.viewport.renderer
+        renderer.look = look_in_theme(editor.look)
+        renderer.resize(_dense(area.width, area.height))
+        stage = [
+            character
+            for character in editor.visible_characters
+            if character.id not in perform.hidden and not scan.active
+        ]
+        live = None if hides_live(workspace) else scan.live_scene(perform.scene)
+        self._draw_side(area, stage, live)
+        tool = workspace.input.tool
+        self.viewport.draw(
+            stage,
+            editor.lens,
+            editor.selection,
+            tool.overlay(),
+            over=tool.picture(),
+            ghosts=workspace.ghosts.picture(),
+            meshes=editor.show_meshes,
+            bones=editor.show_bones and perform.active_workspace in ("Animate", "Model"),
+            live=live,
+            growing=scan.surface,
+        )
+        wide, high = _framebuffer_size()
+        scale = imgui.get_io().display_framebuffer_scale.y
+        renderer.present(self._screen, (round(area.x * scale), high - round((area.y + area.height) * scale)))
+        self._screen.viewport = (0, 0, wide, high)
+
+    def _draw_source(self) -> None:
+        """Draws the take during mapping, or the performer during the editing of a puppet."""
+        tool = self.workspace.input.tool
+        if edits_puppet(self.workspace):
+            self._draw_performer()
+            return
+        posed = tool.source.posed_skeleton() if isinstance(tool, MapTool) else None
+        if isinstance(tool, MapTool) and posed is not None:
+            self.source.renderer.resize(_dense(*tool.source.size))
+            self.source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
+
+    def _draw_side(self, area: Area, stage: Sequence[StageCharacter], live: Scene | None) -> None:
+        """Draws the side view of the limb that is about to be attached.
+
+        While performing, the source view is not needed.
+        """
+        workspace = self.workspace
+        place = place_of_side_view(workspace, area)
+        lens = workspace.perform.close_up.lens(place.width, place.height)
+        if lens is None:
+            return
+        self.source.renderer.look = look_in_theme(workspace.editor.look)
+        self.source.renderer.resize(_dense(place.width, place.height))
+        chosen, overlay = workspace.editor.selection, workspace.input.tool.overlay()
+        self.source.draw(stage, lens, chosen, overlay, bones=False, live=live)
+
+    def _draw_performer(self) -> None:
+        """Draws the performer of the puppet, and the requested key poses."""
+        view = self.workspace.performer
+        view.follow()
+        self.thumbnails.work()
+        figure = view.figure()
+        if figure is not None:
+            self.performer.renderer.resize(_dense(*view.size))
+            self.performer.draw(figure, view.lens, view.paired(), view.hovered)
+
+
+def edits_puppet(workspace: Workspace) -> bool:
+    """Returns True if a puppet is being edited, so that its performer and key poses are shown."""
+    return (
+        workspace.puppets.puppet is not None
+        and workspace.perform.active_workspace in ("Animate", "Model")
+        and not isinstance(workspace.input.tool, (MapTool, PaintTool))
+        and not workspace.editor.selection.several
+    )
+
+
+def hides_live(workspace: Workspace) -> bool:
+    """Returns True if the live stage is hidden, which applies only outside the Perform workspace."""
+    return workspace.outliner.live_hidden and workspace.perform.active_workspace in ("Animate", "Model")
+
+
+def _dense(wide: float, high: float) -> tuple[int, int]:
+    """Returns the size in screen pixels for a size in logical pixels; at least 1."""
+    scale = imgui.get_io().display_framebuffer_scale.y
+    return max(round(wide * scale), 1), max(round(high * scale), 1)
+
+
+def _framebuffer_size() -> tuple[int, int]:
+    """Returns the size of the window's framebuffer in screen pixels."""
+    io = imgui.get_io()
+    scale = io.display_framebuffer_scale
+    return round(io.display_size.x * scale.x), round(io.display_size.y * scale.y)

@@ -1,0 +1,64 @@
+"""Chooses the size of an opened model: the file's own if it is plausible for the stage, else a likely one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from enliven.arrays import AnyArray
+from enliven_viewer.language import later, tr
+
+_MIN_SIZE_M = 0.25
+"""In metres. A model that is smaller in every direction is assumed to be in another unit."""
+_MAX_HEIGHT_M = 3.0
+"""In metres. A taller model is assumed to be in another unit, since the stage is made for people."""
+_MAX_LENGTH_M = 4.5
+"""In metres. A longer or wider model, twice the length of a horse, is assumed to be in another unit."""
+_UNITS = (
+    ("centimetres", 0.01),
+    ("millimetres", 0.001),
+    ("kilometres", 1000.0),
+    (later("hundreds of metres"), 100.0),
+)
+"""Units that programs write instead of metres, with their length in metres."""
+_PLAUSIBLE_LENGTHS_M = (0.5, 3.0)
+"""Plausible range of a model's longest side in metres, from a small dog to a horse with its tail. It decides
+whether a unit fits.
+"""
+_PERSON_HEIGHT_M = 1.7
+"""Height in metres of a model without a plausible size: that of a person."""
+_MAX_FALLBACK_LENGTH_M = 3.5
+"""Maximum longest side, in metres, of a model without a plausible size."""
+
+
+@dataclass(frozen=True)
+class ModelSize:
+    """The height to which an opened model is scaled.
+
+    Attributes:
+        height: target height in metres.
+        note: explanation for the user; empty if the file's own size is kept.
+    """
+
+    height: float
+    note: str = ""
+
+
+def opened_size(points: AnyArray | Sequence[Sequence[float]]) -> ModelSize:
+    """Returns the size for a model with (N, 3) points in the file's metres, +Y up.
+
+    If another unit gives a plausible size, the file is read in that unit. Otherwise a model of an implausible
+    size gets the height of a person.
+    """
+    extent = np.ptp(np.asarray(points, float), axis=0)
+    tall, longest = float(extent[1]), float(extent.max())
+    if tall <= 0.0 or (longest >= _MIN_SIZE_M and tall <= _MAX_HEIGHT_M and longest <= _MAX_LENGTH_M):
+        return ModelSize(tall)
+    for word, metres in _UNITS:
+        if _PLAUSIBLE_LENGTHS_M[0] <= longest * metres <= _PLAUSIBLE_LENGTHS_M[1]:
+            note = tr("it was {0:.3g} m tall: read as {1}, {2:.2g} m", tall, tr(word), tall * metres)
+            return ModelSize(tall * metres, note)
+    height = min(_PERSON_HEIGHT_M, _MAX_FALLBACK_LENGTH_M * tall / longest)
+    return ModelSize(height, tr("it was {0:.3g} m tall, and was made {1:.2g} m tall", tall, height))

@@ -1,0 +1,87 @@
+"""Size mismatches between characters: a hint when a file is opened, and an action that matches the sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Project
+from enliven.modeling.edits import foot_of, move_character, scale_character, vertices_of
+from enliven_viewer.language import tr
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.editor import Editor
+
+_MISMATCH_RATIO = 2.0
+"""Height ratio to the other characters, in either direction, above which a mismatch is reported."""
+_HEIGHT_TOLERANCE = 0.01
+"""Relative height difference below which heights count as equal."""
+
+
+class SizeMatching:
+    """A comparison of the selected character's height with the others', and the command that matches it."""
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+
+    def heights(self) -> tuple[float, float] | None:
+        """Returns the selected character's height and the median height of the others, in metres.
+
+        Returns None if either is missing.
+        """
+        return self._heights({character.id: character.vertices for character in self.editor.stage_characters})
+
+    def _heights(self, surfaces: Mapping[str, Float]) -> tuple[float, float] | None:
+        """Returns the same heights for given vertices (V, 3) of every character."""
+        heights = {
+            name: float(np.ptp(vertices[:, 1])) for name, vertices in surfaces.items() if len(vertices)
+        }
+        own = heights.pop(self.editor.selection.character or "", 0.0)
+        others = [height for height in heights.values() if height > 0.0]
+        return (own, float(np.median(others))) if own > 0.0 and others else None
+
+    def lacks(self) -> str:
+        """Returns why the selected character cannot be fitted, with advice."""
+        heights = self.heights()
+        if heights is None:
+            return "No other shape to compare with. Choose one that stands next to others."
+        same = abs(heights[0] / heights[1] - 1.0) < _HEIGHT_TOLERANCE
+        return "It is as tall as the others. Choose one that is not." if same else ""
+
+    def fit(self) -> None:
+        """Scales the selected character to the median height of the others, in place."""
+        name, project, time = self.editor.selection.character, self.editor.project, self.editor.time
+        # Compute the surfaces here. A shown surface of a puppet may be outdated, because puppets are solved
+        # in the background.
+        surfaces = {
+            other: vertices_of(project, other, time)
+            for other, character in project.characters.items()
+            if character.mesh
+        }
+        heights = self._heights(surfaces)
+        if name is None or heights is None:
+            return
+        scaled = scale_character(project, name, heights[1] / heights[0])
+        way = foot_of(surfaces[name]) - foot_of(vertices_of(scaled, name, time))
+
+        def change(project: Project) -> Project:
+            return move_character(scale_character(project, name, heights[1] / heights[0]), name, way)
+
+        self.editor.edit("fit its size", change)
+
+    def tell(self) -> None:
+        """Shows a hint if the character that was just opened differs much in height from the others."""
+        heights = self.heights()
+        if heights is None or 1.0 / _MISMATCH_RATIO < heights[0] / heights[1] < _MISMATCH_RATIO:
+            return
+        message = tr("It is {0:.3g} m tall, the others {1:.3g} m", heights[0], heights[1])
+        self.editor.toasts.say(message, tr("Alt+F makes it as tall as the others."))
+
+
+def fitting_actions(fitting: SizeMatching) -> Iterator[Action]:
+    """Yields the action that fits the selected character to the others."""
+    about = "As tall as the shapes next to it."
+    yield Action(
+        "shape.fit", "Shape", "Fit to the others' size", ("alt+f",), fitting.fit, fitting.lacks, about=about
+    )

@@ -1,0 +1,208 @@
+"""The actions of the View menu: playback, display options, text size and theme, and the camera."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from enliven_viewer.language import tr
+from enliven_viewer.studio.actions import Action
+from enliven_viewer.studio.curves import CurveInput
+from enliven_viewer.studio.ghosts import Ghosts
+from enliven_viewer.studio.preferences import SIZES, Preferences
+from enliven_viewer.studio.workspace.commands import Commands
+from enliven_viewer.theme import is_light
+
+
+def playing_actions(c: Commands) -> Iterator[Action]:
+    """Yields the actions of playback and of display options."""
+    editor = c.editor
+    yield Action("view.play", "View", "Play or stop", ("space",), c.play, is_on=lambda: editor.playing)
+    yield Action("view.frame_back", "View", "A frame back", ("left",), lambda: c.step(-1))
+    yield Action("view.frame_on", "View", "A frame on", ("right",), lambda: c.step(1))
+    yield Action("view.start", "View", "To the start", ("home",), lambda: editor.scrub(0.0))
+    yield Action("view.end", "View", "To the end", ("end",), lambda: editor.scrub(editor.length))
+    about = "The loop begins here; recordings too."
+    yield Action(
+        "view.in_point",
+        "View",
+        "In point here",
+        ("alt+i",),
+        lambda: editor.mark(0),
+        about=about,
+        apart=True,
+    )
+    about = "The loop goes back to the in point from here; recordings end here."
+    yield Action("view.out_point", "View", "Out point here", ("alt+o",), lambda: editor.mark(1), about=about)
+    yield Action(
+        "view.whole_loop",
+        "View",
+        "Loop the whole project",
+        ("alt+l",),
+        c.clear_range,
+        c.lacks_marked,
+        about="Removes the in and out points.",
+    )
+    yield Action("view.bones", "View", "Bones", ("b",), c.bones, is_on=lambda: editor.show_bones, apart=True)
+    yield Action(
+        "view.outline",
+        "View",
+        "Outline of the key pose before",
+        ("o",),
+        c.puppets.outline,
+        is_on=lambda: editor.puppets.silhouette,
+        about="While a key pose is edited.",
+    )
+    yield Action(
+        "view.crossing",
+        "View",
+        "Faces that cross",
+        ("w",),
+        c.puppets.warn,
+        is_on=lambda: editor.puppets.warn,
+        about="Faces that pass through one another are red while a key pose is edited.",
+    )
+
+
+def reading_actions(preferences: Preferences) -> Iterator[Action]:
+    """Yields the actions of text size, theme and animation."""
+
+    def at_end(size: float, size_name: str) -> str:
+        return tr("The text is as {0} as it gets.", size_name) if preferences.text_size == size else ""
+
+    yield Action(
+        "view.larger_text",
+        "View",
+        "Larger text",
+        ("ctrl+shift+equal",),
+        lambda: preferences.resize(1),
+        lambda: at_end(SIZES[-1], tr("large")),
+        about="Text, and everything around it.",
+        apart=True,
+    )
+    yield Action(
+        "view.smaller_text",
+        "View",
+        "Smaller text",
+        ("ctrl+shift+minus",),
+        lambda: preferences.resize(-1),
+        lambda: at_end(SIZES[0], tr("small")),
+        about="Text, and everything around it.",
+    )
+    yield Action(
+        "view.light_theme",
+        "View",
+        "Light theme",
+        (),
+        lambda: preferences.set_colours("dark" if is_light() else "light"),
+        is_on=is_light,
+        about="Dark letters on light panels, and a bright stage.",
+    )
+    yield Action(
+        "view.less_motion",
+        "View",
+        "Less motion",
+        (),
+        preferences.set_less_motion,
+        is_on=lambda: preferences.less_motion,
+        about="The view turns at once, without gliding.",
+    )
+    yield Action(
+        "view.performer",
+        "View",
+        "Performers in the corner",
+        ("alt+p",),
+        preferences.watch_performer,
+        is_on=lambda: preferences.performer,
+        about="The picture of their camera; with several cameras, side by side.",
+    )
+
+
+def camera_actions(c: Commands) -> Iterator[Action]:
+    """Yields the actions of the camera."""
+    editor, right = c.editor, np.pi / 2
+    yield Action(
+        "view.all", "View", "Frame everything", ("f",), lambda: editor.frame_all(reset=False), apart=True
+    )
+    yield Action(
+        "view.way",
+        "View",
+        "Frame the whole way",
+        ("ctrl+f",),
+        editor.frame_way,
+        about="Shows everywhere that the chosen shape goes, or all shapes if none is chosen.",
+    )
+    yield Action(
+        "view.follow",
+        "View",
+        "Follow what moves",
+        ("shift+f",),
+        editor.moves.toggle_follow,
+        is_on=lambda: editor.moves.follow,
+        about="The view follows the chosen character, or all of them, from the side that you chose.",
+    )
+    yield Action(
+        "view.turntable",
+        "View",
+        "Turntable",
+        ("shift+t",),
+        editor.moves.toggle_turntable,
+        is_on=lambda: editor.moves.turntable,
+        about="The view goes around slowly.",
+    )
+    yield Action(
+        "view.look",
+        "View",
+        "Next look",
+        ("shift+l",),
+        editor.next_look,
+        about="Another light, backdrop and floor: studio, night, white, dawn, garden.",
+    )
+    sides = (
+        ("front", "1", 0.0, 0.0),
+        ("back", "2", np.pi, 0.0),
+        ("right", "3", right, 0.0),
+        ("above", "7", 0.0, right),
+    )
+    for name, key, around, up in sides:
+        label = "From above" if name == "above" else f"From the {name}"
+        face = lambda to=(around, up): editor.camera.face(*to)  # noqa: E731
+        yield Action(f"view.{name}", "View", label, (key,), face, group="From a side")
+    yield Action(
+        "view.best",
+        "View",
+        "Where most is seen",
+        ("v",),
+        c.best_view,
+        c.lacks_shape,
+        group="From a side",
+        about="Turns the view so that the bones of the chosen shape hide one another least.",
+    )
+
+
+def ghost_action(ghosts: Ghosts) -> Action:
+    """Returns the action that toggles ghosts and motion trails."""
+    return Action(
+        "view.ghosts",
+        "View",
+        "Ghosts and trails",
+        ("shift+g",),
+        ghosts.toggle,
+        is_on=lambda: ghosts.on,
+        about="Where the chosen shape was (blue) and will be (orange), and the ways of its hands and feet.",
+        apart=True,
+    )
+
+
+def curve_action(curves: CurveInput) -> Action:
+    """Returns the action that toggles the curves."""
+    return Action(
+        "view.curves",
+        "View",
+        "Curves",
+        ("shift+c",),
+        curves.toggle,
+        is_on=lambda: curves.on,
+        about="Turn, place, keys, weight and speed of the selection over time, above the timeline.",
+    )
