@@ -26,6 +26,7 @@ BOUNDS = {
     "view": ["--film", "bounded.mp4", "--seconds", "0.1", "--size", "160x90"],
     "inspect": ["--frames", "3"],
     "synthesize": ["--width", "80", "--level", "1"],
+    "record": ["--set", "width=80", "--seconds", "5"],
     "studio": ["--seconds", "0.1"],
 }
 """Options that are added to a command line so that it ends soon; an edge ends only after a body is attached.
