@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import tomllib
 from pathlib import Path
 
@@ -108,9 +109,12 @@ def runs_on_another_page(page: Path, words: list[str]) -> bool:
 
 
 @named(pages_of("shell"))
-def test_the_commands_of_a_document_run(page, place, without_processes, capsys):
+def test_the_commands_of_a_document_run(page, place, without_processes, monkeypatch, capsys):
     for block in runnable(page, "shell"):
         for words in block.commands:
+            if words[0] == ".venv/bin/python" and "-o" in words:
+                monkeypatch.setattr("sys.argv", words[1:])
+                runpy.run_path(str(ROOT / words[1]), run_name="__main__")
             if words[0] != "enliven" or "COMMAND" in words or runs_on_another_page(page, words):
                 continue
             code = cli.run([*words[1:], *BOUNDS.get(words[1], [])])
