@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import tomllib
 from pathlib import Path
 
@@ -26,7 +27,9 @@ BOUNDS = {
     "view": ["--film", "bounded.mp4", "--seconds", "0.1", "--size", "160x90"],
     "inspect": ["--frames", "3"],
     "synthesize": ["--width", "80", "--level", "1"],
+    "record": ["--set", "width=80", "--seconds", "5"],
     "studio": ["--seconds", "0.1"],
+    "examples fit": ["--end", "0.1"],
 }
 """Options that are added to a command line so that it ends soon; an edge ends only after a body is attached.
 If an option is given twice, the last value counts."""
@@ -106,13 +109,26 @@ def runs_on_another_page(page: Path, words: list[str]) -> bool:
     return page == ROOT / "README.md" and not is_output and any(words in block.commands for block in others)
 
 
+def replace_key_poses(session: Path, poses: str) -> None:
+    """Writes the key poses of a page into a session, as the page asks its reader to do."""
+    before, _, rest = session.read_text().partition("[[pose]]")
+    after = rest[rest.index("[symmetry]") :]
+    session.write_text(f"{before}{poses}\n{after}")
+
+
 @named(pages_of("shell"))
-def test_the_commands_of_a_document_run(page, place, without_processes, capsys):
-    for block in runnable(page, "shell"):
-        for words in block.commands:
+def test_the_commands_of_a_document_run(page, place, without_processes, monkeypatch, capsys):
+    for block in (one for one in BLOCKS if one.page == page and not one.reason):
+        if block.kind == "toml" and "[[pose]]" in block.text and page.parent.name == "tutorials":
+            replace_key_poses(place / "cactus.toml", block.text)
+        for words in block.commands if block.kind == "shell" else []:
+            if words[0] == ".venv/bin/python" and "-o" in words:
+                monkeypatch.setattr("sys.argv", words[1:])
+                runpy.run_path(str(ROOT / words[1]), run_name="__main__")
             if words[0] != "enliven" or "COMMAND" in words or runs_on_another_page(page, words):
                 continue
-            code = cli.run([*words[1:], *BOUNDS.get(words[1], [])])
+            bounds = BOUNDS.get(words[1]) or BOUNDS.get(" ".join(words[1:3]), [])
+            code = cli.run([*words[1:], *bounds])
             assert code in (0, TELLS.get(words[1])), f"{block}: {' '.join(words)}: {capsys.readouterr().err}"
 
 
@@ -142,6 +158,8 @@ def test_the_settings_of_a_document_are_settings(block, tmp_path):
     path.write_text(block.text)
     if "chain" in values:
         assert len(read_plan(path).chains) == len(values["chain"])
+    elif block.page.parent.name == "tutorials":
+        assert all({"take", "time", "moves"} <= set(pose) for pose in values["pose"])
     elif block.page.name == "studio.md":
         assert load_settings(StudioSettings, path).width == values["width"]
     elif "render" in values:

@@ -65,5 +65,5 @@ def test_every_picture_is_shown_and_every_page_is_reached():
         for page in PAGES
         for link in LINK.findall(text_of(page))
     }
-    pictures = set((ROOT / "docs").glob("*.png"))
+    pictures = set((ROOT / "docs").rglob("*.png"))
     assert {str(lost.name) for lost in (pictures | set(PAGES)) - linked - {ROOT / "README.md"}} == set()

@@ -55,7 +55,7 @@ class SourceView:
 
     def show(self, take: str) -> None:
         """Shows another take, and frames it completely."""
-        self.take, self.chain, self._start = take, (), None
+        self.take, self.chain, self._start, self._hovered = take, (), None, None
         clip = self.clip
         if clip is None:
             return
