@@ -47,7 +47,7 @@ _MAX_MESSAGE_LENGTH = 160
 """Maximum number of characters of a sentence in a wire message."""
 
 
-class _Start(threading.Thread):
+class _VoiceLoader(threading.Thread):
     """Loads the speech models in the background, which takes about a second."""
 
     def __init__(self) -> None:
@@ -76,7 +76,7 @@ class Controls(Closeable):
         self, controls: Sequence[ControlReader], voices: Collection[str] = (), *, hides_talk: bool = False
     ) -> None:
         self._controls, self._voices, self._hides_talk = list(controls), set(voices), hides_talk
-        self._start: _Start | None = None
+        self._start: _VoiceLoader | None = None
         self._failure: EnlivenError | None = None
         self._state: VoiceMessage | None = None
 
@@ -139,7 +139,7 @@ class Controls(Closeable):
         if not on:
             self._failure = self._start = None
         elif not voices and self._start is None:
-            self._failure, self._start = None, _Start()
+            self._failure, self._start = None, _VoiceLoader()
             self._start.start()
 
     def _finish_start(self) -> None:

@@ -66,7 +66,7 @@ def buttons_down(report: bytes) -> frozenset[str]:
     )
 
 
-class Edges:
+class ButtonEdges:
     """Converts reports of the keys that are down to the keys that went down since the previous report.
 
     Args:
@@ -118,7 +118,7 @@ class HidPedal(Device):
             raise InputError("a HID control needs its vendor and product", where=where, mend=mend)
         need("hid", "controls", where)
         self._settings = settings
-        self._edges = Edges(settings.report, settings.skip, settings.number)
+        self._edges = ButtonEdges(settings.report, settings.skip, settings.number)
         self._device: Any = None
 
     def open(self) -> None:

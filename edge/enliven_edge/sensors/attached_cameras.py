@@ -72,7 +72,7 @@ KINDS = (
 
 
 @dataclass(frozen=True)
-class Attached:
+class AttachedCamera:
     """One camera on USB.
 
     Attributes:
@@ -130,13 +130,13 @@ def unsupported(package: str, installed: str) -> str:
     return ""
 
 
-def attached(devices: Path = DEVICES, nodes: Path = NODES) -> list[Attached]:
+def attached(devices: Path = DEVICES, nodes: Path = NODES) -> list[AttachedCamera]:
     """Returns the depth cameras on USB, sorted by name."""
     cameras = [camera for each in devices.glob("*") if (camera := _camera(each, nodes))]
     return sorted(cameras, key=lambda camera: (camera.kind.name, camera.title))
 
 
-def _camera(device: Path, nodes: Path) -> Attached | None:
+def _camera(device: Path, nodes: Path) -> AttachedCamera | None:
     vendor, product, title = (_said(device, part) for part in ("idVendor", "idProduct", "product"))
     for kind in KINDS:
         if vendor == kind.vendor and re.fullmatch(kind.products, product) and kind.title in title:
@@ -144,7 +144,7 @@ def _camera(device: Path, nodes: Path) -> Attached | None:
             mbit = float(_said(device, "speed") or "nan")
             node = nodes / _said(device, "busnum").zfill(3) / _said(device, "devnum").zfill(3)
             called = " ".join(word for word in (title or kind.name, serial) if word)
-            return Attached(kind, called, mbit, node)
+            return AttachedCamera(kind, called, mbit, node)
     return None
 
 

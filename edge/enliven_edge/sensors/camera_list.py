@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from enliven.errors import ResourceError
-from enliven_edge.sensors.attached_cameras import Attached, attached
+from enliven_edge.sensors.attached_cameras import AttachedCamera, attached
 from enliven_edge.sensors.drivers import listed_cameras
 
 VIDEO, NODES = Path("/sys/class/video4linux"), Path("/dev")
@@ -52,7 +52,7 @@ def found_cameras() -> list[DetectedCamera]:
     return [*_on_usb(attached()), *_at_ports(), *video_cameras()]
 
 
-def _on_usb(cameras: list[Attached]) -> list[DetectedCamera]:
+def _on_usb(cameras: list[AttachedCamera]) -> list[DetectedCamera]:
     """Returns the depth cameras on USB. Several cameras of one make are selected by serial number."""
     makes = Counter(camera.kind.sensor for camera in cameras)
     listed = []

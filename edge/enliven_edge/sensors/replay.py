@@ -69,7 +69,7 @@ class ReplaySensor(Sensor):
         # Keep the file open, so that a lack of file descriptors cannot end a loop later.
         self._file = open_file(self.recording.path)
         entries = functools.partial(LogReader, self.recording, self._file)
-        self._entries: Iterator[LogEntry] = _Endless(entries) if loop else entries()
+        self._entries: Iterator[LogEntry] = _LoopedEntries(entries) if loop else entries()
         self._ahead = _up_to_first_frame(self._entries)
         if not self._ahead:
             self._file.close()
@@ -158,7 +158,7 @@ def _up_to_first_frame(entries: Iterator[LogEntry]) -> deque[LogEntry]:
             return ahead
 
 
-class _Endless:
+class _LoopedEntries:
     """Repeats the entries endlessly, with increasing times. Frames that cannot be used are skipped."""
 
     def __init__(self, entries: Callable[[], Iterator[LogEntry]]) -> None:
@@ -167,7 +167,7 @@ class _Endless:
         self._first: int | None = None
         self._last: int | None = None
 
-    def __iter__(self) -> _Endless:
+    def __iter__(self) -> _LoopedEntries:
         return self
 
     def __next__(self) -> LogEntry:

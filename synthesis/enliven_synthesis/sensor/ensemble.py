@@ -54,7 +54,7 @@ class Appearance:
 
 
 @dataclass(frozen=True)
-class Truth:
+class GroundTruth:
     """The ground truth of one frame, for P performers, including absent ones.
 
     Attributes:
@@ -132,7 +132,7 @@ class Ensemble:
         """Returns the sensor's timestamp of a frame, integer nanoseconds."""
         return round(index * 1_000_000_000 / self.rate)
 
-    def frame(self, index: int) -> tuple[DepthFrame, Truth]:
+    def frame(self, index: int) -> tuple[DepthFrame, GroundTruth]:
         """Returns the sensor's frame with that number, and its ground truth."""
         time = index / self.rate
         figures = [a.figure(time) for a in self.cast]
@@ -155,7 +155,7 @@ class Ensemble:
         )
         return frame, self._truth(time, figures, depth, owner)
 
-    def _truth(self, time: float, figures: list[Figure | None], depth: Float, owner: Int32) -> Truth:
+    def _truth(self, time: float, figures: list[Figure | None], depth: Float, owner: Int32) -> GroundTruth:
         count = len(figures)
         joints, visible = np.full((count, 20, 3), np.nan), np.zeros((count, 20), bool)
         contacts = np.zeros((count, 2), bool)
@@ -169,7 +169,7 @@ class Ensemble:
                 figure.joints, performer, p, depth, owner, self.intrinsics, self.camera_from_world, reach
             )
             contacts[p] = self._standing(p, figure, time)
-        return Truth(np.array([f is not None for f in figures], bool), joints, visible, contacts, owner)
+        return GroundTruth(np.array([f is not None for f in figures], bool), joints, visible, contacts, owner)
 
     def _standing(self, p: int, figure: Figure, time: float) -> Bool:
         """Returns (2,) True for each standing foot of performer ``p``: partly on the floor, and at rest."""

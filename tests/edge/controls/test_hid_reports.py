@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from enliven_edge.controls.base import ControlReader
 from enliven_edge.controls.control_set import open_controls
-from enliven_edge.controls.hid_pedal import Edges, buttons_down, keys_down
+from enliven_edge.controls.hid_pedal import ButtonEdges, buttons_down, keys_down
 from enliven_edge.controls.settings import ControlSettings
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -39,7 +39,7 @@ def boot(keys: list[str], modifiers: int = 0) -> bytes:
 
 @given(KEYS, st.randoms(use_true_random=False), st.integers(0, 3))
 def test_a_key_goes_down_once_however_the_reports_order_them(held, random, skip):
-    edges, before = Edges("keyboard", skip), set()
+    edges, before = ButtonEdges("keyboard", skip), set()
     for keys in held:
         order = sorted(keys)
         random.shuffle(order)
@@ -49,7 +49,7 @@ def test_a_key_goes_down_once_however_the_reports_order_them(held, random, skip)
 
 @given(KEYS, st.lists(st.binary(max_size=9).filter(lambda other: other[:1] != b"\1"), min_size=1))
 def test_reports_of_another_number_change_nothing(held, others):
-    edges, before = Edges("keyboard", number=1), set()
+    edges, before = ButtonEdges("keyboard", number=1), set()
     for turn, keys in enumerate(held):
         assert edges.feed(others[turn % len(others)]) == []
         assert edges.feed(b"\1" + boot(sorted(keys))) == sorted(keys - before)
@@ -58,7 +58,7 @@ def test_reports_of_another_number_change_nothing(held, others):
 
 @given(st.lists(st.binary(max_size=8), max_size=12))
 def test_a_button_goes_down_where_its_bit_does(reports):
-    edges, before = Edges("buttons"), 0
+    edges, before = ButtonEdges("buttons"), 0
     for report in reports:
         now = int.from_bytes(report, "little")
         expected = {f"{bit // 8}.{bit % 8}" for bit in range(64) if (now & ~before) >> bit & 1}
@@ -74,7 +74,7 @@ def test_no_bytes_break_the_decoding(report):
 
 
 def test_too_many_keys_at_once_change_nothing():
-    edges = Edges("keyboard")
+    edges = ButtonEdges("keyboard")
     assert edges.feed(boot(["a"])) == ["a"]
     assert edges.feed(bytes([0, 0, 1, 1, 1, 1, 1, 1])) == []
     assert edges.feed(b"") == []

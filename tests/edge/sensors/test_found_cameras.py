@@ -7,7 +7,7 @@ import pytest
 from enliven import cli
 from enliven_edge.sensors import attached_cameras
 from enliven_edge.sensors import camera_list as module
-from enliven_edge.sensors.attached_cameras import KINDS, Attached
+from enliven_edge.sensors.attached_cameras import KINDS, AttachedCamera
 from enliven_edge.sensors.camera_list import found_cameras, video_cameras
 
 
@@ -31,9 +31,9 @@ def video(tmp_path):
     return plug
 
 
-def camera(name: str, title: str, mbit: float = 5000.0, tmp: object = "/") -> Attached:
+def camera(name: str, title: str, mbit: float = 5000.0, tmp: object = "/") -> AttachedCamera:
     kind = next(kind for kind in KINDS if kind.name == name and not kind.boots)
-    return Attached(kind, title, mbit, tmp)
+    return AttachedCamera(kind, title, mbit, tmp)
 
 
 def test_webcams_and_time_of_flight_cameras_are_recognised(video, monkeypatch):

@@ -26,7 +26,9 @@ def test_all_are_listed(capsys):
 
 def test_connected_cameras_are_listed_with_install_commands(capsys, monkeypatch):
     kind = next(kind for kind in attached_cameras.KINDS if kind.sensor == "oak")
-    camera = attached_cameras.Attached(replace(kind, package="no-such-package"), "[OAK] 1", 5000.0, Path("/"))
+    camera = attached_cameras.AttachedCamera(
+        replace(kind, package="no-such-package"), "[OAK] 1", 5000.0, Path("/")
+    )
     monkeypatch.setattr("enliven_edge.sensors.attached", lambda: [camera])
     _, out, _ = said(capsys)
     assert "[OAK] 1" in out and '"enliven-edge[oak]"' in " ".join(out.split())

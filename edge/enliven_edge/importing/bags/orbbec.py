@@ -61,7 +61,7 @@ _NONE = (0.0,) * 5
 
 
 @dataclass
-class _About:
+class _BagContents:
     """The description of a recording's images, most of it at its end.
 
     Attributes:
@@ -112,9 +112,9 @@ def check_playback(path: Path) -> None:
     _about(path)
 
 
-def _about(path: Path) -> _About:
+def _about(path: Path) -> _BagContents:
     """Reads the small messages."""
-    about = _About()
+    about = _BagContents()
     for topic, fields in messages(path, lambda topic: topic in (_STREAM, _DEVICE, _PROPERTY)):
         fields.numbers("III")
         fields.text()
@@ -135,7 +135,7 @@ def _about(path: Path) -> _About:
     return about
 
 
-def _check_depth(about: _About, path: Path) -> None:
+def _check_depth(about: _BagContents, path: Path) -> None:
     """Checks that the images are depth, not disparities."""
     in_device = about.properties.get(_DEPTH_IN_DEVICE)
     if in_device is not None and not any(in_device):
@@ -149,13 +149,13 @@ def _check_depth(about: _About, path: Path) -> None:
         raise InputError(problem, where=str(path), mend=_PLAY.format(path))
 
 
-def _value(about: _About, number: int, kind: str, otherwise: float) -> float:
+def _value(about: _BagContents, number: int, kind: str, otherwise: float) -> float:
     data = about.properties.get(number, b"")
     size = struct.calcsize(kind)
     return float(struct.unpack("<" + kind, data[:size])[0]) if len(data) >= size else otherwise
 
 
-def _step(about: _About, path: Path) -> float:
+def _step(about: _BagContents, path: Path) -> float:
     """Returns the millimetres of one depth step."""
     level = round(_value(about, _PRECISION, "i", 0.0))
     usual = _STEPS[level] if 0 <= level < len(_STEPS) else 1.0

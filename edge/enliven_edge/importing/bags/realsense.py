@@ -31,7 +31,7 @@ Read = Callable[[Path, Callable[[str], bool]], Iterator[Message]]
 
 
 @dataclass
-class _About:
+class _BagContents:
     """The descriptions of a recording's cameras, by the prefixes of their topics."""
 
     cameras: dict[str, Intrinsics] = field(default_factory=dict)
@@ -89,8 +89,8 @@ def _numbered(frame: DepthFrame, said: dict[str, str]) -> DepthFrame:
         return frame
 
 
-def _about(path: Path, read: Read) -> _About:
-    about = _About()
+def _about(path: Path, read: Read) -> _BagContents:
+    about = _BagContents()
     for topic, fields in read(path, _is_small):
         if topic.endswith("camera_info"):
             stream = _STREAM.match(topic)
@@ -158,7 +158,7 @@ def _pairs(fields: Fields) -> Iterator[tuple[str, str]]:
             yield key.strip(), value
 
 
-def _chosen(about: _About, device: str | None, path: Path) -> str:
+def _chosen(about: _BagContents, device: str | None, path: Path) -> str:
     """Returns the stream of the chosen camera."""
     if not about.cameras:
         mend = "Record depth: in the RealSense Viewer the stereo module must be on."

@@ -108,7 +108,7 @@ def detect(
         by_facing: its estimates for each likely facing, see :func:`estimates_by_facing`.
         lengths: (12,) metres, of this person if they are known already.
     """
-    coarse = _Coarse(fitter, observation, seen, eye, height, _FIRST_POINTS)
+    coarse = _CoarseFits(fitter, observation, seen, eye, height, _FIRST_POINTS)
     starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
     ranked = yield from coarse.ranked(starts)
     kept = _best_distinct(ranked, _REFINED_HYPOTHESES)
@@ -138,7 +138,7 @@ def detect_another(
         fitter, observation, seen, eye, height, by_facing, lengths: as in :func:`detect`.
         now: the present posture.
     """
-    coarse = _Coarse(fitter, observation, seen, eye, height, _COARSE_POINTS)
+    coarse = _CoarseFits(fitter, observation, seen, eye, height, _COARSE_POINTS)
     mark, _ = coarse.fitted(now)
     yield 1
     starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
@@ -151,7 +151,7 @@ def detect_another(
     return posture, report
 
 
-class _Coarse:
+class _CoarseFits:
     """Fits hypotheses in a few steps, to some of the points, to separate good ones from bad ones."""
 
     def __init__(
