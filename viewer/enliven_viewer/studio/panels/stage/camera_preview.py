@@ -64,7 +64,7 @@ def draw_camera_previews(
 
 
 @dataclass(frozen=True)
-class CameraPreview:
+class PreviewContent:
     """The image of an edge's camera, live or in a take: the name, the performers, and the camera.
 
     ``limbs`` are the colours of a match, sRGB by performer and by the outer joint of a bone.
@@ -76,7 +76,7 @@ class CameraPreview:
     limbs: Mapping[int, Mapping[int, tuple[float, float, float]]] = field(default_factory=dict)
 
 
-def views_of(perform: PerformSession) -> list[CameraPreview]:
+def views_of(perform: PerformSession) -> list[PreviewContent]:
     """Returns the camera views of all edges, or that of the take; empty without a link."""
     live = perform.live
     if live is None or not (live.take or perform.connected):
@@ -88,8 +88,8 @@ def views_of(perform: PerformSession) -> list[CameraPreview]:
     return views if someone or perform.active_workspace == "Perform" else []
 
 
-def _view_of(name: str, live: LiveStage, camera: CameraMessage | None) -> CameraPreview:
-    return CameraPreview(name, live.scene.bodies, camera, limb_tints(live.scene.boards))
+def _view_of(name: str, live: LiveStage, camera: CameraMessage | None) -> PreviewContent:
+    return PreviewContent(name, live.scene.bodies, camera, limb_tints(live.scene.boards))
 
 
 def _covered_rectangles(workspace: Workspace) -> list[tuple[float, float, float, float]]:
@@ -103,7 +103,7 @@ def _covered_rectangles(workspace: Workspace) -> list[tuple[float, float, float,
     return [rectangle for rectangle in rectangles if rectangle is not None]
 
 
-def _view(draw: imgui.ImDrawList, area: Area, view: CameraPreview, texture: int | None) -> None:
+def _view(draw: imgui.ImDrawList, area: Area, view: PreviewContent, texture: int | None) -> None:
     """Draws one camera's image."""
     name, bodies = view.name, project_bodies(view.bodies, view.camera)
     low, high = ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height)
