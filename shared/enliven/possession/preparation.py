@@ -16,6 +16,7 @@ from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.likeness import BodyInMesh, find_person_in_mesh
 from enliven.possession.placement import turn_about_y
 from enliven.possession.standing_placement import fit_standing_person, standing_figure
+from enliven.similarity import fit_similarity
 
 log = logging.getLogger(__name__)
 
@@ -108,11 +109,8 @@ def prepared(
 
 
 def as_moved(points: Float, before: Float, after: Float) -> Float:
-    """Returns points (N, 3) under the affine map that took the vertices ``before`` (V, 3) to ``after``."""
-    about = before.mean(0)
-    return np.asarray(
-        after.mean(0) + (points - about) @ np.linalg.lstsq(before - about, after - after.mean(0))[0]
-    )
+    """Returns points (N, 3) under the similarity that took the vertices ``before`` (V, 3) to ``after``."""
+    return fit_similarity(before, after).transform(points)
 
 
 def _around_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:

@@ -1,0 +1,51 @@
+"""Similarity transforms: a rotation, a scale and a displacement, fitted to corresponding points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from enliven.arrays import Float
+
+_MIN_SQUARE_M2 = 1e-12
+"""Minimum sum of squared distances from the centre, square metres: points that coincide have no scale."""
+
+
+@dataclass(frozen=True, eq=False)
+class Similarity:
+    """A similarity transform: x becomes size turn x + move.
+
+    Attributes:
+        size: scale, above 0.
+        turn: (3, 3) rotation.
+        move: (3,) metres.
+    """
+
+    size: float = 1.0
+    turn: Float = field(default_factory=lambda: np.eye(3))
+    move: Float = field(default_factory=lambda: np.zeros(3))
+
+    def transform(self, points: Float) -> Float:
+        """Returns points (..., 3) under the transform."""
+        return np.asarray(self.size * points @ self.turn.T + self.move)
+
+    def transform_back(self, points: Float) -> Float:
+        """Returns points (..., 3) under the inverse transform."""
+        return np.asarray((points - self.move) @ self.turn / self.size)
+
+
+def fit_similarity(source: Float, target: Float) -> Similarity:
+    """Returns the similarity from source points (N, 3) to target points (N, 3).
+
+    It minimises sum |size turn s + move - t|^2 over rotations and displacements, with the scale that gives
+    both sets the same spread (Horn 1987; Umeyama 1991 for the rotation). It is unique for a flat mesh too,
+    where an affine map is not.
+    """
+    source_centre, target_centre = source.mean(0), target.mean(0)
+    a, b = source - source_centre, target - target_centre
+    size = float(np.sqrt(max((b**2).sum(), _MIN_SQUARE_M2) / max((a**2).sum(), _MIN_SQUARE_M2)))
+    u, _, vt = np.linalg.svd(b.T @ a)
+    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    turn = u @ vt
+    return Similarity(size, turn, target_centre - size * turn @ source_centre)
