@@ -29,6 +29,7 @@ BOUNDS = {
     "synthesize": ["--width", "80", "--level", "1"],
     "record": ["--set", "width=80", "--seconds", "5"],
     "studio": ["--seconds", "0.1"],
+    "scan": ["--voxel", "16", "--triangles", "4000"],
     "examples fit": ["--end", "0.1"],
 }
 """Options that are added to a command line so that it ends soon; an edge ends only after a body is attached.
@@ -118,7 +119,7 @@ def replace_key_poses(session: Path, poses: str) -> None:
 
 @named(pages_of("shell"))
 def test_the_commands_of_a_document_run(page, place, without_processes, monkeypatch, capsys):
-    for block in (one for one in BLOCKS if one.page == page and not one.reason):
+    for block in (block for block in BLOCKS if block.page == page and not block.reason):
         if block.kind == "toml" and "[[pose]]" in block.text and page.parent.name == "tutorials":
             replace_key_poses(place / "cactus.toml", block.text)
         for words in block.commands if block.kind == "shell" else []:

@@ -1,4 +1,4 @@
-"""Tests of the view of a take, from which a chain is chosen."""
+"""Tests of the view in which a chain of a take is chosen."""
 
 from enliven import History, Project
 from enliven_viewer.studio.editor.editor import Editor
