@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import logging
+import time
 from collections.abc import Callable, Iterator
 
 from numba.core import event
 
+log = logging.getLogger(__name__)
+_QUIET_S = 5.0
+"""Seconds of compilation after which the log explains the wait: a few single kernels need no explanation."""
 _EVENT = "numba:compile"
 """Numba's event for the compilation of one function. Functions that it calls are compiled within it."""
 
@@ -25,10 +30,15 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         self._finished = 0
         self._depth = 0
         self._collects = False
+        self._seconds = 0.0
+        self._started = 0.0
+        self._has_explained = False
 
     def on_start(self, event: object) -> None:
         """Disables garbage collection at the outermost function, and reports the count so far."""
         if self._depth == 0:
+            self._explain()
+            self._started = time.perf_counter()
             self._collects = gc.isenabled()
             gc.disable()
         self._depth += 1
@@ -39,8 +49,17 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         """Enables garbage collection after the outermost function, if it was enabled before."""
         self._finished += 1
         self._depth -= 1
-        if self._depth == 0 and self._collects:
+        if self._depth > 0:
+            return
+        self._seconds += time.perf_counter() - self._started
+        if self._collects:
             gc.enable()
+
+    def _explain(self) -> None:
+        """Writes once to the log that kernels are compiled, unless a caller shows the progress itself."""
+        if self._seconds > _QUIET_S and not self._has_explained and not self.callbacks:
+            self._has_explained = True
+            log.info("compiling kernels; this takes a minute or two, once on this machine")
 
 
 _compilations = _Compilations()

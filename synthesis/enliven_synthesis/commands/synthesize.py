@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def synthesize(
     output: Annotated[Path, typer.Option("--output", "-o", help="The recording to make.")],
-    choreography: Annotated[str, typer.Option(help="chair, walk, wave or idle.")] = "chair",
+    choreography: Annotated[str, typer.Option(help="chair, walk, wave, idle or wander.")] = "chair",
     profile: Annotated[str, typer.Option(help="The camera: a name, or a .toml file.")] = "kinect1",
     seed: Annotated[int, typer.Option(help="Fixes everything random.")] = 0,
     width: Annotated[int, typer.Option(help="Pixels across; 0 for the camera's own.")] = 320,

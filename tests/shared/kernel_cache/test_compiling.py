@@ -1,11 +1,13 @@
 """Compilations of the process are reported, and garbage collection waits for their end."""
 
 import gc
+import itertools
 
 import numba
 import pytest
 
-from enliven.kernel_cache import on_compilation
+import enliven.kernels  # noqa: F401  (it registers the listener)
+from enliven.kernel_cache import compiling, on_compilation
 
 
 def test_compilations_are_counted_from_start_to_end():
@@ -47,3 +49,20 @@ def test_a_kernel_that_cannot_be_compiled_leaves_garbage_collection_on():
     assert gc.isenabled()
     numba.njit(lambda x: x * 3)(1)
     assert gc.isenabled()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "shows_progress", "lines"), [(1.0, False, 0), (3.0, False, 1), (3.0, True, 0)]
+)
+def test_long_wait_for_compilation_is_explained_once(monkeypatch, caplog, seconds, shows_progress, lines):
+    """Three functions are compiled, and then a fourth, in this many seconds each."""
+    clock = itertools.count(step=seconds)
+    monkeypatch.setattr(compiling.time, "perf_counter", lambda: next(clock))
+    compilations = compiling._Compilations()
+    if shows_progress:
+        compilations.callbacks.append(lambda count: None)
+    caplog.set_level("INFO")
+    for _ in range(4):
+        compilations.on_start(None)
+        compilations.on_end(None)
+    assert caplog.text.count("compiling kernels; this takes a minute or two") == lines
