@@ -8,12 +8,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from patience import until
 
 import enliven_edge.assets
+from enliven import cli
 from enliven.commands import processes
 from enliven.commands.processes import Process, run_together
-from enliven.recording import Recording
+from enliven.errors import InputError
+from enliven.recording import Recorder, Recording
 
 CHAIR = Path(enliven_edge.assets.__file__).with_name("chair.mcap")
 FAILS, WAITS, DONE = ["run", "--recording", "nowhere.mcap"], ["doctor"], ["--version"]
@@ -85,3 +88,24 @@ def test_a_window_that_crashes_is_no_interruption(monkeypatch, caplog) -> None:
     monkeypatch.setattr(processes, "start_process", lambda *_: subprocess.Popen(crash))
     assert run_together([Process("viewer", [], leads=True)]) == 1
     assert "the viewer has ended by the signal SIGSEGV" in caplog.text
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_run_passes_the_permission_to_overwrite_a_take_to_its_edge(tmp_path, monkeypatch, overwrite) -> None:
+    started: list[Process] = []
+    monkeypatch.setattr("enliven.commands.run.run_together", lambda processes: started.extend(processes) or 0)
+    words = ["run", "--film", "--out", str(tmp_path), "--record", str(tmp_path / "take.mcap")]
+    assert cli.run([*words, *(["--overwrite"] if overwrite else [])]) == 0
+    edge = next(process for process in started if process.name == "edge")
+    assert ("--overwrite" in edge.arguments) is overwrite
+
+
+def test_refusal_to_overwrite_names_an_option_that_the_command_has(tmp_path, capsys) -> None:
+    take = tmp_path / "take.mcap"
+    take.write_bytes(b"precious")
+    with pytest.raises(InputError, match="--overwrite"):
+        Recorder(take)
+    assert take.read_bytes() == b"precious"
+    for command in ("run", "edge", "record", "replay", "track", "import", "synthesize"):
+        assert cli.run([command, "--help"]) == 0
+        assert "--overwrite" in capsys.readouterr().out, command

@@ -58,6 +58,7 @@ def run(
     record: Path | None = typer.Option(
         None, help="Keep the take (character, bodies, poses) in this file; {time} or {number} is filled in."
     ),
+    overwrite: bool = typer.Option(False, "--overwrite", help="Replace an existing take."),
 ) -> None:
     """Start the edge and the viewer together: from a depth recording to a moving mesh.
 
@@ -101,6 +102,7 @@ def run(
     # For a film, the edge waits for the viewer before it starts, so that no frame is lost.
     edge_options = {
         "record": record,
+        "overwrite": overwrite,
         "settings": settings,
         "name": f"run-{os.getpid()}",
         "wait_for_viewer": 60,

@@ -227,7 +227,7 @@ def _created(path: Path, overwrite: bool) -> WholeFile:
         raise InputError(
             "the file exists already",
             where=str(path),
-            mend="Choose another name, or allow it to be overwritten.",
+            mend="Choose another name, or allow it to be overwritten (--overwrite).",
         ) from None
     except FileNotFoundError:
         raise InputError(
