@@ -104,11 +104,15 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
         shot("box")
         area = window.places.viewport
         for _ in range(2):  # First the top's dot, then the dot of the box that resulted.
-            ((x, y),) = editor.lens.pixels_of(scan.box._handle(1, 1)[None])
+            # An eighth of the box: a slow machine has scanned only a small part of the chair by now.
+            (x, y), (_, bottom) = editor.lens.pixels_of(
+                np.array([scan.box._handle(end, 1) for end in (1, 0)])
+            )
+            step = max((bottom - y) / 8, 6.0)
             ctx.mouse_move_to_pos(ImVec2(area.x + x, area.y + y))
             ctx.mouse_down(0)
             ctx.yield_()
-            ctx.mouse_move_to_pos(ImVec2(area.x + x, area.y + y + 16.0))
+            ctx.mouse_move_to_pos(ImVec2(area.x + x, area.y + y + step))
             ctx.yield_()
             ctx.mouse_up(0)
             ctx.yield_()
