@@ -12,9 +12,9 @@ from enliven.mapping.plan import Plan
 from enliven.mapping.quality import MotionQuality, quality_of
 from enliven.mapping.softening import softened
 
-_BETTER = 0.8
+_MAX_FAULT_RATIO = 0.8
 """Another mapping is offered only if its faults are at most this fraction of the current mapping's."""
-_GENTLE = 0.6
+_GENTLE_WEIGHT = 0.6
 """Factor on the weight of limbs in the candidate that moves them less, so that they collide less."""
 
 
@@ -45,17 +45,20 @@ def next_best(made: RetargetedShape, shape: Shape, quality: MotionQuality) -> Ne
     """
     if quality.beyond == 0.0:
         return None
-    alternatives = [NextBest(how, plan, _measured(made, shape, plan)) for how, plan in _others(made, shape)]
+    alternatives = [
+        NextBest(how, plan, _measured_quality(made, shape, plan))
+        for how, plan in _other_mappings(made, shape)
+    ]
     best = min(alternatives, key=lambda one: one.quality.faults)
-    return best if best.quality.faults < _BETTER * quality.faults else None
+    return best if best.quality.faults < _MAX_FAULT_RATIO * quality.faults else None
 
 
-def _measured(retargeted: RetargetedShape, shape: Shape, plan: Plan) -> MotionQuality:
+def _measured_quality(retargeted: RetargetedShape, shape: Shape, plan: Plan) -> MotionQuality:
     other = retarget(shape, retargeted.clip, plan, clips=retargeted.clips)
     return quality_of(other.project, other.shape_id, retargeted.clip, other.duration, other.plan)
 
 
-def _others(retargeted: RetargetedShape, shape: Shape) -> Iterator[tuple[str, Plan]]:
+def _other_mappings(retargeted: RetargetedShape, shape: Shape) -> Iterator[tuple[str, Plan]]:
     """Yields each mapping that differs from the current one in one choice, after a description of how."""
     plan, clip = retargeted.plan, retargeted.clip
     soft = softened(plan, clip, shape)
@@ -66,10 +69,10 @@ def _others(retargeted: RetargetedShape, shape: Shape) -> Iterator[tuple[str, Pl
         if chains != plan.chains:
             yield f"with --mode {mode}", softened(replace(plan, chains=chains), clip, shape)
     chains = tuple(
-        chain if "whole" in chain.role else replace(chain, weight=_GENTLE * chain.weight)
+        chain if "whole" in chain.role else replace(chain, weight=_GENTLE_WEIGHT * chain.weight)
         for chain in plan.chains
     )
-    yield f"with limbs moved by {_GENTLE:.0%}", replace(plan, chains=chains)
+    yield f"with limbs moved by {_GENTLE_WEIGHT:.0%}", replace(plan, chains=chains)
     if stands(shape):
         yield ("with --no-steps" if plan.steps else "with --steps"), replace(plan, steps=not plan.steps)
         if not plan.floor:

@@ -22,60 +22,60 @@ from enliven.document import Skeleton
 from enliven.mapping.facing import facing_of, side_of, spaced, turned_about_y
 from enliven.mapping.human_names import HumanJoints, HumanLimb, human_joints, longest_branch
 
-_TWIGS = re.compile(
+_TWIG_WORDS = re.compile(
     r"(?<![a-z])(eye|eye ?lid|(eye ?)?brow|ear|jaw|mouth|lip|tongue|tooth|teeth|nose|cheek|hair|finger|thumb)"
     r"s?(?![a-z])",
     re.IGNORECASE,
 )
 """Words in joint names that mean a part of a face or a hand."""
-_SAME_PLACE = 0.02
+_PARTNER_DISTANCE = 0.02
 """Two joints are partners if each is at most this far from the other's mirror image, as a fraction of the
 skeleton's size."""
-_SHORT = 0.15
+_MIN_BRANCH_FRACTION = 0.15
 """A branch shorter than this fraction of the longest branch is a twig, not a limb."""
-_TWIG = 0.5
+_MIN_FORK_FRACTION = 0.5
 """A branch shorter than this fraction of the path from the root to its fork is a twig.
 
 A branch leads off the middle plane if its end is farther from it than its fork, by more than this fraction of
 its length."""
-_SIDE_TWIG = 0.6
-"""The first limit of ``_TWIG`` for a branch that leads off the middle plane. Big ears are longer than other
-twigs."""
-_MANY = 5
+_MIN_SIDE_FORK_FRACTION = 0.6
+"""The first limit of ``_MIN_FORK_FRACTION`` for a branch that leads off the middle plane. Big ears are
+longer than other twigs."""
+_MIN_FORK_BRANCHES = 5
 """Minimum number of branches with which a fork is a face or a hand. The root is exempt."""
-_PALM = 0.02
+_MIN_PALM_LENGTH = 0.02
 """Minimum length of the bone to the first joint of a finger, as a fraction of the longest branch, with which
 that bone is a palm."""
-_ASIDE = 0.15
+_MAX_FORK_OFFSET = 0.15
 """A fork farther from the middle plane than this fraction of the longest branch is a hand. The limb continues
 along its longest branch only."""
-_ALIKE = 0.15
+_MAX_PAIR_DIFFERENCE = 0.15
 """Maximum relative difference in length of the two limbs of a pair."""
-_APART = 0.1
+_MIN_PAIR_DISTANCE = 0.1
 """Minimum lateral distance between the two limbs of a pair, as a fraction of their length."""
-_MIDDLE = 0.03
+_MIN_LIMB_OFFSET = 0.03
 """A bone of the limb proper begins farther from the middle plane than this fraction of the limb's length."""
-_SIDEWAYS = 0.8
+_MIN_GIRDLE_SIDEWAYS = 0.8
 """Minimum lateral extent of a girdle bone (collar bone, hip), as a fraction of its length."""
-_ONWARD = 0.5
+_MAX_GIRDLE_COSINE = 0.5
 """The limb bends after a girdle bone if the cosine between it and the rest is below this: 60 degrees."""
-_GIRDLE = 0.6
+_MAX_GIRDLE_LENGTH = 0.6
 """Maximum length of the girdle as a fraction of the limb's. A longer girdle would leave too little limb."""
-_KNEED = 3
+_MIN_LEG_JOINTS = 3
 """Minimum number of joints of a leg proper. With fewer it could not bend."""
-_THICK = 0.7
+_MIN_FIRST_BONE = 0.7
 """Minimum length of the first bone of the limb proper, as a fraction of the limb's second longest bone."""
-_FLOOR = 0.15
+_MAX_LEG_END_HEIGHT = 0.15
 """Maximum height of a leg's end above the floor, as a fraction of body height. The end may be an ankle."""
-_DROP = 0.12
+_MIN_LEG_DROP = 0.12
 """Minimum descent of a leg from its highest joint, as a fraction of body height. A low tail descends less."""
-_HAND = 0.45
+_MAX_HAND_LENGTH = 0.45
 """Maximum length of a hand as a fraction of the limb's. An arm has two segments before its hand."""
-_WRIST = 0.6
+_MIN_WRIST_POSITION = 0.6
 """A segment that begins beyond this fraction of the limb's length is a hand or a foot."""
-_FINGERS = 3
+_MIN_WRIST_BONES = 3
 """Minimum number of bones that begin at a wrist. A joint with two may carry a twist bone."""
-_UPRIGHT = np.cos(np.radians(45.0))
+_MIN_UPRIGHT_COSINE = np.cos(np.radians(45.0))
 """Minimum cosine between the vertical and the line from hips to chest with which joint names of a person
 are trusted. Animals may have them too."""
 
@@ -164,7 +164,7 @@ def begins_tip(skeleton: Skeleton, limb: SkeletonLimb, joint: int) -> bool:
     if limb.tip or limb.knots or joint not in limb.main[1:-1]:
         return False
     number, bones = limb.main.index(joint), skeleton.lengths[list(limb.main[1:])]
-    return bool(bones[:number].sum() > _WRIST * bones.sum())
+    return bool(bones[:number].sum() > _MIN_WRIST_POSITION * bones.sum())
 
 
 def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
@@ -175,16 +175,20 @@ def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
         facing: angle of its front about +Y from +Z, in radians. If None, it is detected.
     """
     facing = facing_of(skeleton) if facing is None else facing
-    at = _evened(turned_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing))
+    at = _symmetric_positions(
+        turned_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing)
+    )
     human = human_joints(skeleton)
     if human is not None and _is_upright(at[human.chest] - at[list(_hip_joints(human))].mean(0)):
         return _human_anatomy(skeleton, human, facing, at)
-    below = _major(skeleton, at)
-    chains = _chains(below)
-    limbs = [_with_hand(_limb(chain, at), skeleton, at) for chain in chains if not below[chain[-1]]]
-    trunk = _trunk([chain for chain in chains if below[chain[-1]]], at)
-    pairs, single = _paired(limbs, at, skeleton.names)
-    head, tail = _ends(single, at)
+    below = _major_children(skeleton, at)
+    chains = _fork_chains(below)
+    limbs = [
+        _with_hand(_limb_from_chain(chain, at), skeleton, at) for chain in chains if not below[chain[-1]]
+    ]
+    trunk = _trunk_path([chain for chain in chains if below[chain[-1]]], at)
+    pairs, single = _paired_limbs(limbs, at, skeleton.names)
+    head, tail = _head_and_tail(single, at)
     if not any(limb.chain[0] == trunk[-1] for limb in single):
         trunk, pairs, split_head = _with_head(trunk, pairs, at)
         head = split_head or head
@@ -198,7 +202,7 @@ def _hip_joints(human: HumanJoints) -> tuple[int, ...]:
 
 def _is_upright(way: Float) -> bool:
     """Returns True if a vector (3,) points up."""
-    return bool(float(way[1]) > _UPRIGHT * float(np.linalg.norm(way)))
+    return bool(float(way[1]) > _MIN_UPRIGHT_COSINE * float(np.linalg.norm(way)))
 
 
 def _human_anatomy(skeleton: Skeleton, human: HumanJoints, facing: float, at: Float) -> Anatomy:
@@ -214,10 +218,10 @@ def _human_anatomy(skeleton: Skeleton, human: HumanJoints, facing: float, at: Fl
     head = None
     if len(human.head) > 1:
         knots = tuple(human.head.index(joint) for joint in human.head_knots)
-        head = SkeletonLimb(human.head, 0, False, _point(at[human.head[-1]]), knots=knots)
+        head = SkeletonLimb(human.head, 0, False, _as_tuple(at[human.head[-1]]), knots=knots)
     tail = None
     if human.tail:
-        tail = SkeletonLimb(human.tail, 0, False, _point(at[human.tail[-1]]))
+        tail = SkeletonLimb(human.tail, 0, False, _as_tuple(at[human.tail[-1]]))
     return Anatomy(facing, path[first:], ((arms[0], arms[1]), (legs[0], legs[1])), head, tail)
 
 
@@ -227,14 +231,14 @@ def _human_limb(skeleton: Skeleton, fork: int, limb: HumanLimb, grounded: bool, 
     chain = path if limb.tip < 0 else (*path, *longest_branch(skeleton, limb.tip))
     knots = tuple(path.index(joint) for joint in limb.knots)
     stop = None if limb.tip < 0 else len(path) - 1
-    return SkeletonLimb(chain, knots[0], grounded, _point(at[chain[-1]]), stop, knots)
+    return SkeletonLimb(chain, knots[0], grounded, _as_tuple(at[chain[-1]]), stop, knots)
 
 
-def _point(place: Float) -> tuple[float, float, float]:
+def _as_tuple(place: Float) -> tuple[float, float, float]:
     return float(place[0]), float(place[1]), float(place[2])
 
 
-def _evened(at: Float) -> Float:
+def _symmetric_positions(at: Float) -> Float:
     """Returns symmetric joint positions (N, 3): the mean of each joint and its partner's mirror image.
 
     So decisions that depend on lengths are the same on both sides.
@@ -243,15 +247,15 @@ def _evened(at: Float) -> Float:
     distances = np.linalg.norm(at[:, None] - mirrored, axis=2)
     partner = distances.argmin(1)
     mutual = partner[partner] == np.arange(len(at))
-    near = distances.min(1) < _SAME_PLACE * np.ptp(at, axis=0).max()
+    near = distances.min(1) < _PARTNER_DISTANCE * np.ptp(at, axis=0).max()
     return np.where((mutual & near)[:, None], (at + mirrored[partner]) / 2.0, at)
 
 
-def _major(skeleton: Skeleton, at: Float) -> list[list[int]]:
+def _major_children(skeleton: Skeleton, at: Float) -> list[list[int]]:
     """Returns the children of each joint that are not twigs. A limb ends at the first joint of a finger."""
     count, parents = len(skeleton), np.maximum(skeleton.parents, 0)
     lengths = np.linalg.norm(at - at[parents], axis=1)
-    named = [bool(_TWIGS.search(spaced(name))) for name in skeleton.names]
+    named = [bool(_TWIG_WORDS.search(spaced(name))) for name in skeleton.names]
     reach, way, end = np.zeros(count), np.zeros(count), np.arange(count)
     for j in range(count - 1, 0, -1):
         up, long = parents[j], reach[j] + lengths[j]
@@ -264,18 +268,23 @@ def _major(skeleton: Skeleton, at: Float) -> list[list[int]]:
         branches = []
         for c in children:
             long = reach[c] + lengths[c]
-            aside = abs(at[end[c], 0] - at[j, 0]) > _TWIG * long
-            least = max(_SHORT * reach[0], (_SIDE_TWIG if aside else _TWIG) * way[j])
+            aside = abs(at[end[c], 0] - at[j, 0]) > _MIN_FORK_FRACTION * long
+            least = max(
+                _MIN_BRANCH_FRACTION * reach[0],
+                (_MIN_SIDE_FORK_FRACTION if aside else _MIN_FORK_FRACTION) * way[j],
+            )
             if (long >= least and not named[c]) or len(children) == 1:
                 branches.append(c)
-        if j > 0 and children and abs(at[j, 0]) > _ASIDE * reach[0]:
+        if j > 0 and children and abs(at[j, 0]) > _MAX_FORK_OFFSET * reach[0]:
             branches = [max(children, key=lambda c: reach[c] + lengths[c])]
-        over = j > 0 and ((named[j] and lengths[j] > _PALM * reach[0]) or len(branches) >= _MANY)
+        over = j > 0 and (
+            (named[j] and lengths[j] > _MIN_PALM_LENGTH * reach[0]) or len(branches) >= _MIN_FORK_BRANCHES
+        )
         below.append([] if over else branches)
     return below
 
 
-def _chains(below: list[list[int]]) -> list[tuple[int, ...]]:
+def _fork_chains(below: list[list[int]]) -> list[tuple[int, ...]]:
     """Returns the chains from the root and every fork to the next fork or end."""
     chains, waiting = list[tuple[int, ...]](), [0]
     while waiting:
@@ -290,14 +299,14 @@ def _chains(below: list[list[int]]) -> list[tuple[int, ...]]:
     return chains
 
 
-def _trunk(chains: list[tuple[int, ...]], at: Float) -> tuple[int, ...]:
+def _trunk_path(chains: list[tuple[int, ...]], at: Float) -> tuple[int, ...]:
     """Returns the longest path from the root along chains that end in a fork."""
     best: tuple[int, ...] = (0,)
     ways: dict[int, tuple[int, ...]] = {0: (0,)}
     for chain in chains:
         if chain[0] in ways:
             ways[chain[-1]] = (*ways[chain[0]], *chain[1:])
-            if _length(ways[chain[-1]], at) > _length(best, at):
+            if _chain_length(ways[chain[-1]], at) > _chain_length(best, at):
                 best = ways[chain[-1]]
     while len(best) > 2 and _turns_back(at[list(best)]):
         best = best[1:]
@@ -324,55 +333,56 @@ def _with_head(
         return trunk, pairs, None
     neck = max(fork for fork in forks if fork < len(trunk) - 1)
     other_pairs = [pair for pair in pairs if pair[0].chain[0] != trunk[-1]]
-    return trunk[: neck + 1], other_pairs, _limb(trunk[neck:], at)
+    return trunk[: neck + 1], other_pairs, _limb_from_chain(trunk[neck:], at)
 
 
-def _length(chain: tuple[int, ...], at: Float) -> float:
+def _chain_length(chain: tuple[int, ...], at: Float) -> float:
     return float(np.linalg.norm(np.diff(at[list(chain)], axis=0), axis=1).sum())
 
 
-def _limb(chain: tuple[int, ...], at: Float) -> SkeletonLimb:
+def _limb_from_chain(chain: tuple[int, ...], at: Float) -> SkeletonLimb:
     """Returns a chain as a limb, with its girdle separated from the limb proper."""
-    length = _length(chain, at)
+    length = _chain_length(chain, at)
     bones = np.linalg.norm(np.diff(at[list(chain)], axis=0), axis=1)
-    aside = np.abs(at[list(chain[:-1]), 0]) > _MIDDLE * length
+    aside = np.abs(at[list(chain[:-1]), 0]) > _MIN_LIMB_OFFSET * length
     second = np.sort(bones[aside])[-2:][0] if aside.any() else 0.0
-    limb = aside & (bones >= _THICK * second) & ~_sideways(at[list(chain)])
+    limb = aside & (bones >= _MIN_FIRST_BONE * second) & ~_is_sideways(at[list(chain)])
     start = int(limb.argmax()) if limb.any() else 0
     floor, tall = float(at[:, 1].min()), float(np.ptp(at[:, 1]))
     end = at[chain[-1]]
     drop = float(at[list(chain), 1].max() - end[1])
-    grounded = bool(end[1] < floor + _FLOOR * tall and drop > _DROP * tall)
+    grounded = bool(end[1] < floor + _MAX_LEG_END_HEIGHT * tall and drop > _MIN_LEG_DROP * tall)
     while start and (
-        _length(chain[: start + 1], at) > _GIRDLE * length or (grounded and len(chain) - start < _KNEED)
+        _chain_length(chain[: start + 1], at) > _MAX_GIRDLE_LENGTH * length
+        or (grounded and len(chain) - start < _MIN_LEG_JOINTS)
     ):
         start -= 1
-    return SkeletonLimb(chain, start, grounded, _point(end))
+    return SkeletonLimb(chain, start, grounded, _as_tuple(end))
 
 
 def _with_hand(limb: SkeletonLimb, skeleton: Skeleton, at: Float) -> SkeletonLimb:
     """Returns the limb with its hand separated: the part beyond a late joint from which fingers spread."""
     proper = limb.proper
-    if limb.grounded or len(proper) < _KNEED + 1:
+    if limb.grounded or len(proper) < _MIN_LEG_JOINTS + 1:
         return limb
-    length = _length(proper, at)
-    for number in range(_KNEED - 1, len(proper) - 1):
-        spreads = len(skeleton.children[proper[number]]) >= _FINGERS
-        if spreads and _length(proper[number:], at) <= _HAND * length:
+    length = _chain_length(proper, at)
+    for number in range(_MIN_LEG_JOINTS - 1, len(proper) - 1):
+        spreads = len(skeleton.children[proper[number]]) >= _MIN_WRIST_BONES
+        if spreads and _chain_length(proper[number:], at) <= _MAX_HAND_LENGTH * length:
             return replace(limb, stop=limb.start + number)
     return limb
 
 
-def _sideways(points: Float) -> Bool:
+def _is_sideways(points: Float) -> Bool:
     """Returns (K - 1,) True for bones of a chain that lead sideways before the chain bends, as at a hip."""
     bones, rest = np.diff(points, axis=0), points[-1] - points[1:]
     lengths = np.linalg.norm(bones, axis=1) * np.maximum(np.linalg.norm(rest, axis=1), 1e-9)
     along = np.einsum("kc,kc->k", bones, rest) / np.maximum(lengths, 1e-12)
-    across = np.abs(bones[:, 0]) > _SIDEWAYS * np.linalg.norm(bones, axis=1)
-    return np.asarray(across & (along < _ONWARD) & (np.arange(len(bones)) < len(bones) - 1))
+    across = np.abs(bones[:, 0]) > _MIN_GIRDLE_SIDEWAYS * np.linalg.norm(bones, axis=1)
+    return np.asarray(across & (along < _MAX_GIRDLE_COSINE) & (np.arange(len(bones)) < len(bones) - 1))
 
 
-def _paired(
+def _paired_limbs(
     limbs: list[SkeletonLimb], at: Float, names: tuple[str, ...]
 ) -> tuple[list[Pair], list[SkeletonLimb]]:
     """Returns the pairs (left, right) from front and top to back and bottom, and the unpaired limbs.
@@ -385,9 +395,9 @@ def _paired(
         for b, right in enumerate(limbs):
             if a == b or not _on_sides(left, right, at, names):
                 continue
-            left_length, right_length = _length(left.chain, at), _length(right.chain, at)
+            left_length, right_length = _chain_length(left.chain, at), _chain_length(right.chain, at)
             differ = abs(left_length - right_length) / max(left_length, right_length, 1e-9)
-            if differ < _ALIKE:
+            if differ < _MAX_PAIR_DIFFERENCE:
                 costs.append(
                     (differ + 0.3 * _off_mirror(left, right, at) / max(left_length, right_length, 1e-9), a, b)
                 )
@@ -396,7 +406,7 @@ def _paired(
         if not {a, b} & used:
             used |= {a, b}
             pairs.append((limbs[a], limbs[b]))
-    pairs.sort(key=lambda pair: -_ahead(pair, at))
+    pairs.sort(key=lambda pair: -_pair_position(pair, at))
     return pairs, [limb for k, limb in enumerate(limbs) if k not in used]
 
 
@@ -406,7 +416,9 @@ def _on_sides(left: SkeletonLimb, right: SkeletonLimb, at: Float, names: tuple[s
     if sides != [0, 0]:
         return sides == [1, -1]
     separation = float(at[list(left.chain), 0].mean() - at[list(right.chain), 0].mean())
-    return separation > _APART * max(_length(left.chain, at), _length(right.chain, at))
+    return separation > _MIN_PAIR_DISTANCE * max(
+        _chain_length(left.chain, at), _chain_length(right.chain, at)
+    )
 
 
 def _off_mirror(left: SkeletonLimb, right: SkeletonLimb, at: Float) -> float:
@@ -416,14 +428,14 @@ def _off_mirror(left: SkeletonLimb, right: SkeletonLimb, at: Float) -> float:
     return float(off + np.linalg.norm(np.array(left.end) * mirror - right.end))
 
 
-def _ahead(pair: Pair, at: Float) -> float:
+def _pair_position(pair: Pair, at: Float) -> float:
     """Returns how far forward and up a pair begins, in metres. The ends decide between equal beginnings."""
     starts = np.mean([at[limb.proper[0]] for limb in pair], axis=0)
     ends = np.mean([limb.end for limb in pair], axis=0)
     return float(starts[2] + starts[1] + 0.1 * (ends[2] + ends[1]))
 
 
-def _ends(single: list[SkeletonLimb], at: Float) -> tuple[SkeletonLimb | None, SkeletonLimb | None]:
+def _head_and_tail(single: list[SkeletonLimb], at: Float) -> tuple[SkeletonLimb | None, SkeletonLimb | None]:
     """Returns the head and the tail among unpaired limbs. The head leads up and forward, the tail back."""
     ways = {limb: np.array(limb.end) - at[0] for limb in single}
     scored = sorted(single, key=lambda limb: float(ways[limb][1] + ways[limb][2]))

@@ -32,13 +32,13 @@ from enliven.mapping.resting import (
 from enliven.motion.layers import arc_of, bind_chain, branch, set_travel, travel_scale
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
 
-_OPPOSITE = -0.94
+_MAX_OPPOSITE_COSINE = -0.94
 """Cosine below which two directions count as opposite."""
-_MIDDLE = 0.1
+_MAX_SPINE_OFFSET = 0.1
 """Maximum distance of a spine or a neck from the middle plane, as a fraction of its length."""
-_ANKLE = 0.15
+_MAX_FOOT_HEIGHT = 0.15
 """Maximum height of a foot's joints above the lowest joint, as a fraction of body height."""
-_MIRROR = np.array([-1.0, 1.0, 1.0])
+_MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
 
 
 def source_anatomy(clip: Clip) -> Anatomy:
@@ -83,14 +83,14 @@ class _Turns:
     """
 
     def __init__(self, theirs: float, ours: float) -> None:
-        self.plain, self.mirrored = _level(ours - theirs), _level(ours + theirs)
-        self.across = rotate(_level(ours), np.array([1.0, 0.0, 0.0]))
-        self._side = rotate(_level(theirs), np.array([1.0, 0.0, 0.0]))
+        self.plain, self.mirrored = _yaw_rotation(ours - theirs), _yaw_rotation(ours + theirs)
+        self.across = rotate(_yaw_rotation(ours), np.array([1.0, 0.0, 0.0]))
+        self._side = rotate(_yaw_rotation(theirs), np.array([1.0, 0.0, 0.0]))
 
     def middle(self, source: Skeleton, line: _Line) -> bool:
         """Returns True if a chain of the take lies in the plane between the performer's left and right."""
         off = (source.positions[list(line.mine)] - source.positions[0]) @ self._side
-        return bool(np.abs(off).max() < _MIDDLE * source.lengths[list(line.mine[1:])].sum())
+        return bool(np.abs(off).max() < _MAX_SPINE_OFFSET * source.lengths[list(line.mine[1:])].sum())
 
     def of(self, line: _Line) -> Float:
         """Returns the rotation model_from_take (4,) of a chain, to be applied after mirroring."""
@@ -98,12 +98,12 @@ class _Turns:
 
     def forth(self, line: _Line, ways: Float) -> Float:
         """Returns directions (..., 3) of the take in the model's axes."""
-        return rotate(self.of(line), ways * _MIRROR if line.plan.mirrored else ways)
+        return rotate(self.of(line), ways * _MIRROR_SIGNS if line.plan.mirrored else ways)
 
     def back(self, line: _Line, ways: Float) -> Float:
         """Returns directions (..., 3) of the model in the take's axes."""
         ways = rotate(conjugate(self.of(line)), ways)
-        return ways * _MIRROR if line.plan.mirrored else ways
+        return ways * _MIRROR_SIGNS if line.plan.mirrored else ways
 
 
 def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[Project, Clip]:
@@ -114,7 +114,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
     """
     source, target = clip.skeleton, shape.skeleton
     lines = [
-        _Line(chain, _way(source, chain.source, "the take"), _target_way(target, chain))
+        _Line(chain, _joint_path(source, chain.source, "the take"), _target_way(target, chain))
         for chain in plan.chains
     ]
     turns = _Turns(*facings(clip, shape, plan))
@@ -122,21 +122,21 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
     lines = [line for line in lines if plan.turn or line.theirs != (0,)]
     project = project.with_characters(shape)
     first: Clip | None = None
-    for since, group in _rests(lines, clip, plan.rest, target, turns):
+    for since, group in _rest_poses(lines, clip, plan.rest, target, turns):
         take = replace(rebased(clip, since), id=unused(clip.id, project.takes))
         first = first or take
         project = project.with_takes(take)
         for line in group:
-            basis = _basis(lines, line, take.skeleton, target, turns)
-            project = _bound(project, shape, take, line, basis, plan.stretch)
+            basis = _layer_basis(lines, line, take.skeleton, target, turns)
+            project = _bind_line(project, shape, take, line, basis, plan.stretch)
     assert first is not None
     project = carried(project, shape.id, [line.theirs for line in lines if line.plan.carries])
     if plan.travel:
-        project = _travelling(project, shape.id, first, turns, plan.stride)
+        project = _follow_take_root(project, shape.id, first, turns, plan.stride)
     return project, first
 
 
-def _rests(
+def _rest_poses(
     lines: list[_Line], clip: Clip, rest: Rest | float, target: Skeleton, turns: _Turns
 ) -> list[tuple[Float, list[_Line]]]:
     """Returns the rest poses (N, 4) of the take, each with the chains that are relative to it.
@@ -144,7 +144,7 @@ def _rests(
     One rest pose is enough unless a bone of the performer needs two: a leg that drives two legs. Then the
     project contains the take again, relative to another rest pose.
     """
-    plain = _rest(clip, rest)
+    plain = _rest_rotations(clip, rest)
     since, claimed = plain.copy(), set[int]()
     group, conflicting = list[_Line](), list[_Line]()
     for line in sorted(lines, key=lambda line: line.plan.mode != "pose"):
@@ -207,10 +207,12 @@ def carried(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) ->
 def _on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
     """Returns True if a chain lies along the floor at rest, as a foot does."""
     height = skeleton.positions[:, 1]
-    return bool(height[list(chain)].max() < height.min() + _ANKLE * np.ptp(height))
+    return bool(height[list(chain)].max() < height.min() + _MAX_FOOT_HEIGHT * np.ptp(height))
 
 
-def _bound(project: Project, shape: Shape, take: Clip, line: _Line, basis: Float, stretch: bool) -> Project:
+def _bind_line(
+    project: Project, shape: Shape, take: Clip, line: _Line, basis: Float, stretch: bool
+) -> Project:
     chain = line.plan
     stretches: dict[str, Any] = {"stretch": True} if stretch and take.tracks else {}
     return bind_chain(
@@ -230,7 +232,7 @@ def _bound(project: Project, shape: Shape, take: Clip, line: _Line, basis: Float
     )
 
 
-def _rest(clip: Clip, rest: Rest | float) -> Float:
+def _rest_rotations(clip: Clip, rest: Rest | float) -> Float:
     """Returns the world rotations (N, 4) of the reference pose that motion is relative to."""
     if rest == "zero":
         return np.tile(IDENTITY, (len(clip.skeleton), 1))
@@ -269,7 +271,7 @@ def _pose_like(
     goes_on = any(
         other_line.plan.mode == "pose"
         and other_line.plan.role == line.plan.role
-        and _follows(other_line, line)
+        and _is_continuation(other_line, line)
         for other_line in lines
     )
     before = since[line.mine[0]] if goes_on and not middle else heading
@@ -283,11 +285,11 @@ def _pose_like(
         before = heading if middle else since[joint]
 
 
-def _basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, turns: _Turns) -> Float:
+def _layer_basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, turns: _Turns) -> Float:
     """Returns the rotation target_from_source (4,) of a chain's layer."""
     basis = turns.of(line)
     if line.plan.mode == "move" and len(line.mine) > 1 < len(line.theirs):
-        mine, theirs = _whole(lines, line)
+        mine, theirs = _whole_limb_ends(lines, line)
         way = turns.forth(line, source.positions[mine[1]] - source.positions[mine[0]])
         wanted = target.positions[theirs[1]] - target.positions[theirs[0]]
         # Below a chain that has the performer's pose, this chain rotates about the performer's axes. Other
@@ -295,17 +297,17 @@ def _basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, 
         # so it gets axes of its own.
         carries = _leads_to_posed(lines, line) or float(way @ wanted) > 0.0
         same = carries and _posed_above(lines, line, source) is not None
-        basis = basis if same else multiply(_between(way, wanted, turns.across), basis)
+        basis = basis if same else multiply(_smallest_rotation(way, wanted, turns.across), basis)
     return multiply(_half_turn(target, line.theirs), basis) if line.plan.flip else basis
 
 
 def _leads_to_posed(lines: list[_Line], line: _Line) -> bool:
     """Returns True if a chain of mode "pose" continues this one, as a limb continues its girdle."""
-    after = [follower for follower in lines if _follows(line, follower)]
+    after = [follower for follower in lines if _is_continuation(line, follower)]
     return any(follower.plan.mode == "pose" or _leads_to_posed(lines, follower) for follower in after)
 
 
-def _whole(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], tuple[int, int]]:
+def _whole_limb_ends(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], tuple[int, int]]:
     """Returns the first and last joint, in take and model, of a limb's consecutive chains of mode "move".
 
     A limb that is driven in pieces has one set of axes, even if its thigh and shin point in different
@@ -314,19 +316,19 @@ def _whole(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], tuple[int,
     role = line.plan.role
     same_limb = [piece for piece in lines if piece.plan.role == role and piece.plan.mode == "move"]
     first = last = line
-    while role and (before := [piece for piece in same_limb if _follows(piece, first)]):
+    while role and (before := [piece for piece in same_limb if _is_continuation(piece, first)]):
         first = before[0]
-    while role and (after := [piece for piece in same_limb if _follows(last, piece)]):
+    while role and (after := [piece for piece in same_limb if _is_continuation(last, piece)]):
         last = after[0]
     return (first.mine[0], last.mine[-1]), (first.theirs[0], last.theirs[-1])
 
 
-def _follows(one: _Line, other: _Line) -> bool:
+def _is_continuation(one: _Line, other: _Line) -> bool:
     """Returns True if the second chain begins where the first ends, in the take and in the model."""
     return one.mine[-1] == other.mine[0] and one.theirs[-1] == other.theirs[0]
 
 
-def _between(way: Float, wanted: Float, across: Float) -> Float:
+def _smallest_rotation(way: Float, wanted: Float, across: Float) -> Float:
     """Returns the smallest rotation (4,) from one direction (3,) to another.
 
     Between opposite directions, the rotation begins with half a turn about the lateral axis of the body, as
@@ -336,7 +338,7 @@ def _between(way: Float, wanted: Float, across: Float) -> Float:
     if min(lengths) < 1e-6:
         return IDENTITY
     a, b = way / lengths[0], wanted / lengths[1]
-    if a @ b >= _OPPOSITE:
+    if a @ b >= _MAX_OPPOSITE_COSINE:
         return swing(a, b)
     axis = across if abs(a @ across) < 0.7 else np.array([0.0, 1.0, 0.0])
     half = from_rotation_vector(np.pi * axis)
@@ -349,12 +351,12 @@ def _half_turn(target: Skeleton, chain: tuple[int, ...]) -> Float:
     return normalized(np.concatenate([[0.0], along]))
 
 
-def _level(angle: float) -> Float:
+def _yaw_rotation(angle: float) -> Float:
     """Returns the rotation (4,) by an angle in radians about +Y."""
     return from_rotation_vector(np.array([0.0, angle, 0.0]))
 
 
-def _travelling(project: Project, shape_id: str, take: Clip, turns: _Turns, stride: float) -> Project:
+def _follow_take_root(project: Project, shape_id: str, take: Clip, turns: _Turns, stride: float) -> Project:
     """Returns the project with the shape's root following the path of the take's root."""
     shape, name = project.shape(shape_id), unused(f"{take.id}: way", project.layer_names)
     layers = (*shape.layers, Layer(name, take.id, (0,), turns.plain))
@@ -363,13 +365,17 @@ def _travelling(project: Project, shape_id: str, take: Clip, turns: _Turns, stri
     return set_travel(project, shape_id, name, scale)
 
 
-def _way(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple[int, ...]:
+def _joint_path(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple[int, ...]:
     """Returns the joints of a chain that is given by its ends or by all of its joints."""
     if not names:
-        raise InputError(f"a chain of {owner} names no joint", where="mapping", mend=_known(skeleton))
+        raise InputError(
+            f"a chain of {owner} names no joint", where="mapping", mend=_describe_joints(skeleton)
+        )
     unknown = [name for name in names if name not in skeleton.names]
     if unknown:
-        raise InputError(f"{owner} has no joint {unknown[0]!r}", where="mapping", mend=_known(skeleton))
+        raise InputError(
+            f"{owner} has no joint {unknown[0]!r}", where="mapping", mend=_describe_joints(skeleton)
+        )
     joints = [skeleton.names.index(name) for name in names]
     way = [joints[0]]
     for joint in joints[1:]:
@@ -378,9 +384,9 @@ def _way(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple[int, .
 
 
 def _target_way(skeleton: Skeleton, chain: ChainPlan) -> tuple[int, ...]:
-    way = _way(skeleton, chain.target, "the model")
+    way = _joint_path(skeleton, chain.target, "the model")
     return branch(skeleton, way[0], way[-1]) if chain.extend else way
 
 
-def _known(skeleton: Skeleton) -> str:
+def _describe_joints(skeleton: Skeleton) -> str:
     return f"Its joints are: {', '.join(skeleton.names)}."

@@ -21,7 +21,7 @@ from itertools import pairwise
 
 from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb
 
-_NEAR = 0.21
+_MAX_ARC_DIFFERENCE = 0.21
 """Maximum difference in arc length (0 to 1) of two joints that correspond, if limbs differ in segments."""
 
 
@@ -49,13 +49,13 @@ def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
     """Returns the drives of a whole body, without the one that rotates the body as a whole."""
     drives: list[Drive] = []
     lent = _lent_legs(source, target)
-    for (left, right), (from_left, from_right), role in _pairs(source, target, lent):
+    for (left, right), (from_left, from_right), role in _pair_matches(source, target, lent):
         crossed = any(from_left is pair[1] for pair in source.pairs)
         for limb, by, side in ((left, from_left, "left"), (right, from_right, "right")):
             for drive in _limb_drives(by, limb, f"{side} {role}"):
                 drives.append(replace(drive, mirrored=crossed))
-    drives += _middle(source, target)
-    drives += _tail(source, target)
+    drives += _middle_drives(source, target)
+    drives += _tail_drives(source, target)
     return [drive for drive in drives if len(drive.source) > 1 and len(drive.target) > 1]
 
 
@@ -65,7 +65,7 @@ def _lent_legs(source: Anatomy, target: Anatomy) -> tuple[Pair, ...]:
     return source.legs[: max(spare, 0)] or source.legs[:1]
 
 
-def _pairs(source: Anatomy, target: Anatomy, lent: tuple[Pair, ...]) -> list[tuple[Pair, Pair, str]]:
+def _pair_matches(source: Anatomy, target: Anatomy, lent: tuple[Pair, ...]) -> list[tuple[Pair, Pair, str]]:
     """Returns (target pair, source pair, role) for every pair of the target that can be driven."""
     driven_pairs: list[tuple[Pair, Pair, str]] = []
     arms = source.arms or lent
@@ -81,16 +81,16 @@ def _pairs(source: Anatomy, target: Anatomy, lent: tuple[Pair, ...]) -> list[tup
             driven_pairs.append((rest[0], source.arms[0], "foreleg"))
             rest = rest[1:]
         for number, pair in enumerate(reversed(rest), 1):
-            driven_pairs.append((pair, _exchanged(legs[0], number), f"leg {own + number}"))
+            driven_pairs.append((pair, _exchanged_sides(legs[0], number), f"leg {own + number}"))
     for number, pair in enumerate(target.arms):
         if not arms:
             break
-        by = arms[number] if number < len(arms) else _exchanged(arms[-1], number - len(arms) + 1)
+        by = arms[number] if number < len(arms) else _exchanged_sides(arms[-1], number - len(arms) + 1)
         driven_pairs.append((pair, by, "arm" if number == 0 else f"arm {number + 1}"))
     return driven_pairs
 
 
-def _exchanged(pair: Pair, times: int) -> Pair:
+def _exchanged_sides(pair: Pair, times: int) -> Pair:
     """Returns the pair with its sides exchanged ``times`` times."""
     return (pair[1], pair[0]) if times % 2 else pair
 
@@ -106,13 +106,13 @@ def _limb_drives(source: SkeletonLimb, target: SkeletonLimb, role: str) -> list[
     by = source.main if target.tip or target.knots or arms else source.proper
     lead = () if girdles else source.girdle[:-1]
     drives = [Drive(source.girdle, target.girdle, f"{role} girdle")] if girdles else []
-    drives.append(Drive(by, target.main, role, lead, knots=_shared_knots(source, target)))
+    drives.append(Drive(by, target.main, role, lead, knots=_matching_joints(source, target)))
     if source.tip and target.tip:
         drives.append(Drive(source.tip, target.tip, f"{role} end"))
     return drives
 
 
-def _shared_knots(source: SkeletonLimb, target: SkeletonLimb) -> tuple[tuple[int, int], ...]:
+def _matching_joints(source: SkeletonLimb, target: SkeletonLimb) -> tuple[tuple[int, int], ...]:
     """Returns pairs (source, target) of joints in two limbs that correspond by name, such as elbows."""
     if not source.knots or len(source.knots) != len(target.knots):
         return ()
@@ -120,20 +120,20 @@ def _shared_knots(source: SkeletonLimb, target: SkeletonLimb) -> tuple[tuple[int
     return tuple((source.chain[a], target.chain[b]) for a, b in both)
 
 
-def _middle(source: Anatomy, target: Anatomy) -> list[Drive]:
+def _middle_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
     """Returns the drives of the trunk and the head."""
     head = source.head.chain if source.head else ()
     if len(target.trunk) > 1 and target.head and target.head.chain[0] == target.trunk[-1]:
         if len(source.trunk) > 1 and head and head[0] == source.trunk[-1]:
             assert source.head is not None
-            knots = _shared_knots(source.head, target.head)
+            knots = _matching_joints(source.head, target.head)
             return [
                 Drive(source.trunk, target.trunk, "trunk"),
                 Drive(head, target.head.chain, "head", knots=knots),
             ]
         source_chain = head or source.trunk
         return [Drive(source_chain, (*target.trunk, *target.head.chain[1:]), "trunk and head")]
-    upright = _joined(source.trunk, head)
+    upright = _joined_trunk_and_head(source.trunk, head)
     drives = []
     if len(target.trunk) > 1:
         drives.append(Drive(source.trunk if len(source.trunk) > 1 else upright, target.trunk, "trunk"))
@@ -142,14 +142,14 @@ def _middle(source: Anatomy, target: Anatomy) -> list[Drive]:
     return drives
 
 
-def _joined(trunk: tuple[int, ...], head: tuple[int, ...]) -> tuple[int, ...]:
+def _joined_trunk_and_head(trunk: tuple[int, ...], head: tuple[int, ...]) -> tuple[int, ...]:
     """Returns trunk and head as one chain if the head continues the trunk. Otherwise one of the two."""
     if head and head[0] == trunk[-1]:
         return (*trunk, *head[1:])
     return head or trunk
 
 
-def _tail(source: Anatomy, target: Anatomy) -> list[Drive]:
+def _tail_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
     if target.tail is None:
         return []
     if source.tail:
@@ -157,7 +157,7 @@ def _tail(source: Anatomy, target: Anatomy) -> list[Drive]:
     legs = source.legs or source.arms
     if legs and not target.pairs:
         return [Drive(legs[0][0].chain, target.tail.chain, "tail")]
-    upright = _joined(source.trunk, source.head.chain if source.head else ())
+    upright = _joined_trunk_and_head(source.trunk, source.head.chain if source.head else ())
     return [Drive(upright, target.tail.chain, "tail")]
 
 
@@ -194,7 +194,7 @@ def matching_joints(drive: Drive, source_arc: list[float], target_arc: list[floa
         return [(a, b) for a, b in cuts if 0 < a < len(drive.source) - 1 and 0 < b < len(drive.target) - 1]
     if len(drive.source) == len(drive.target):
         return [(k, k) for k in range(1, len(drive.source) - 1)]
-    return joints_at_one_arc(source_arc, target_arc, _NEAR)
+    return joints_at_one_arc(source_arc, target_arc, _MAX_ARC_DIFFERENCE)
 
 
 def joints_at_one_arc(one: list[float], other: list[float], near: float) -> list[tuple[int, int]]:

@@ -63,13 +63,13 @@ class RetargetedShape:
     limited: tuple[str, ...] = ()
 
 
-_ALIKE = np.radians(50.0)
+_MAX_TRUNK_ANGLE = np.radians(50.0)
 """Maximum angle (radians) between the trunks of two bodies with which the model gets the performer's pose."""
-_TWINS = 0.02
+_MAX_TWIN_DIFFERENCE = 0.02
 """Maximum difference of joint distances in identical skeletons, as a fraction of the size."""
-_BENDS = np.radians(5.0)
+_MIN_FINGER_BEND = np.radians(5.0)
 """Minimum rotation (radians) of a finger from its mean with which it counts as moving."""
-_STANDS = np.radians(45.0)
+_MAX_UPRIGHT_ANGLE = np.radians(45.0)
 """Maximum angle (radians) between the vertical and the line from root to head of an upright body."""
 
 
@@ -81,21 +81,21 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     keep their own rest pose and move from it (mode "move").
     """
     source, target = source_anatomy(clip), anatomy_of(shape.skeleton)
-    mode = _mode(clip.skeleton, source, shape.skeleton, target)
-    twins = _twins(clip.skeleton, shape.skeleton)
+    mode = _choose_mode(clip.skeleton, source, shape.skeleton, target)
+    twins = _is_twin(clip.skeleton, shape.skeleton)
     level = mode == "move" and len(target.legs) > 1
-    chains = _whole(clip.skeleton, source, shape.skeleton, mode, level)
+    chains = _body_chains(clip.skeleton, source, shape.skeleton, mode, level)
     drives = assigned(source, target)
     for drive in drives:
         # Girdles keep the model's own directions: pointed like the performer's, a shoulder or hip would
         # leave the trunk. Hands and feet keep their own rest rotation too.
         own = not twins and drive.role.endswith((" girdle", " end"))
-        for piece in _pieces(drive, drives, clip.skeleton, shape.skeleton):
+        for piece in _limb_pieces(drive, drives, clip.skeleton, shape.skeleton):
             moved = own or (not twins and _is_end(piece, drive, target, shape.skeleton))
             chains.append(
                 ChainPlan(
-                    _named(clip.skeleton, piece.source),
-                    _named(shape.skeleton, piece.target),
+                    _end_names(clip.skeleton, piece.source),
+                    _end_names(shape.skeleton, piece.target),
                     piece.role,
                     "move" if moved else mode,
                     mirrored=piece.mirrored,
@@ -116,13 +116,13 @@ def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy)
     for side, by, limb in _named_arms(theirs, ours):
         wrist, hand = by.main[-1], finger_joints(target, limb.main[-1])
         for finger, chain in finger_joints(source, wrist).items():
-            if finger not in hand or not _bends(clip, chain):
+            if finger not in hand or not _is_moving_finger(clip, chain):
                 continue
             pairs = zip(pairwise(chain), pairwise(hand[finger]), strict=False)
             for number, (mine, other) in enumerate(pairs):
                 # The first bone of a finger lies in the palm, which keeps the model's own rest rotation.
                 how: Mode = "pose" if number else "move"
-                names = _named(source, mine), _named(target, other)
+                names = _end_names(source, mine), _end_names(target, other)
                 chains.append(ChainPlan(*names, f"{side} {finger}", how))
     return chains
 
@@ -135,13 +135,13 @@ def _named_arms(theirs: Anatomy, ours: Anatomy) -> Iterator[tuple[str, SkeletonL
                 yield side, arm, limb
 
 
-def _bends(clip: Clip, finger: Sequence[int]) -> bool:
+def _is_moving_finger(clip: Clip, finger: Sequence[int]) -> bool:
     """Returns True if a finger moves relative to its hand. In many takes fingers never do."""
     if len(finger) < 3:
         return False
     local = multiply(conjugate(clip.turns[:, finger[1]]), clip.turns[:, finger[2]])
     cosine = np.abs(np.sum(local * mean_turn(local), axis=1)).min()
-    return bool(2.0 * np.arccos(min(float(cosine), 1.0)) > _BENDS)
+    return bool(2.0 * np.arccos(min(float(cosine), 1.0)) > _MIN_FINGER_BEND)
 
 
 def idle_limbs(clip: Clip, plan: Plan) -> tuple[str, ...]:
@@ -159,7 +159,9 @@ def idle_limbs(clip: Clip, plan: Plan) -> tuple[str, ...]:
     return tuple(idle)
 
 
-def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode, level: bool) -> list[ChainPlan]:
+def _body_chains(
+    source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode, level: bool
+) -> list[ChainPlan]:
     """Returns the chains that rotate the whole body, driven by the performer's pelvis.
 
     In a walk, pelvis and chest rotate in opposite directions, and the heading of the body is between them. A
@@ -169,29 +171,31 @@ def _whole(source: Skeleton, theirs: Anatomy, target: Skeleton, mode: Mode, leve
     root, hips = (target.names[0],), (source.names[0],)
     chains = [ChainPlan(hips, root, "whole", mode)]
     if mode == "move" and len(theirs.trunk) > 1 and not level:
-        chains.append(ChainPlan(_named(source, theirs.trunk), root, "whole, towards the chest", weight=0.5))
+        chains.append(
+            ChainPlan(_end_names(source, theirs.trunk), root, "whole, towards the chest", weight=0.5)
+        )
     return chains
 
 
-def _mode(source: Skeleton, theirs: Anatomy, target: Skeleton, ours: Anatomy) -> Mode:
+def _choose_mode(source: Skeleton, theirs: Anatomy, target: Skeleton, ours: Anatomy) -> Mode:
     same = len(theirs.legs) == len(ours.legs) and len(theirs.arms) == len(ours.arms) and bool(ours.pairs)
-    a, b = _upright(source, theirs), _upright(target, ours)
+    a, b = _trunk_direction(source, theirs), _trunk_direction(target, ours)
     # All upright people stand alike. Animals on four legs differ in the beginning and slope of their spines.
     # Copying the directions of bones would crush the model, unless the skeletons are identical.
-    same_stance = min(a[1], b[1]) > np.cos(_STANDS) or _twins(source, target)
-    return "pose" if same and same_stance and float(a @ b) > np.cos(_ALIKE) else "move"
+    same_stance = min(a[1], b[1]) > np.cos(_MAX_UPRIGHT_ANGLE) or _is_twin(source, target)
+    return "pose" if same and same_stance and float(a @ b) > np.cos(_MAX_TRUNK_ANGLE) else "move"
 
 
-def _twins(source: Skeleton, target: Skeleton) -> bool:
+def _is_twin(source: Skeleton, target: Skeleton) -> bool:
     """Returns True if two skeletons are identical except for size, position and heading."""
     if source.names != target.names or (source.parents != target.parents).any():
         return False
     a, b = (np.linalg.norm(s.positions[:, None] - s.positions, axis=2) for s in (source, target))
     a, b = (distances / max(float(distances.max()), 1e-9) for distances in (a, b))
-    return bool(np.abs(a - b).max() < _TWINS)
+    return bool(np.abs(a - b).max() < _MAX_TWIN_DIFFERENCE)
 
 
-def _upright(skeleton: Skeleton, anatomy: Anatomy) -> Float:
+def _trunk_direction(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     """Returns the unit vector (3,) from the root to the end of the head or trunk, with the front at +Z.
 
     It is zero if both ends coincide.
@@ -244,7 +248,7 @@ def _short_steps(
     return replace(usual, drop=0.0, height=share * usual.height, speed=share * usual.speed)
 
 
-def _pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:
+def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:
     """Returns a limb cut at corresponding joints, the same on both sides. A spine stays whole."""
     if "trunk" in drive.role or (drive.role == "head" and not drive.knots):
         return [drive]
@@ -268,7 +272,7 @@ def _is_end(piece: Drive, drive: Drive, body: Anatomy, target: Skeleton) -> bool
     return limb is not None and begins_tip(target, limb, piece.target[0])
 
 
-def _named(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
+def _end_names(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
     """Returns the names of the first and last joint, which is enough for a chain that is a path."""
     return (skeleton.names[chain[0]], skeleton.names[chain[-1]])
 
@@ -317,7 +321,7 @@ def retarget(
         raise InputError("no chain of the take suits a chain of the model", where="mapping", mend=mend)
     stepping, posed = legs_that_step(shape, clip, plan), posed_legs_that_step(shape, clip, plan)
     # A body with the performer's skeleton moves exactly as the take does, unless its feet are planted.
-    itself = plan.travel and not posed and _twins(clip.skeleton, shape.skeleton)
+    itself = plan.travel and not posed and _is_twin(clip.skeleton, shape.skeleton)
     upright = stands(shape) and not itself
     level = plan.floor and upright
     project, based = apply_plan(project or Project(), shape, clip, plan)

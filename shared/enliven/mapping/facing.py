@@ -9,15 +9,15 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 
-_LEFT = re.compile(r"left|(?<![a-z])l(?![a-z])", re.IGNORECASE)
-_RIGHT = re.compile(r"right|(?<![a-z])r(?![a-z])", re.IGNORECASE)
-_WORDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+_LEFT_WORDS = re.compile(r"left|(?<![a-z])l(?![a-z])", re.IGNORECASE)
+_RIGHT_WORDS = re.compile(r"right|(?<![a-z])r(?![a-z])", re.IGNORECASE)
+_WORD_BOUNDARY = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 """Boundaries between the words of a camel-case name."""
-_SURE = 0.03
+_MIN_FOOT_LENGTH = 0.03
 """Minimum forward length of the feet together to decide the front, as a fraction of the size."""
-_NARROW = 0.01
+_MIN_SIDE_DISTANCE = 0.01
 """Minimum distance between the left and right joints to decide which side is left, as a fraction of size."""
-_LOW = 0.12
+_MAX_FOOT_HEIGHT = 0.12
 """Maximum height of a foot above the floor, as a fraction of the skeleton's height."""
 
 
@@ -44,13 +44,13 @@ def turned_about_y(vectors: Float, angles: Float | float) -> Float:
 def side_of(name: str) -> int:
     """Returns 1 for the name of a left joint, -1 for that of a right joint, and 0 for other names."""
     plain = spaced(name)
-    left, right = bool(_LEFT.search(plain)), bool(_RIGHT.search(plain))
+    left, right = bool(_LEFT_WORDS.search(plain)), bool(_RIGHT_WORDS.search(plain))
     return int(left) - int(right)
 
 
 def spaced(name: str) -> str:
     """Returns a joint's name with a space between its words."""
-    return _WORDS.sub(" ", name)
+    return _WORD_BOUNDARY.sub(" ", name)
 
 
 def _named_left(skeleton: Skeleton) -> Float | None:
@@ -65,7 +65,7 @@ def _named_left(skeleton: Skeleton) -> Float | None:
         side = side_of(name)
         if side:
             plain = spaced(name)
-            by_plain.setdefault((_LEFT if side > 0 else _RIGHT).sub("*", plain), {})[side] = joint
+            by_plain.setdefault((_LEFT_WORDS if side > 0 else _RIGHT_WORDS).sub("*", plain), {})[side] = joint
     for sides in by_plain.values():
         if len(sides) == 2:
             across = (skeleton.positions[sides[1]] - skeleton.positions[sides[-1]]) * [1.0, 0.0, 1.0]
@@ -74,7 +74,7 @@ def _named_left(skeleton: Skeleton) -> Float | None:
                 roots += across
     for way in (roots, total):
         length = float(np.linalg.norm(way))
-        if length > _NARROW * _size(skeleton):
+        if length > _MIN_SIDE_DISTANCE * _skeleton_size(skeleton):
             return np.asarray(way / length)
     return None
 
@@ -88,13 +88,13 @@ def _mirrored_left(skeleton: Skeleton) -> Float:
     finer = best + np.arange(-4.0, 4.5, 0.5)
     angle = finer[int(np.argmin([_off_mirror(at, candidate) for candidate in finer]))]
     # In glTF the left is at +X, so another plane must be clearly better.
-    if costs[0] <= 1.2 * min(costs) + 1e-3 * _size(skeleton):
+    if costs[0] <= 1.2 * min(costs) + 1e-3 * _skeleton_size(skeleton):
         angle = 0.0
     angle = np.radians(angle)
     left = np.array([np.cos(angle), 0.0, -np.sin(angle)])
     front = np.cross(left, [0.0, 1.0, 0.0])
-    ahead = _toes(skeleton, left) @ front
-    return -left if ahead < -_SURE * _size(skeleton) else left
+    ahead = _toe_directions(skeleton, left) @ front
+    return -left if ahead < -_MIN_FOOT_LENGTH * _skeleton_size(skeleton) else left
 
 
 def _off_mirror(at: Float, degrees: float) -> float:
@@ -108,15 +108,17 @@ def _off_mirror(at: Float, degrees: float) -> float:
     return float(distances.min(1).mean())
 
 
-def _toes(skeleton: Skeleton, left: Float) -> Float:
+def _toe_directions(skeleton: Skeleton, left: Float) -> Float:
     """Returns the sum (3,) of the end bones near the floor on the left and right of the middle, in metres."""
     height = skeleton.positions[:, 1]
     floor, tall = height.min(), float(np.ptp(height))
-    aside = np.abs((skeleton.positions - skeleton.positions[0]) @ left) > _SURE * _size(skeleton)
-    low = aside & (height < floor + _LOW * tall)
+    aside = np.abs((skeleton.positions - skeleton.positions[0]) @ left) > _MIN_FOOT_LENGTH * _skeleton_size(
+        skeleton
+    )
+    low = aside & (height < floor + _MAX_FOOT_HEIGHT * tall)
     ends = [j for j in range(1, len(skeleton)) if low[j] and not skeleton.children[j]]
     return np.asarray(sum((skeleton.vectors[j] for j in ends), np.zeros(3)))
 
 
-def _size(skeleton: Skeleton) -> float:
+def _skeleton_size(skeleton: Skeleton) -> float:
     return float(np.ptp(skeleton.positions, axis=0).max())

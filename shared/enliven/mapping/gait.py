@@ -101,7 +101,7 @@ def step_sizes(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> dict[Skelet
     A model with long legs that takes short steps lifts its feet by a small fraction of their length.
     """
     scale = step_scale(shape, clip, based, plan)
-    return {step.limb: scale * _length(clip.skeleton, step.by) for step in steps_of(shape, clip, plan)}
+    return {step.limb: scale * _limb_length(clip.skeleton, step.by) for step in steps_of(shape, clip, plan)}
 
 
 def step_scale(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> float:
@@ -117,7 +117,7 @@ def step_scale(shape: Shape, clip: Clip, based: Clip, plan: Plan) -> float:
     )
 
 
-def _length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
+def _limb_length(skeleton: Skeleton, limb: SkeletonLimb) -> float:
     """Returns the length of a limb in metres, without its girdle."""
     return max(float(skeleton.lengths[list(limb.proper[1:])].sum()), 1e-9)
 
@@ -127,8 +127,8 @@ def steps_of(shape: Shape, clip: Clip, plan: Plan) -> list[LegStep]:
     ours, theirs = anatomy_of(shape.skeleton), source_anatomy(clip)
     if not (plan.steps and plan.floor and theirs.legs) or (shape.modeling != IDENTITY).any():
         return []
-    driven, steps = _driven(shape.skeleton, plan, "move"), list[LegStep]()
-    posed = _driven(shape.skeleton, plan, "pose") if plan.pin and plan.travel else set[int]()
+    driven, steps = _driven_bones(shape.skeleton, plan, "move"), list[LegStep]()
+    posed = _driven_bones(shape.skeleton, plan, "pose") if plan.pin and plan.travel else set[int]()
     for number, pair in enumerate(reversed(ours.legs)):
         fore = 0 < number == len(ours.legs) - 1 >= len(theirs.legs) and theirs.arms
         arms = theirs.arms[0] if fore else (None, None)
@@ -166,7 +166,7 @@ def _performed_leg(
     return by.proper[: max(min(last, ankle), 2) + 1]
 
 
-def _driven(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
+def _driven_bones(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
     """Returns the bones that chains of a mode move at the take's own speed."""
     bones = set[int]()
     for chain in plan.chains:
@@ -265,10 +265,10 @@ class PerformerGait:
     def walks(self, arm: SkeletonLimb) -> Float:
         """Returns (T,) 1 while the performer walks and an arm hangs, 0 while they stand or raise it."""
         below = self.beside[:, arm.proper[0], 1] - self.beside[:, arm.proper[-1], 1]
-        below /= _length(self.skeleton, arm)
+        below /= _limb_length(self.skeleton, arm)
         left, right = (self.beside[:, self.foot(leg)] for leg in self._legs)
         passing = np.linalg.norm(np.gradient(left - right, self.step, axis=0), axis=1)
-        passing /= _length(self.skeleton, self._legs[0])
+        passing /= _limb_length(self.skeleton, self._legs[0])
         passing = scipy.ndimage.maximum_filter1d(passing, max(round(STRIDE_S / self.step), 1), mode="nearest")
         hangs = np.clip((below - _MIN_BELOW_RAISED) / (_MIN_BELOW_HANGING - _MIN_BELOW_RAISED), 0.0, 1.0)
         share = hangs * np.clip((passing - _MAX_SHUFFLE) / (_MIN_WALK - _MAX_SHUFFLE), 0.0, 1.0)

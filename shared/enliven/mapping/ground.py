@@ -21,24 +21,24 @@ from enliven.mapping.resting import heading_of
 from enliven.motion.layers import Player, pose_from, set_travel, travel_scale
 from enliven.rotation import IDENTITY
 
-_RATE = 60.0
+_MAX_RATE_HZ = 60.0
 """Maximum number of moments a second at which the lowest point is searched: the rate of common displays."""
-_LEVEL = 0.02
+_ON_FLOOR_HEIGHT = 0.02
 """A shape without legs stands on the floor if its lowest point is within this fraction of its height of
 y = 0."""
-_ROLL = 0.04
+_FOOT_ROLL_HEIGHT = 0.04
 """Rise of the lowest joint while a foot rolls from heel to toe, as a fraction of the performer's height."""
-_GROUND = 5.0
+_FLOOR_PERCENTILE = 5.0
 """Percentile of the lowest joint's height over a take that is used as the height of the floor."""
-_TOUCH = 0.01
+_TOUCHING_HEIGHT = 0.01
 """Points within this fraction of the height above the lowest point count as standing, too."""
 _MIN_STRIDE_FACTOR = 0.1
 """Smallest factor for a stride, so that a shape with shuffling legs still moves forward."""
 _MAX_STRIDE_FACTOR = 1.5
 """Largest factor for a stride. Feet that slide ahead would give a larger one."""
-_HAND = 1.5
+_MAX_HAND_DISTANCE = 1.5
 """Largest distance of a hand's points from its wrist, in forearm lengths. People have 0.75, toons 1.2."""
-_UPSIDE = 0.2
+_MIN_TWIST_NORM = 0.2
 """Norm of the vertical (twist) part of a rotation below which it has no heading: the body is upside down."""
 
 
@@ -63,7 +63,9 @@ def body_points(shape: Shape) -> Bool:
     for arm in (arm for arm in arms if arm.knots):
         elbow, wrist = (skeleton.positions[arm.chain[k]] for k in arm.knots[1:3])
         hand = np.isin(leader, skeleton.below(arm.chain[arm.knots[2]])[1:])
-        carried |= hand & (np.linalg.norm(at - wrist, axis=1) > _HAND * np.linalg.norm(wrist - elbow))
+        carried |= hand & (
+            np.linalg.norm(at - wrist, axis=1) > _MAX_HAND_DISTANCE * np.linalg.norm(wrist - elbow)
+        )
     return np.asarray(~carried if not carried.all() else np.ones_like(carried))
 
 
@@ -71,7 +73,7 @@ def stands(shape: Shape) -> bool:
     """Returns True if a shape at rest stands, or lies, on the floor."""
     rest = _body_at_rest(shape)
     low, tall = float(rest[:, 1].min()), float(np.ptp(rest[:, 1]))
-    return abs(low) < _LEVEL * tall or bool(anatomy_of(shape.skeleton).legs)
+    return abs(low) < _ON_FLOOR_HEIGHT * tall or bool(anatomy_of(shape.skeleton).legs)
 
 
 def floor_of(shape: Shape) -> float:
@@ -101,8 +103,8 @@ def clearance(clip: Clip) -> Float:
     """Returns the height (F,) in metres of a performer above the floor, 0 while any part touches it."""
     height = joint_places(clip)[..., 1]
     low = height.min(1)
-    roll = _ROLL * float(np.ptp(height, axis=1).max())
-    return np.asarray(np.maximum(low - np.percentile(low, _GROUND) - roll, 0.0))
+    roll = _FOOT_ROLL_HEIGHT * float(np.ptp(height, axis=1).max())
+    return np.asarray(np.maximum(low - np.percentile(low, _FLOOR_PERCENTILE) - roll, 0.0))
 
 
 def kept_on_floor(
@@ -126,11 +128,11 @@ def kept_on_floor(
             were planted already. None if they were not.
     """
     shape = project.shape(shape_id)
-    watched = moments_of(duration, min(_RATE, 1.0 / clip.step))
+    watched = moments_of(duration, min(_MAX_RATE_HZ, 1.0 / clip.step))
     body = body_points(shape)
-    low, steps = _watched((at[body] for at in surfaces(project, shape_id, watched)), len(watched))
+    low, steps = _lowest_point_path((at[body] for at in surfaces(project, shape_id, watched)), len(watched))
     # The path has the take's frame rate. With a coarser path standing feet would tremble.
-    times = moments_of(duration, max(_RATE, 1.0 / clip.step))
+    times = moments_of(duration, max(_MAX_RATE_HZ, 1.0 / clip.step))
     root = Player(project, shape_id).root(times)
     up = np.interp(times, watched, floor_of(shape) - low)
     frames = np.arange(len(clip.turns)) * clip.step
@@ -140,7 +142,7 @@ def kept_on_floor(
         level = root[:, [0, 2]]
         coarse = np.stack([np.interp(watched, times, level[:, k]) for k in range(2)], axis=1)
         leaping = np.interp(watched, frames, leapt) > 0.0
-        stride = _stride(np.diff(coarse, axis=0), steps, leaping) if own_stride else 1.0
+        stride = _stride_factor(np.diff(coarse, axis=0), steps, leaping) if own_stride else 1.0
         root[:, [0, 2]] = level[0] + stride * (level - level[0])
     if on_feet is not None:
         # Planted feet are on the floor already, or above it in a leap.
@@ -168,7 +170,9 @@ def standing_on_feet(clip: Clip, feet: Collection[int]) -> Float:
     height = joint_places(clip)[..., 1]
     others = [j for j in range(height.shape[1]) if j not in feet]
     lead = height[:, others].min(1) - height[:, list(feet)].min(1)
-    return np.asarray(np.clip(0.5 + lead / (_ROLL * float(np.ptp(height, axis=1).max())), 0.0, 1.0))
+    return np.asarray(
+        np.clip(0.5 + lead / (_FOOT_ROLL_HEIGHT * float(np.ptp(height, axis=1).max())), 0.0, 1.0)
+    )
 
 
 def moments_of(duration: float, rate: float) -> Float:
@@ -176,19 +180,19 @@ def moments_of(duration: float, rate: float) -> Float:
     return np.linspace(0.0, duration, int(np.ceil(duration * rate)) + 1)
 
 
-def _watched(moments: Iterator[Float], count: int) -> tuple[Float, Float]:
+def _lowest_point_path(moments: Iterator[Float], count: int) -> tuple[Float, Float]:
     """Returns the height (F,) of the lowest point, and the steps (F - 1, 2) of the lowest part, in metres."""
     low, steps = np.empty(count), np.zeros((max(count - 1, 0), 2))
     before = np.empty((0, 3))
     for f, at in enumerate(moments):
         if f:
-            touching = before[:, 1] < low[f - 1] + _TOUCH * np.ptp(before[:, 1])
+            touching = before[:, 1] < low[f - 1] + _TOUCHING_HEIGHT * np.ptp(before[:, 1])
             steps[f - 1] = np.median((at - before)[touching][:, [0, 2]], axis=0)
         low[f], before = at[:, 1].min(), at.copy()
     return low, steps
 
 
-def _stride(ways: Float, steps: Float, leaping: Bool) -> float:
+def _stride_factor(ways: Float, steps: Float, leaping: Bool) -> float:
     """Returns the factor for a root's path (F - 1, 2) with which the standing part does not slide.
 
     A model's legs swing less far than the performer's, or have another build, so its stride differs. The
@@ -217,7 +221,7 @@ def levelled(clip: Clip, chest: int) -> Clip:
     towards = clip.turns[:, chest] * np.sign(np.sum(clip.turns[:, chest] * clip.turns[:, 0], 1))[:, None]
     turns = clip.turns[:, 0] + towards
     turns /= np.linalg.norm(turns, axis=1, keepdims=True)
-    sure = np.hypot(turns[:, 0], turns[:, 2]) > _UPSIDE
+    sure = np.hypot(turns[:, 0], turns[:, 2]) > _MIN_TWIST_NORM
     last = np.maximum.accumulate(np.where(sure, np.arange(len(turns)), 0))
     level_turns = clip.turns.copy()
     level_turns[:, 0] = heading_of(turns[last])

@@ -17,47 +17,59 @@ from dataclasses import dataclass
 
 from enliven.document import Skeleton
 
-_ELBOW = (("forearm", "lowerarm", "armlower", "loarm"), ("elbow",))
+_ELBOW_NAMES = (("forearm", "lowerarm", "armlower", "loarm"), ("elbow",))
 """Names of the joint in the middle of an arm, the clearest first."""
-_SHOULDER = (("upperarm", "uparm", "armupper", "humerus"), ("arm",), ("shldr", "shoulder"))
+_SHOULDER_NAMES = (("upperarm", "uparm", "armupper", "humerus"), ("arm",), ("shldr", "shoulder"))
 """Names of the joint where an upper arm begins."""
-_WRIST = (("hand", "wrist"), ("palm", "fist"))
+_WRIST_NAMES = (("hand", "wrist"), ("palm", "fist"))
 """Names of the joint where a hand begins."""
-_KNEE = (("lowerleg", "leglower", "loleg", "lowleg", "shin", "calf"), ("knee",), ("leg",))
+_KNEE_NAMES = (("lowerleg", "leglower", "loleg", "lowleg", "shin", "calf"), ("knee",), ("leg",))
 """Names of the joint in the middle of a leg."""
-_HIP = (("upperleg", "legupper", "upleg", "thigh", "femur"), ("leg",), ("hip",))
+_HIP_NAMES = (("upperleg", "legupper", "upleg", "thigh", "femur"), ("leg",), ("hip",))
 """Names of the joint where a thigh begins."""
-_ANKLE = (("foot", "ankle"),)
+_ANKLE_NAMES = (("foot", "ankle"),)
 """Names of the joint where a foot begins."""
-_HEAD = (("head",),)
+_HEAD_NAMES = (("head",),)
 """Names of the joint where a head begins."""
-_NECK = (("neck",),)
+_NECK_NAMES = (("neck",),)
 """Names of the joint where a neck begins."""
-_FINGERS = ("thumb", "index", "middle", "mid", "ring", "pinky", "little")
+_FINGER_NAMES = ("thumb", "index", "middle", "mid", "ring", "pinky", "little")
 """First words of the names of fingers. The joints of one finger share a word."""
-_TOES = ("toe", "toes", "toebase", "ball")
+_TOE_NAMES = ("toe", "toes", "toebase", "ball")
 """Names of the joint where toes begin."""
-_TIP = ("end", "tip", "nub", "top", "site")
+_TIP_WORDS = ("end", "tip", "nub", "top", "site")
 """Words in the names of joints that only mark where a bone ends."""
-_EXPORTERS = ("armature", "base", "bip", "bone", "cc", "character", "def", "org", "rig", "root", "valvebiped")
-_LETTERS = ("b", "bn", "c", "d", "f", "j", "jnt", "joint", "s", "sk", "skel", "valve")
-_FILLERS = frozenset((*_EXPORTERS, *_LETTERS))
+_EXPORTER_PREFIXES = (
+    "armature",
+    "base",
+    "bip",
+    "bone",
+    "cc",
+    "character",
+    "def",
+    "org",
+    "rig",
+    "root",
+    "valvebiped",
+)
+_RIG_PREFIXES = ("b", "bn", "c", "d", "f", "j", "jnt", "joint", "s", "sk", "skel", "valve")
+_FILLER_WORDS = frozenset((*_EXPORTER_PREFIXES, *_RIG_PREFIXES))
 """Words that do not identify a joint: prefixes of exporters and rigs."""
-_HELPERS = re.compile(
+_HELPER_WORDS = re.compile(
     r"(?<![a-z])(twist|roll|ik|fk|pole|target|ctrl|control|helper|tweak|mch|vis|adj|sec|corrective|share|"
     r"weapon|sword|gun|prop|attach|socket|slot)(?![a-z])"
 )
 """Words in the names of joints that do not belong to a limb: twist and roll bones, controllers, weapons."""
-_OBJECTS = frozenset(
+_OBJECT_WORDS = frozenset(
     (
         *("axe", "blade", "bow", "dagger", "gun", "hammer", "knife", "mace", "pistol", "prop", "rifle"),
         *("shield", "spear", "staff", "sword", "torch", "wand", "weapon"),
     )
 )
 """Words in the names of joints that move an object which a hand carries."""
-_SIDES = {"left": 1, "l": 1, "right": -1, "r": -1}
+_SIDE_OF_WORD = {"left": 1, "l": 1, "right": -1, "r": -1}
 """The side that a word means: 1 for left, -1 for right."""
-_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
+_WORD_PATTERN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 """The words of a name, separated by camel case or by any character that is not a letter."""
 
 
@@ -102,14 +114,16 @@ class HumanJoints:
 def human_joints(skeleton: Skeleton) -> HumanJoints | None:
     """Returns the joints of a person by name, or None if names do not identify two arms and two legs."""
     words = [_words_of(name) for name in skeleton.names]
-    arms = [_limb(skeleton, words, side, _SHOULDER, _ELBOW, _WRIST) for side in (1, -1)]
-    legs = [_limb(skeleton, words, side, _HIP, _KNEE, _ANKLE) for side in (1, -1)]
+    arms = [
+        _limb_of_side(skeleton, words, side, _SHOULDER_NAMES, _ELBOW_NAMES, _WRIST_NAMES) for side in (1, -1)
+    ]
+    legs = [_limb_of_side(skeleton, words, side, _HIP_NAMES, _KNEE_NAMES, _ANKLE_NAMES) for side in (1, -1)]
     if arms[0] is None or arms[1] is None or legs[0] is None or legs[1] is None:
         return None
-    chest = _meeting(skeleton, arms[0].knots[0], arms[1].knots[0])
-    hips = _meeting(skeleton, legs[0].knots[0], legs[1].knots[0])
-    head, head_knots = _head(skeleton, words, chest)
-    tail = _tail(skeleton, words, hips)
+    chest = _common_ancestor(skeleton, arms[0].knots[0], arms[1].knots[0])
+    hips = _common_ancestor(skeleton, legs[0].knots[0], legs[1].knots[0])
+    head, head_knots = _head_chain(skeleton, words, chest)
+    tail = _tail_chain(skeleton, words, hips)
     return HumanJoints(hips, chest, (arms[0], arms[1]), (legs[0], legs[1]), head, head_knots, tail)
 
 
@@ -117,7 +131,7 @@ def finger_joints(skeleton: Skeleton, wrist: int) -> dict[str, tuple[int, ...]]:
     """Returns the joints of each named finger of a hand, from the wrist to its end; "little" is "pinky"."""
     fingers = dict[str, tuple[int, ...]]()
     for joint in skeleton.below(wrist)[1:]:
-        finger = _finger(_words_of(skeleton.names[joint])[1])
+        finger = _finger_name(_words_of(skeleton.names[joint])[1])
         path = skeleton.path(wrist, joint)
         if finger and len(path) > len(fingers.get(finger, ())):
             fingers[finger] = path
@@ -126,14 +140,14 @@ def finger_joints(skeleton: Skeleton, wrist: int) -> dict[str, tuple[int, ...]]:
 
 def names_object(name: str) -> bool:
     """Returns True if the name of a joint contains a word for an object that a hand carries."""
-    return any(part.lower() in _OBJECTS for part in _WORDS.findall(name))
+    return any(part.lower() in _OBJECT_WORDS for part in _WORD_PATTERN.findall(name))
 
 
-def _finger(word: str) -> str:
+def _finger_name(word: str) -> str:
     """Returns the finger that a joint's word names, in one spelling. Empty if it names none."""
     bare = word.removeprefix("hand").removesuffix("finger")
     bare = bare.removeprefix("finger")
-    named = next((finger for finger in _FINGERS if bare.startswith(finger)), "")
+    named = next((finger for finger in _FINGER_NAMES if bare.startswith(finger)), "")
     return {"mid": "middle", "little": "pinky"}.get(named, named)
 
 
@@ -144,27 +158,30 @@ def _words_of(name: str) -> tuple[int, str]:
     """
     bare = re.sub(r"^.*[:|]", "", name)
     side, other_words = 0, list[str]()
-    parts = [part.lower() for part in _WORDS.findall(bare)]
-    if _HELPERS.search(" ".join(parts)):
+    parts = [part.lower() for part in _WORD_PATTERN.findall(bare)]
+    if _HELPER_WORDS.search(" ".join(parts)):
         return 0, ""
     for part in parts:
-        if part in _SIDES:
-            side = _SIDES[part]
-        elif part not in _FILLERS:
+        if part in _SIDE_OF_WORD:
+            side = _SIDE_OF_WORD[part]
+        elif part not in _FILLER_WORDS:
             other_words.append(part)
     word = "".join(other_words)
     if not side and word[:1] in ("l", "r") and word[1:] in _LIMB_WORDS:
-        return _SIDES[word[0]], word[1:]
+        return _SIDE_OF_WORD[word[0]], word[1:]
     return side, word
 
 
 _LIMB_WORDS = frozenset(
-    word for tiers in (_ELBOW, _SHOULDER, _WRIST, _KNEE, _HIP, _ANKLE) for tier in tiers for word in tier
+    word
+    for tiers in (_ELBOW_NAMES, _SHOULDER_NAMES, _WRIST_NAMES, _KNEE_NAMES, _HIP_NAMES, _ANKLE_NAMES)
+    for tier in tiers
+    for word in tier
 )
 """Every word for a joint of a limb. So "lknee" is a left knee, but "lower" is not a left "ower"."""
 
 
-def _limb(
+def _limb_of_side(
     skeleton: Skeleton,
     words: Sequence[tuple[int, str]],
     side: int,
@@ -174,23 +191,23 @@ def _limb(
 ) -> HumanLimb | None:
     """Returns the limb of a side by the names of its joints, or None if they are not found."""
     for names in middles:
-        middle = _first(range(len(words)), words, side, (names,))
+        middle = _first_named_joint(range(len(words)), words, side, (names,))
         above = skeleton.path(0, middle)[:-1] if middle >= 0 else ()
-        start = _first(above, words, side, starts)
+        start = _first_named_joint(above, words, side, starts)
         if start >= 0:
             break
     else:
         return None
     below = skeleton.below(middle)[1:]
-    end = _first(below, words, side, ends)
+    end = _first_named_joint(below, words, side, ends)
     if end < 0:
-        end = _longest(skeleton, middle)
+        end = _longest_child(skeleton, middle)
     if end < 0:
         return None
-    return HumanLimb((start, middle, end), _tip(skeleton, words, end))
+    return HumanLimb((start, middle, end), _limb_tip(skeleton, words, end))
 
 
-def _first(
+def _first_named_joint(
     joints: Iterable[int], words: Sequence[tuple[int, str]], side: int, tiers: Sequence[Sequence[str]]
 ) -> int:
     """Returns the first joint with a name from the clearest tier that any joint matches; -1 if none does."""
@@ -202,37 +219,39 @@ def _first(
     return -1
 
 
-def _tip(skeleton: Skeleton, words: Sequence[tuple[int, str]], end: int) -> int:
+def _limb_tip(skeleton: Skeleton, words: Sequence[tuple[int, str]], end: int) -> int:
     """Returns the joint at which a hand or foot ends: the middle finger's knuckle or the toes.
 
     Without such names, it is the first joint of the longest branch that is not a thumb or a helper.
     """
     children = skeleton.children[end]
     named = [
-        c for c in children if words[c][1] and (words[c][1] in _TOES or _finger(words[c][1]) == "middle")
+        c
+        for c in children
+        if words[c][1] and (words[c][1] in _TOE_NAMES or _finger_name(words[c][1]) == "middle")
     ]
-    plain = [c for c in children if _finger(words[c][1]) != "thumb" and words[c][1]] or list(children)
-    chosen = named or sorted(plain, key=lambda c: -_reach(skeleton, c))[:1]
+    plain = [c for c in children if _finger_name(words[c][1]) != "thumb" and words[c][1]] or list(children)
+    chosen = named or sorted(plain, key=lambda c: -_branch_length(skeleton, c))[:1]
     return chosen[0] if chosen else -1
 
 
-def _head(
+def _head_chain(
     skeleton: Skeleton, words: Sequence[tuple[int, str]], chest: int
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Returns the chain from the chest to the end of the head, and the joints that begin neck and head."""
     below = skeleton.below(chest)[1:]
-    head = _first(below, words, 0, _HEAD)
+    head = _first_named_joint(below, words, 0, _HEAD_NAMES)
     if head < 0:
         return (), ()
     path = skeleton.path(chest, head)
-    neck = _first(path[1:-1], words, 0, _NECK)
-    tips = [c for c in skeleton.children[head] if words[c][0] == 0 and words[c][1].endswith(_TIP)]
-    tip = tips[0] if tips else _longest(skeleton, head)
+    neck = _first_named_joint(path[1:-1], words, 0, _NECK_NAMES)
+    tips = [c for c in skeleton.children[head] if words[c][0] == 0 and words[c][1].endswith(_TIP_WORDS)]
+    tip = tips[0] if tips else _longest_child(skeleton, head)
     knots = (neck, head) if neck >= 0 else (head,)
     return (path if tip < 0 else (*path, tip)), knots
 
 
-def _tail(skeleton: Skeleton, words: Sequence[tuple[int, str]], hips: int) -> tuple[int, ...]:
+def _tail_chain(skeleton: Skeleton, words: Sequence[tuple[int, str]], hips: int) -> tuple[int, ...]:
     """Returns the chain of a tail that is attached to the hips or above, along its longest branch."""
     near = [child for joint in skeleton.path(0, hips) for child in skeleton.children[joint]]
     tails = [joint for joint in near if words[joint][0] == 0 and words[joint][1].startswith("tail")]
@@ -243,21 +262,21 @@ def longest_branch(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
     """Returns a joint and those below it, along the longest branch to its end."""
     chain = [joint]
     while skeleton.children[chain[-1]]:
-        chain.append(max(skeleton.children[chain[-1]], key=lambda child: _reach(skeleton, child)))
+        chain.append(max(skeleton.children[chain[-1]], key=lambda child: _branch_length(skeleton, child)))
     return tuple(chain)
 
 
-def _meeting(skeleton: Skeleton, one: int, other: int) -> int:
+def _common_ancestor(skeleton: Skeleton, one: int, other: int) -> int:
     """Returns the nearest common ancestor of two joints."""
     return min(skeleton.path(one, other))
 
 
-def _longest(skeleton: Skeleton, joint: int) -> int:
+def _longest_child(skeleton: Skeleton, joint: int) -> int:
     """Returns the child of a joint with the longest bone; -1 for a leaf."""
     return max(skeleton.children[joint], key=lambda child: float(skeleton.lengths[child]), default=-1)
 
 
-def _reach(skeleton: Skeleton, joint: int) -> float:
+def _branch_length(skeleton: Skeleton, joint: int) -> float:
     """Returns the length in metres of the longest branch of a joint, measured from its parent."""
-    beyond = max((_reach(skeleton, child) for child in skeleton.children[joint]), default=0.0)
+    beyond = max((_branch_length(skeleton, child) for child in skeleton.children[joint]), default=0.0)
     return float(skeleton.lengths[joint]) + beyond

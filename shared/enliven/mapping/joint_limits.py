@@ -25,15 +25,15 @@ from enliven.motion.kinematics import JointRange, joint_range, limit_turns
 from enliven.motion.layers import Player, bind_chain, clear_chain
 from enliven.rotation import IDENTITY, conjugate, multiply
 
-_RATE = 60.0
+_MAX_RATE_HZ = 60.0
 """Maximum number of moments a second at which limits are applied: the rate of common displays."""
 _CLIP_FRAMES = 120
 """Maximum number of frames of a clip that define a joint's range. Extreme poses last several frames."""
-_LIMITED = np.radians(1.0)
+_MIN_CHANGE = np.radians(1.0)
 """Minimum change of a joint (radians) that is applied and reported. Smaller changes are not visible."""
-_LEAST_SHARE = 0.05
+_MIN_ANGLE_FRACTION = 0.05
 """Minimum fraction of the free angle for each bone of a chain, so that short bones are not stiff."""
-_POINT = 1e-6
+_MIN_BONE_LENGTH = 1e-6
 """Bones shorter than this fraction of the skeleton's size have no direction."""
 
 
@@ -58,13 +58,17 @@ def limited(
         without: bones that are not limited.
     """
     shape = project.shape(shape_id)
-    shares = {j: share for j, share in _shares(project, shape, clip, plan).items() if j not in without}
+    shares = {
+        j: share for j, share in _bone_fractions(project, shape, clip, plan).items() if j not in without
+    }
     if not shares:
         return project, ()
-    times = moments_of(clip.duration, min(_RATE, 1.0 / clip.step)) if clip.duration > 0.0 else np.zeros(1)
+    times = (
+        moments_of(clip.duration, min(_MAX_RATE_HZ, 1.0 / clip.step)) if clip.duration > 0.0 else np.zeros(1)
+    )
     turns, joints = Player(project, shape_id).sample(times)
     own = [candidate for candidate in clips if is_own_take(candidate, shape)]
-    ranges, followers = joint_ranges(shape.skeleton, own, shares), _followers(shape, shares)
+    ranges, followers = joint_ranges(shape.skeleton, own, shares), _following_bones(shape, shares)
     limited_turns, beyond = limit_pose(shape.skeleton, turns, ranges, followers)
     if not beyond:
         return project, ()
@@ -74,7 +78,9 @@ def limited(
     )
     project = project.with_takes(take)
     moved = {*shares, *followers}
-    for chain in _chains(shape.skeleton, {j for j in moved if _differ(limited_turns[:, j], turns[:, j])}):
+    for chain in _joined_chains(
+        shape.skeleton, {j for j in moved if _is_different(limited_turns[:, j], turns[:, j])}
+    ):
         project = clear_chain(project, shape_id, chain)
         name = unused(f"{take.id} of {shape.skeleton.names[chain[-1]]}", project.layer_names)
         project = bind_chain(project, shape_id, chain, take.id, chain, basis=IDENTITY, layer_id=name)
@@ -95,16 +101,16 @@ def joint_ranges(
         shares: by bone, its fraction of its chain's free angle. The bones of a spine share one angle.
     """
     sampled = [clip.turns[:: max(1, -(-len(clip.turns) // _CLIP_FRAMES))] for clip in clips]
-    local = _local(skeleton, np.concatenate(sampled)) if sampled else None
-    size, partners = float(np.ptp(skeleton.positions, axis=0).max()), _partners(skeleton)
+    local = _local_rotations(skeleton, np.concatenate(sampled)) if sampled else None
+    size, partners = float(np.ptp(skeleton.positions, axis=0).max()), _bone_partners(skeleton)
     facing, ranges = anatomy_of(skeleton).facing, dict[int, JointRange]()
     for j, share in shares.items():
-        if skeleton.lengths[j] <= _POINT * size:
+        if skeleton.lengths[j] <= _MIN_BONE_LENGTH * size:
             continue
         turns = None if local is None else local[:, j]
         if local is not None and j in partners:
-            turns = np.concatenate([local[:, j], _mirrored(local[:, partners[j]], facing)])
-        ranges[j] = joint_range(skeleton.vectors[j], turns, max(share, _LEAST_SHARE))
+            turns = np.concatenate([local[:, j], _mirrored_rotations(local[:, partners[j]], facing)])
+        ranges[j] = joint_range(skeleton.vectors[j], turns, max(share, _MIN_ANGLE_FRACTION))
     return ranges
 
 
@@ -121,22 +127,22 @@ def limit_pose(
         ranges: the range of each bone.
         followers: by bone that copies another bone's rotation, that other bone.
     """
-    local, limited_turns, beyond = _local(skeleton, turns), turns.copy(), set[int]()
+    local, limited_turns, beyond = _local_rotations(skeleton, turns), turns.copy(), set[int]()
     for j, joint in ranges.items():
         in_range = limit_turns(joint, local[:, j])
-        if _differ(in_range, local[:, j]):
+        if _is_different(in_range, local[:, j]):
             local[:, j] = in_range
             beyond.add(j)
     for j, other in followers.items():
         local[:, j] = local[:, other]
     for j in range(1, len(skeleton)):
         up = int(skeleton.parents[j])
-        if followers.get(j, j) in beyond or _differ(limited_turns[:, up], turns[:, up]):
+        if followers.get(j, j) in beyond or _is_different(limited_turns[:, up], turns[:, up]):
             limited_turns[:, j] = multiply(limited_turns[:, up], local[:, j])
     return limited_turns, beyond
 
 
-def _shares(project: Project, shape: Shape, clip: Clip, plan: Plan) -> dict[int, float]:
+def _bone_fractions(project: Project, shape: Shape, clip: Clip, plan: Plan) -> dict[int, float]:
     """Returns the bones that may be limited, each with its fraction of its chain's length.
 
     These are the bones that chains of mode "move" move at the take's own speed. It is empty for people, for
@@ -158,7 +164,9 @@ def _shares(project: Project, shape: Shape, clip: Clip, plan: Plan) -> dict[int,
             shares[j] = max(shares.get(j, 0.0), float(skeleton.lengths[j]) / chain_length)
     layers = {layer.id: layer for layer in shape.layers}
     moving = {j: [layers[ref.layer] for span in shape.spans[j] for ref in span.refs] for j in shares}
-    return {j: shares[j] for j in sorted(shares) if j > 0 and moving[j] and all(map(_is_plain, moving[j]))}
+    return {
+        j: shares[j] for j in sorted(shares) if j > 0 and moving[j] and all(map(_is_played_once, moving[j]))
+    }
 
 
 def _is_person(skeleton: Skeleton) -> bool:
@@ -166,12 +174,12 @@ def _is_person(skeleton: Skeleton) -> bool:
     return any(limb.knots for pair in anatomy_of(skeleton).pairs for limb in pair)
 
 
-def _is_plain(layer: Layer) -> bool:
+def _is_played_once(layer: Layer) -> bool:
     """Returns True if a layer plays its take once, at the take's own speed."""
     return (layer.offset, layer.speed, layer.loop) == (0.0, 1.0, False)
 
 
-def _followers(shape: Shape, bones: Collection[int]) -> dict[int, int]:
+def _following_bones(shape: Shape, bones: Collection[int]) -> dict[int, int]:
     """Returns other bones that share a parent and the motion with one of ``bones``, such as twist bones.
 
     Each is mapped to the bone that it copies.
@@ -184,7 +192,7 @@ def _followers(shape: Shape, bones: Collection[int]) -> dict[int, int]:
     return followers
 
 
-def _partners(skeleton: Skeleton) -> dict[int, int]:
+def _bone_partners(skeleton: Skeleton) -> dict[int, int]:
     """Returns the bone on the other side for each bone of a pair of limbs."""
     partners = dict[int, int]()
     for left, right in anatomy_of(skeleton).pairs:
@@ -194,13 +202,13 @@ def _partners(skeleton: Skeleton) -> dict[int, int]:
     return partners
 
 
-def _mirrored(turns: Float, facing: float) -> Float:
+def _mirrored_rotations(turns: Float, facing: float) -> Float:
     """Returns rotations (T, 4) mirrored in the plane between left and right of a body with that facing."""
     ahead = turned_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
     return np.concatenate([turns[:, :1], turned_about_y(ahead, facing)], axis=1)
 
 
-def _local(skeleton: Skeleton, turns: Float) -> Float:
+def _local_rotations(skeleton: Skeleton, turns: Float) -> Float:
     """Returns rotations (T, N, 4) of bones relative to their parents, from world rotations (T, N, 4)."""
     above = turns[:, np.maximum(skeleton.parents, 0)]
     local = multiply(conjugate(above), turns)
@@ -208,13 +216,13 @@ def _local(skeleton: Skeleton, turns: Float) -> Float:
     return np.asarray(local)
 
 
-def _differ(one: Float, other: Float) -> bool:
+def _is_different(one: Float, other: Float) -> bool:
     """Returns True if rotations (T, 4) differ by a visible angle at any moment."""
     cosine = np.abs(np.sum(one * other, axis=-1)).min()
-    return bool(2.0 * np.arccos(min(float(cosine), 1.0)) > _LIMITED)
+    return bool(2.0 * np.arccos(min(float(cosine), 1.0)) > _MIN_CHANGE)
 
 
-def _chains(skeleton: Skeleton, bones: set[int]) -> list[tuple[int, ...]]:
+def _joined_chains(skeleton: Skeleton, bones: set[int]) -> list[tuple[int, ...]]:
     """Returns bones joined to chains of joints, each beginning with the joint that stays in place."""
     chains, remaining = list[tuple[int, ...]](), sorted(bones)
     while remaining:

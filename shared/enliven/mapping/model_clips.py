@@ -17,9 +17,9 @@ from enliven.document import Clip, Layer, Project, Shape, Skeleton, joint_places
 from enliven.errors import InputError
 from enliven.formats.rig import playing
 
-_SAME = 1e-6
+_MAX_JOINT_DIFFERENCE = 1e-6
 """Maximum distance of equal joints in identical skeletons, as a fraction of the size: rounding of files."""
-_STILL = 1e-3
+_MAX_STILL_MOTION = 1e-3
 """Maximum motion of joints in a clip that is a still pose, or at a loop's seam, as a fraction of the size."""
 _SEAM_FRAMES = 1.5
 """Maximum step from the last pose of a loop to its first, in median frame steps. Not all files repeat the
@@ -38,7 +38,7 @@ def _is_same(mine: Skeleton, theirs: Skeleton) -> bool:
     if mine.names != theirs.names or not np.array_equal(mine.parents, theirs.parents):
         return False
     offset = np.abs((mine.positions - mine.positions[0]) - (theirs.positions - theirs.positions[0])).max()
-    return bool(offset < _SAME * float(np.ptp(theirs.positions, axis=0).max()))
+    return bool(offset < _MAX_JOINT_DIFFERENCE * float(np.ptp(theirs.positions, axis=0).max()))
 
 
 def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
@@ -64,12 +64,12 @@ def played_clip(project: Project, shape: Shape) -> str | None:
 
 def is_looping(clip: Clip) -> bool:
     """Returns True if a clip ends in its first pose. Travel over the ground is ignored."""
-    places = _poses(clip)
+    places = _relative_poses(clip)
     if len(places) < 2:
         return False
     steps = np.linalg.norm(np.diff(places, axis=0), axis=2).max(1)
     seam = float(np.linalg.norm(places[-1] - places[0], axis=1).max())
-    return seam <= max(_STILL * _size(clip), _SEAM_FRAMES * float(np.median(steps)))
+    return seam <= max(_MAX_STILL_MOTION * _clip_size(clip), _SEAM_FRAMES * float(np.median(steps)))
 
 
 def clip_to_open(shape: Shape, clips: Sequence[Clip]) -> Clip | None:
@@ -97,7 +97,7 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
         mend = f"Known: {', '.join(clips) or 'none'}."
         raise InputError(f"{name!r} is not a clip of {shape_id!r}", where="project", mend=mend)
     if played:
-        return _relabelled(project, shape, played, name)
+        return _with_other_clip(project, shape, played, name)
     project = stilled(project, shape_id)
     shape = project.shape(shape_id).with_changes(pins=())
     if name is None:
@@ -106,7 +106,7 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
     return looped(project, shape_id) if is_looping(project.takes[name]) else project
 
 
-def _relabelled(project: Project, shape: Shape, played: Sequence[Layer], name: str | None) -> Project:
+def _with_other_clip(project: Project, shape: Shape, played: Sequence[Layer], name: str | None) -> Project:
     """Returns a project in which the layers that play a shape's own clip play another one, or are muted."""
     others = [layer for layer in shape.layers if layer not in played]
     new_layers = [replace(layer, muted=True) for layer in played]
@@ -152,16 +152,16 @@ def looped(project: Project, shape_id: str) -> Project:
     return project.with_characters(shape.with_changes(layers=tuple(layers)))
 
 
-def _poses(clip: Clip) -> Float:
+def _relative_poses(clip: Clip) -> Float:
     """Returns joint positions (F, N, 3) in metres relative to the point on the floor below the root."""
     return np.asarray(joint_places(clip) - clip.root[:, None] * [1.0, 0.0, 1.0])
 
 
-def _size(clip: Clip) -> float:
+def _clip_size(clip: Clip) -> float:
     return float(np.ptp(clip.skeleton.positions, axis=0).max())
 
 
 def _is_moving(clip: Clip) -> bool:
     """Returns True if any joint moves by more than the rounding of files."""
     places = joint_places(clip)
-    return bool(np.ptp(places, axis=0).max() > _STILL * _size(clip))
+    return bool(np.ptp(places, axis=0).max() > _MAX_STILL_MOTION * _clip_size(clip))

@@ -19,16 +19,16 @@ from enliven.arrays import Bool, Float, Int
 from enliven.document import Shape
 from enliven.kernels import njit
 
-_FACES = 3000
+_TESTED_FACES = 3000
 """Approximate number of faces that are tested, evenly spaced in the list of faces. The measured fraction of
 the surface is then within half a per cent of that for all faces."""
-_OFF = 1e-4
+_TEST_POINT_OFFSET = 1e-4
 """Distance of a test point from its face, as a fraction of the size: above rounding, below limb thickness."""
-_IN_A_CELL = 4.0
+_FACES_PER_CELL = 4.0
 """Average number of faces per cell of the ray grid. A ray then tests about twenty faces."""
-_DOUBT = 1e6
+_UNCERTAIN_EXIT_M = 1e6
 """Metres added to the exit distance of a ray that passed through other parts first: larger than any model."""
-_MOST_CELLS = 256
+_MAX_CELLS = 256
 """Maximum number of cells along a side of that grid, which is 512 KB of indices."""
 
 
@@ -38,15 +38,15 @@ class Overlap:
     def __init__(self, shape: Shape) -> None:
         assert shape.mesh is not None and shape.skin is not None
         self.faces = shape.mesh.faces
-        self.looked = np.arange(0, len(self.faces), max(len(self.faces) // _FACES, 1))
-        self.area = _areas(shape.mesh.vertices[self.faces[self.looked]])
-        self.bone = _bones(shape)
-        self._beside = _touching(shape)
-        self._rest = self._inside(shape.mesh.vertices)[0]
+        self.looked = np.arange(0, len(self.faces), max(len(self.faces) // _TESTED_FACES, 1))
+        self.area = _face_areas(shape.mesh.vertices[self.faces[self.looked]])
+        self.bone = _face_bones(shape)
+        self._beside = _adjacent_bones(shape)
+        self._rest = self._faces_inside(shape.mesh.vertices)[0]
 
     def at(self, vertices: Float) -> tuple[float, dict[tuple[int, int], float]]:
         """Returns the fraction of the surface inside other parts, in all and by (bone, bone around it)."""
-        inside, hit = self._inside(vertices)
+        inside, hit = self._faces_inside(vertices)
         new = np.flatnonzero(inside & ~self._rest)
         total_area = max(float(self.area.sum()), 1e-300)
         parts: dict[tuple[int, int], float] = {}
@@ -55,15 +55,15 @@ class Overlap:
             parts[pair] = parts.get(pair, 0.0) + float(self.area[k]) / total_area
         return sum(parts.values()), parts
 
-    def _inside(self, vertices: Float) -> tuple[Bool, Int]:
+    def _faces_inside(self, vertices: Float) -> tuple[Bool, Int]:
         """Returns (K,) True for tested faces inside another part, and (K,) the face at which a ray exits."""
         corners = np.ascontiguousarray(vertices[self.faces], np.float64)
         some = corners[self.looked]
         normals = np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
-        points = some.mean(1) + _OFF * size * normals
-        cells = int(np.clip(np.sqrt(len(corners) / _IN_A_CELL), 1, _MOST_CELLS))
+        points = some.mean(1) + _TEST_POINT_OFFSET * size * normals
+        cells = int(np.clip(np.sqrt(len(corners) / _FACES_PER_CELL), 1, _MAX_CELLS))
         numbers = np.empty((3, len(points)), np.int64)
         exits, ways = np.full(len(points), -1), np.full(len(points), np.inf)
         for axis in range(3):
@@ -73,25 +73,25 @@ class Overlap:
         return inside & ~self._beside[own, other], exits
 
 
-def _areas(corners: Float) -> Float:
+def _face_areas(corners: Float) -> Float:
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.asarray(np.linalg.norm(vectors, axis=1) / 2.0)
 
 
-def _bones(shape: Shape) -> Int:
+def _face_bones(shape: Shape) -> Int:
     """Returns (F,) the bone with the largest total weight on the corners of each face."""
     assert shape.mesh is not None and shape.skin is not None
-    indices, weights = (np.asarray(of)[shape.mesh.faces].reshape(-1, 12) for of in _skin(shape))
+    indices, weights = (np.asarray(of)[shape.mesh.faces].reshape(-1, 12) for of in _skin_arrays(shape))
     total = np.where(indices[:, :, None] == indices[:, None], weights[:, None], 0.0).sum(2)
     return np.asarray(np.take_along_axis(indices, total.argmax(1)[:, None], 1)[:, 0], np.int64)
 
 
-def _skin(shape: Shape) -> tuple[Int, Float]:
+def _skin_arrays(shape: Shape) -> tuple[Int, Float]:
     assert shape.skin is not None
     return np.asarray(shape.skin.indices, np.int64), np.asarray(shape.skin.weights, np.float64)
 
 
-def _touching(shape: Shape) -> Bool:
+def _adjacent_bones(shape: Shape) -> Bool:
     """Returns (N, N) True for bones that are the same or share a joint, at which their surfaces fold."""
     skeleton, count = shape.skeleton, len(shape.skeleton)
     ends = np.zeros((count, count), bool)
@@ -126,8 +126,8 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
     cell_faces = np.empty(0, np.int64)
     for fill in range(2):
         for f in range(len(corners)):
-            ua, ub = _span(corners[f, :, u_axis], low[0], per[0], cells)
-            va, vb = _span(corners[f, :, v_axis], low[1], per[1], cells)
+            ua, ub = _cell_span(corners[f, :, u_axis], low[0], per[0], cells)
+            va, vb = _cell_span(corners[f, :, v_axis], low[1], per[1], cells)
             for u in range(ua, ub + 1):
                 for v in range(va, vb + 1):
                     cell = u * cells + v
@@ -153,7 +153,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
         cell = min(int((x - low[0]) * per[0]), cells - 1) * cells + min(int((y - low[1]) * per[1]), cells - 1)
         count = 0
         for i in range(first[cell], first[cell + 1]):
-            side, at = _met(corners[cell_faces[i]], x, y, u_axis, v_axis, axis)
+            side, at = _intersect_face(corners[cell_faces[i]], x, y, u_axis, v_axis, axis)
             if side != 0:
                 k = count
                 while k > 0 and met[k - 1] > at:
@@ -181,7 +181,9 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
                     entered[entry], count_in = entered[count_in - 1], count_in - 1
                 else:
                     # A ray that reaches this face first is more reliable than one that met other parts.
-                    far = way * (met[k] - z) + (0.0 if k == (above if way > 0 else above - 1) else _DOUBT)
+                    far = way * (met[k] - z) + (
+                        0.0 if k == (above if way > 0 else above - 1) else _UNCERTAIN_EXIT_M
+                    )
                     if far < ways[p]:
                         ways[p], exits[p] = far, faces[k]
                     break
@@ -189,7 +191,7 @@ def wind(points, corners, bones, axis, cells, numbers, exits, ways):
 
 
 @njit(cache=True, nogil=True)
-def _span(values, low, per, cells):
+def _cell_span(values, low, per, cells):
     """Kernel: returns the first and the last cell that contain three numbers."""
     a = int((min(values[0], values[1], values[2]) - low) * per)
     b = int((max(values[0], values[1], values[2]) - low) * per)
@@ -197,7 +199,7 @@ def _span(values, low, per, cells):
 
 
 @njit(cache=True, nogil=True)
-def _met(corners, x, y, one, two, axis):
+def _intersect_face(corners, x, y, one, two, axis):
     """Kernel: intersects a face with the line through (x, y) along an axis.
 
     Returns the side and the coordinate of the hit on the axis. The side is 1 if the face looks along the

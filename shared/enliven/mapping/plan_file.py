@@ -26,7 +26,7 @@ from enliven.files import write_file
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.settings import load_settings, read_toml, refuse_later_toml
 
-_HEAD = """# What of the performer drives what of the model. Change what you like, and give it with --map.
+_HEADER = """# What of the performer drives what of the model. Change what you like, and give it with --map.
 # rest: "auto", "mean", "first", "zero", or seconds into the take. mode: "pose" (the model's bones point
 # where the performer's do) or "move" (they move from their own rest pose). Of a chain also: flip,
 # weight (0 to 1), offset (s), speed, loop, extend, mirrored.
@@ -50,7 +50,7 @@ def read_plan(path: Path | str) -> Plan:
     chains = []
     for number, table in enumerate(listed, 1):
         where = f"{path}, chain {number}"
-        values = {k: _joints(v) if k in ("source", "target") else v for k, v in table.items()}
+        values = {k: _parse_joints(v) if k in ("source", "target") else v for k, v in table.items()}
         chain = load_settings(ChainPlan, values, where=where)
         if not chain.source or not chain.target:
             mend = 'Give "first .. last" for both.'
@@ -81,24 +81,24 @@ def plan_text(plan: Plan) -> str:
     It contains all values of the plan that are not None. For each chain it contains source, target and mode,
     and any values that differ from their defaults.
     """
-    lines = [_HEAD]
+    lines = [_HEADER]
     for field in dataclasses.fields(Plan):
         value = getattr(plan, field.name)
         if field.name != "chains" and value is not None:
-            lines.append(f"{field.name} = {_toml(value)}")
+            lines.append(f"{field.name} = {_toml_value(value)}")
     for chain in plan.chains:
         lines += ["", "[[chain]]"]
         for field in dataclasses.fields(ChainPlan):
             value = getattr(chain, field.name)
             if field.name in ("source", "target"):
-                value = " .. ".join(value) if len(value) <= 2 and _plain(value) else list(value)
+                value = " .. ".join(value) if len(value) <= 2 and _is_plain_names(value) else list(value)
             elif value == field.default and field.name != "mode":
                 continue
-            lines.append(f"{field.name} = {_toml(value)}")
+            lines.append(f"{field.name} = {_toml_value(value)}")
     return "\n".join(lines) + "\n"
 
 
-def _joints(value: Any) -> Any:
+def _parse_joints(value: Any) -> Any:
     """Returns the joints that a text or an array names. Other values are returned for settings to refuse."""
     if not isinstance(value, str):
         return value
@@ -106,10 +106,10 @@ def _joints(value: Any) -> Any:
     return [part.strip() for part in parts if part.strip()]
 
 
-def _plain(names: tuple[str, ...]) -> bool:
+def _is_plain_names(names: tuple[str, ...]) -> bool:
     return all(".." not in name and name == name.strip() for name in names)
 
 
-def _toml(value: Any) -> str:
+def _toml_value(value: Any) -> str:
     """Returns a value as TOML. Strings, numbers, booleans and arrays have the same syntax in JSON."""
     return json.dumps(value, ensure_ascii=False)

@@ -32,17 +32,17 @@ from enliven.rotation import conjugate, multiply, rotate
 Spans = tuple[tuple[int, int], ...]
 """The first and the last frame of every contact of a foot with the floor."""
 
-_HEIGHT = 0.1
+_MAX_STANDING_HEIGHT = 0.1
 """Largest height of a standing foot above its lowest position, in leg lengths. Floors of captures drift."""
-_SPEED = 0.4
+_MAX_STANDING_SPEED = 0.4
 """Largest speed of a standing foot of a body at rest, in leg lengths a second. Captured feet creep."""
-_PACE = 0.3
+_MAX_SPEED_FRACTION = 0.3
 """Largest speed of a standing foot as a fraction of the body's speed: the foot of a runner rolls fast."""
-_PACE_S = 0.4
+_SPEED_WINDOW_S = 0.4
 """Seconds over which the speed of the body is averaged: a stride."""
-_SHORTEST_S = 0.05
+_MIN_CONTACT_S = 0.05
 """Shortest contact in seconds. Those of a sprint last 80 ms."""
-_RELEASE = 1.3
+_RELEASE_FACTOR = 1.3
 """Factor on the limits of height and speed beyond which a contact ends (hysteresis)."""
 _STANDING_PERCENTILE = 5.0
 """Percentile of a joint's height over a take that counts as its height while the foot stands."""
@@ -51,25 +51,25 @@ _BLEND_S = 0.1
 _SMOOTH_S = 0.05
 """Time in seconds over which the root's speed and height are smoothed. A shorter one makes the root jerk, a
 longer one bends the legs more."""
-_CLEAR = 0.7
+_MIN_AIR_HEIGHT = 0.7
 """Smallest height of a foot in the air as a fraction of the performer's, so that it does not touch the
 floor."""
-_SCUFF = 0.03
+_MIN_SWING_HEIGHT = 0.03
 """Smallest height of a swinging foot in leg lengths, unless the performer's is lower: 25 mm on an adult."""
-_PATCH = 0.006
+_CONTACT_DECAY = 0.006
 """Decay length of contact weights above a foot's lowest point, in leg lengths: 5 mm on an adult."""
 _FOOT_WEIGHT = 0.5
 """Minimum total skin weight on the foot's bones with which a vertex belongs to the foot."""
-_DIRECTIONS = 128
+_SEARCH_DIRECTIONS = 128
 """Number of directions, spread evenly, in which the outermost points of a foot are searched."""
-_BLOCK = 2048
+_FRAMES_PER_BLOCK = 2048
 """Number of frames that are processed at a time, to bound the memory for all points of a foot."""
-_TINY = 1e-9
+_HEIGHT_WEIGHT = 1e-9
 """Weight of the performer's own height, small enough to matter only while no foot stands."""
 _MAX_UNSPIN = np.radians(30.0)
 """Largest angle (radians) between the headings of a standing foot and the performer's: ankle and hip allow
 it."""
-_FREE = 0.01
+_PATH_WEIGHT = 0.01
 """Weight of the performer's path for the root, compared with a standing foot."""
 
 
@@ -110,7 +110,7 @@ def rolling(points: Float, length: float) -> tuple[Float, Float]:
     height = points[..., 1]
     between = 0.5 * (height[1:] + height[:-1])
     above = between - between.min(axis=1, keepdims=True)
-    weights = np.exp(-above / (_PATCH * length))
+    weights = np.exp(-above / (_CONTACT_DECAY * length))
     steps = np.diff(points[..., [0, 2]], axis=0)
     moved = np.einsum("tp,tpc->tc", weights, steps) / weights.sum(1, keepdims=True)
     rolled = np.concatenate([np.zeros((1, 2)), np.cumsum(moved, axis=0)])
@@ -131,16 +131,16 @@ def standing_spans(foot: Float, root: Float, step: float, length: float) -> Span
     if len(foot) < 2:
         return ((0, len(foot) - 1),)
     way = np.linalg.norm(np.gradient(root[:, [0, 2]], step, axis=0), axis=1)
-    pace = scipy.ndimage.uniform_filter1d(way, max(round(_PACE_S / step), 1), mode="nearest")
-    allowed = np.maximum(_SPEED * length, _PACE * pace)
+    pace = scipy.ndimage.uniform_filter1d(way, max(round(_SPEED_WINDOW_S / step), 1), mode="nearest")
+    allowed = np.maximum(_MAX_STANDING_SPEED * length, _MAX_SPEED_FRACTION * pace)
     stands = np.zeros(len(foot), np.bool_)
     for joint in foot.swapaxes(0, 1):
         speed = np.linalg.norm(np.gradient(joint, step, axis=0), axis=1)
         height = joint[:, 1] - np.percentile(joint[:, 1], _STANDING_PERCENTILE)
         down = np.empty(len(foot), np.bool_)
-        touching(height, speed / allowed, _HEIGHT * length, 1.0, _RELEASE, down)
+        touching(height, speed / allowed, _MAX_STANDING_HEIGHT * length, 1.0, _RELEASE_FACTOR, down)
         stands |= down
-    return tuple((a, b) for a, b in runs_of(stands) if (b - a) * step >= _SHORTEST_S)
+    return tuple((a, b) for a, b in runs_of(stands) if (b - a) * step >= _MIN_CONTACT_S)
 
 
 class Sole:
@@ -163,7 +163,7 @@ class Sole:
             return
         carrier = shape.skin.indices[part, own[part].argmax(1)]
         groups = [part[carrier == bone] for bone in np.unique(carrier)]
-        chosen = np.concatenate([some[_outermost(shape.mesh.vertices[some])] for some in groups])
+        chosen = np.concatenate([some[_outermost_points(shape.mesh.vertices[some])] for some in groups])
         self._points = shape.mesh.vertices[chosen]
         self._bones, self._weights = shape.skin.indices[chosen], shape.skin.weights[chosen]
 
@@ -179,8 +179,8 @@ class Sole:
     def rolling(self, turns: Float, joints: Float, length: float) -> tuple[Float, Float]:
         """Returns :func:`rolling` of the points, for joints (T, N, 3) in metres relative to the root."""
         rolled, low, at = [np.zeros((1, 2))], list[Float](), np.zeros(2)
-        for start in range(0, max(len(turns) - 1, 1), _BLOCK):
-            part = slice(start, start + _BLOCK + 1)
+        for start in range(0, max(len(turns) - 1, 1), _FRAMES_PER_BLOCK):
+            part = slice(start, start + _FRAMES_PER_BLOCK + 1)
             way, height = rolling(self.points(turns[part], joints[part]), length)
             rolled.append(at + way[1:])
             at, low = at + way[-1], [*low, height if not start else height[1:]]
@@ -193,10 +193,10 @@ class Sole:
         """
         leader = np.take_along_axis(self._bones, self._weights.argmax(1)[:, None], axis=1)[:, 0]
         touching, bones = list[Float](), np.unique(leader)
-        for start in range(0, len(turns), _BLOCK):
-            part = slice(start, start + _BLOCK)
+        for start in range(0, len(turns), _FRAMES_PER_BLOCK):
+            part = slice(start, start + _FRAMES_PER_BLOCK)
             height = self.points(turns[part], joints[part])[..., 1]
-            weights = np.exp(-(height - height.min(axis=1, keepdims=True)) / (_PATCH * length))
+            weights = np.exp(-(height - height.min(axis=1, keepdims=True)) / (_CONTACT_DECAY * length))
             touching.append(np.stack([weights[:, leader == bone].sum(1) for bone in bones], axis=1))
         share = np.concatenate(touching)
         share = share[1:] + share[:-1]
@@ -208,25 +208,25 @@ class Sole:
 
     def lowest(self, turns: Float, joints: Float) -> Float:
         """Returns the height (T,) in metres of the lowest point, for turns (T, N, 4) and joints (T, N, 3)."""
-        parts = (slice(start, start + _BLOCK) for start in range(0, len(turns), _BLOCK))
+        parts = (slice(start, start + _FRAMES_PER_BLOCK) for start in range(0, len(turns), _FRAMES_PER_BLOCK))
         return np.concatenate([self.points(turns[part], joints[part])[..., 1].min(1) for part in parts])
 
     def lowest_turned(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
         """Returns the metres (T,) from a joint up to the lowest point after all points rotate about it."""
         low = list[Float]()
-        for start in range(0, len(turns), _BLOCK):
-            part = slice(start, start + _BLOCK)
+        for start in range(0, len(turns), _FRAMES_PER_BLOCK):
+            part = slice(start, start + _FRAMES_PER_BLOCK)
             beside = self.points(turns[part], joints[part] - joints[part, about, None])
             low.append(rotate(turning[part, None], beside)[..., 1].min(1))
         return np.concatenate(low)
 
 
-def _outermost(points: Float) -> Int:
+def _outermost_points(points: Float) -> Int:
     """Returns the indices (P,) of the points (V, 3) that are farthest in some direction."""
-    if len(points) <= _DIRECTIONS:
+    if len(points) <= _SEARCH_DIRECTIONS:
         return np.arange(len(points))
-    number = np.arange(_DIRECTIONS) + 0.5
-    height, angle = 1.0 - 2.0 * number / _DIRECTIONS, np.pi * (1.0 + np.sqrt(5.0)) * number
+    number = np.arange(_SEARCH_DIRECTIONS) + 0.5
+    height, angle = 1.0 - 2.0 * number / _SEARCH_DIRECTIONS, np.pi * (1.0 + np.sqrt(5.0)) * number
     level = np.sqrt(1.0 - height**2)
     ways = np.stack([level * np.cos(angle), height, level * np.sin(angle)])
     return np.unique((points @ ways).argmax(0))
@@ -244,7 +244,7 @@ def unspun(spin: Float, spans: Spans, step: float) -> Float:
         step: seconds between two moments.
     """
     count, blend = len(spin), max(round(_BLEND_S / step), 1)
-    spans, turns = _joined(spans, blend), np.zeros(count)
+    spans, turns = _joined_spans(spans, blend), np.zeros(count)
     ends = [-blend, *(b for _, b in spans)]
     starts = [*(a for a, _ in spans), count + blend]
     for number, (first, last) in enumerate(spans):
@@ -253,13 +253,13 @@ def unspun(spin: Float, spans: Spans, step: float) -> Float:
             standing_heading = float(np.clip(standing_heading, spin[t] - _MAX_UNSPIN, spin[t] + _MAX_UNSPIN))
             turns[t] = standing_heading - spin[t]
         before, after = min(blend, first - ends[number]), min(blend, starts[number + 1] - last)
-        into, out = _fading(before)[::-1] * turns[first], _fading(after) * turns[last]
+        into, out = _fading_weights(before)[::-1] * turns[first], _fading_weights(after) * turns[last]
         turns[max(first - len(into), 0) : first] += into[len(into) - min(len(into), first) :]
         turns[last + 1 : last + 1 + len(out)] += out[: count - last - 1]
     return turns
 
 
-def _joined(spans: Spans, gap: int) -> Spans:
+def _joined_spans(spans: Spans, gap: int) -> Spans:
     """Returns the spans after joining those that are at most ``gap`` frames apart."""
     joined = list[tuple[int, int]]()
     for first, last in spans:
@@ -305,22 +305,24 @@ def planted(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) ->
     if not any(leg.spans for leg in legs):
         return root, [np.zeros_like(root) for _ in legs]
     smooth = (_SMOOTH_S / step) ** 2
-    stands = [_while_standing(leg.spans, len(root)) for leg in legs]
+    stands = [_standing_mask(leg.spans, len(root)) for leg in legs]
     both = [np.minimum(on[1:], on[:-1]) for on in stands]
     for column, axis in enumerate((0, 2)):
         slips = [-np.diff(leg.rolled[:, column] + root[:, axis]) for leg in legs]
-        root[1:, axis] += np.cumsum(_smoothest(slips, both, smooth, _FREE))
-    flies = _flying(stands, step)
+        root[1:, axis] += np.cumsum(_smoothest_path(slips, both, smooth, _PATH_WEIGHT))
+    flies = _flight_weights(stands, step)
     wanted = [floor - root[:, 1] - leg.sole for leg in legs]
-    up = _smoothest(wanted, stands, smooth, 0.0)
+    up = _smoothest_path(wanted, stands, smooth, 0.0)
     # While the body is in the air, raise it until no foot is too low.
-    high = np.max([_CLEAR * leg.clear + want for leg, want in zip(legs, wanted, strict=True)], axis=0)
+    high = np.max(
+        [_MIN_AIR_HEIGHT * leg.clear + want for leg, want in zip(legs, wanted, strict=True)], axis=0
+    )
     rises = np.where(high > up, flies, 0.0)
-    root[:, 1] += _smoothest([*wanted, high], [*stands, rises], smooth, 0.0) if rises.any() else up
-    return root, [_offsets(leg, root, step, floor, flies) for leg in legs]
+    root[:, 1] += _smoothest_path([*wanted, high], [*stands, rises], smooth, 0.0) if rises.any() else up
+    return root, [_foot_offsets(leg, root, step, floor, flies) for leg in legs]
 
 
-def _smoothest(wanted: Sequence[Float], weights: Sequence[Float], smooth: float, free: float) -> Float:
+def _smoothest_path(wanted: Sequence[Float], weights: Sequence[Float], smooth: float, free: float) -> Float:
     """Returns the x (T,) that minimises the sum of w (x - wanted)^2, smooth (x' - x)^2 and free x^2.
 
     The first term is summed over all pairs of ``weights`` and ``wanted``. x' is the next value of x.
@@ -328,7 +330,7 @@ def _smoothest(wanted: Sequence[Float], weights: Sequence[Float], smooth: float,
     total = np.sum(weights, axis=0)
     count = len(total)
     bands = np.zeros((2, count))
-    bands[1] = total + free + _TINY
+    bands[1] = total + free + _HEIGHT_WEIGHT
     bands[1, :-1] += smooth
     bands[1, 1:] += smooth
     bands[0, 1:] = -smooth
@@ -336,7 +338,7 @@ def _smoothest(wanted: Sequence[Float], weights: Sequence[Float], smooth: float,
     return np.asarray(scipy.linalg.solveh_banded(bands, right))
 
 
-def _while_standing(spans: Spans, count: int) -> Float:
+def _standing_mask(spans: Spans, count: int) -> Float:
     """Returns (T,) 1 within the spans and 0 elsewhere."""
     on = np.zeros(count)
     for first, last in spans:
@@ -344,7 +346,7 @@ def _while_standing(spans: Spans, count: int) -> Float:
     return on
 
 
-def _flying(stands: Sequence[Float], step: float) -> Float:
+def _flight_weights(stands: Sequence[Float], step: float) -> Float:
     """Returns (T,) 1 while no foot stands, 0 while one does, with smooth changes."""
     return np.asarray(
         scipy.ndimage.uniform_filter1d(
@@ -353,7 +355,7 @@ def _flying(stands: Sequence[Float], step: float) -> Float:
     )
 
 
-def _offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float) -> Float:
+def _foot_offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float) -> Float:
     """Returns the offset (T, 3) in metres of a foot to its planted position, faded around each contact."""
     above, count, blend = root[:, 1] + leg.sole - floor, len(root), max(round(_BLEND_S / step), 1)
     foot = np.stack([root[:, 0] + leg.rolled[:, 0], above, root[:, 2] + leg.rolled[:, 1]], axis=1)
@@ -366,24 +368,24 @@ def _offsets(leg: PosedLeg, root: Float, step: float, floor: float, flies: Float
         offsets[first : last + 1] = correction
         before = min(blend, first - ends[number])
         after = min(blend, starts[number + 1] - last)
-        offsets[first - before + 1 : first] += _fading(before)[::-1, None] * correction[0]
-        offsets[last + 1 : last + after] += _fading(after)[:, None] * correction[-1]
-    clear = (1.0 - _while_standing(leg.spans, count)) * _clearance(leg, flies)
+        offsets[first - before + 1 : first] += _fading_weights(before)[::-1, None] * correction[0]
+        offsets[last + 1 : last + after] += _fading_weights(after)[:, None] * correction[-1]
+    clear = (1.0 - _standing_mask(leg.spans, count)) * _min_clearance(leg, flies)
     offsets[:, 1] = np.maximum(offsets[:, 1], clear - above)
     return offsets
 
 
-def _clearance(leg: PosedLeg, flies: Float) -> Float:
+def _min_clearance(leg: PosedLeg, flies: Float) -> Float:
     """Returns the smallest height (T,) in metres of a foot above the floor while it swings.
 
     While the body is in the air, it is a large fraction of the performer's height. Otherwise the foot just
     clears the floor.
     """
-    clear = _CLEAR * leg.clear
-    return np.asarray(np.maximum(flies * clear, np.minimum(clear, _SCUFF * leg.length)))
+    clear = _MIN_AIR_HEIGHT * leg.clear
+    return np.asarray(np.maximum(flies * clear, np.minimum(clear, _MIN_SWING_HEIGHT * leg.length)))
 
 
-def _fading(count: int) -> Float:
+def _fading_weights(count: int) -> Float:
     """Returns (count - 1,) weights that fall smoothly from nearly 1 to nearly 0."""
     remaining = 1.0 - np.arange(1, count) / max(count, 1)
     return np.asarray(remaining * remaining * (3.0 - 2.0 * remaining))

@@ -25,9 +25,9 @@ from enliven.mapping.plan import Plan
 from enliven.motion.layers import Player
 from enliven.rotation import rotate, swing, unit
 
-_MOMENTS = 120
+_MAX_FRAMES = 120
 """Maximum number of frames that are compared. A dozen of them are then above a limb's 90th percentile."""
-_SEGMENTS = {(True, 2): ("thigh", "shin"), (False, 2): ("upper arm", "forearm")}
+_SEGMENT_NAMES = {(True, 2): ("thigh", "shin"), (False, 2): ("upper arm", "forearm")}
 """Names of a limb's segments, by (stands on the floor, number of segments)."""
 
 
@@ -68,12 +68,12 @@ def limb_errors(
     # Compare at frames of the take only. Between frames, interpolated directions differ from those of
     # interpolated rotations.
     last = min(round(duration / clip.step), len(clip.turns) - 1)
-    times = clip.step * np.unique(np.round(np.linspace(0, last, min(_MOMENTS, last + 1))))
+    times = clip.step * np.unique(np.round(np.linspace(0, last, min(_MAX_FRAMES, last + 1))))
     joints = Player(project, shape_id).sample(times)[1]
     errors = list[LimbError]()
     starts = {limb.proper[0] for pair in source_anatomy(clip).pairs for limb in pair}
     for name, layer, chain in _driven_segments(asked, shape, clip, stepping):
-        wanted = _expected(asked.takes[layer.take], layer, starts, shape, chain, times)
+        wanted = _expected_directions(asked.takes[layer.take], layer, starts, shape, chain, times)
         angles = _degrees_between(joints[:, chain[-1]] - joints[:, chain[0]], wanted)
         errors.append(LimbError(name, float(np.median(angles)), float(np.percentile(angles, 90.0))))
     return tuple(errors)
@@ -106,7 +106,7 @@ def _driven_segments(
 
 def _segment_name(limb: SkeletonLimb, number: int, segment: int, count: int) -> str:
     """Returns the name of a segment of a limb. ``number`` is that of its pair, counted from 1."""
-    names = _SEGMENTS.get((limb.grounded, count), ()) if limb.knots else ()
+    names = _SEGMENT_NAMES.get((limb.grounded, count), ()) if limb.knots else ()
     if names:
         return names[segment]
     kind = "leg" if limb.grounded else "arm"
@@ -130,7 +130,7 @@ def _plays_plainly(project: Project, layer: Layer, clip: Clip) -> bool:
     return own and project.takes[layer.take].skeleton.names == clip.skeleton.names
 
 
-def _expected(
+def _expected_directions(
     take: Clip, layer: Layer, starts: set[int], shape: Shape, chain: tuple[int, ...], times: Float
 ) -> Float:
     """Returns (T, 3) directions that a chain of the shape should point in, in the shape's axes.

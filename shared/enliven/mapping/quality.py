@@ -40,28 +40,28 @@ POSE = 8.0
 """Largest median angle (degrees) between a limb and the performer's. Within it the pose looks the same."""
 POSE_P90 = 15.0
 """Largest 90th percentile of that angle (degrees)."""
-_MOMENTS = 24
+_MEASURED_MOMENTS = 24
 """Number of moments at which a motion is measured. A pose that lasts a twentieth of it is not missed."""
-_SLIVER = 1e-3
+_MIN_EDGE_LENGTH = 1e-3
 """Length of an edge, as a fraction of the size, below which its stretch is not visible."""
-_THIN = 0.02
+_MIN_TRIANGLE_RATIO = 0.02
 """Ratio of height to length below which a triangle is a sliver, which looks like a line on the screen."""
-_CRUMB = 1e-4
+_MIN_PART_FRACTION = 1e-4
 """A separate part of the mesh below this fraction of the surface is a crumb: a leftover of modelling."""
-_SAME = 1e-5
+_SAME_VERTEX_DISTANCE = 1e-5
 """Distance, as a fraction of the size, within which vertices count as one."""
-_TOUCH = 0.03
+_ON_FLOOR_HEIGHT = 0.03
 """Height, as a fraction of the shape's, within which a vertex counts as on the floor."""
-_IN_AIR = 0.005
+_MIN_LEAP_HEIGHT = 0.005
 """Minimum height of the lowest point in a leap, as a fraction of the shape's height: 8 mm on an adult."""
-_APART = 1.0 / 60.0
+_SLIDE_INTERVAL_S = 1.0 / 60.0
 """Seconds between the two moments that are compared for a slide: a frame of common displays."""
-_STANDING = 10.0
+_MIN_STANDING_PERCENT = 10.0
 """Minimum share of the vertices near the floor that stand still, in per cent. The others may be those of a
 swinging foot."""
-_WITHIN = 0.05
+_WITHIN_BOUND_WEIGHT = 0.05
 """Weight of a measure's value within its bound, compared with its excess beyond the bound."""
-_NAMED = 4
+_MAX_NAMED = 4
 """Maximum number of joints that are named for stretch, and of pairs of parts that intersect."""
 
 
@@ -108,15 +108,15 @@ class MotionQuality:
     @property
     def beyond(self) -> float:
         """Sum of the relative excess of all measures over their bounds; 0 if all are within."""
-        return sum(max(ratio - 1.0, 0.0) for ratio in self._ratios)
+        return sum(max(ratio - 1.0, 0.0) for ratio in self._bound_ratios)
 
     @property
     def faults(self) -> float:
         """``beyond``, plus a small amount for measures within their bounds. Less is better."""
-        return self.beyond + _WITHIN * sum(min(ratio, 1.0) for ratio in self._ratios)
+        return self.beyond + _WITHIN_BOUND_WEIGHT * sum(min(ratio, 1.0) for ratio in self._bound_ratios)
 
     @property
-    def _ratios(self) -> tuple[float, ...]:
+    def _bound_ratios(self) -> tuple[float, ...]:
         """Each measure divided by its bound: pose, stretch, floor, slide, and self-intersection."""
         off = max(self.sunk or 0.0, self.afloat or 0.0)
         stretch = (self.stretch - 1.0) / (BOUND - 1.0)
@@ -156,8 +156,8 @@ def edges_of(shape: Shape) -> tuple[Int32, Float]:
     at = shape.mesh.vertices
     faces = shape.mesh.faces[_is_seen(shape.mesh.faces, at)]
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-    lengths = _lengths(at, edges)
-    is_long = lengths > _SLIVER * np.linalg.norm(np.ptp(at, axis=0))
+    lengths = _edge_lengths(at, edges)
+    is_long = lengths > _MIN_EDGE_LENGTH * np.linalg.norm(np.ptp(at, axis=0))
     return edges[is_long], lengths[is_long]
 
 
@@ -166,16 +166,18 @@ def _is_seen(faces: Int32, at: Float) -> Bool:
     corners = at[faces]
     sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    wide = doubled > _THIN * sides.max(1) ** 2
+    wide = doubled > _MIN_TRIANGLE_RATIO * sides.max(1) ** 2
     # Merge vertices at one place: flat-shaded models have a vertex for each face, seams have two.
     _, place = np.unique(
-        np.round(at / (_SAME * max(float(np.ptp(at, axis=0).max()), 1e-300))), axis=0, return_inverse=True
+        np.round(at / (_SAME_VERTEX_DISTANCE * max(float(np.ptp(at, axis=0).max()), 1e-300))),
+        axis=0,
+        return_inverse=True,
     )
     place = place.reshape(-1)
     pairs = place[faces[:, [[0, 1], [1, 2]]]].reshape(-1, 2)
     graph = scipy.sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(place.max() + 1,) * 2)
     part = scipy.sparse.csgraph.connected_components(graph, directed=False)[1][place[faces[:, 0]]]
-    is_large = np.bincount(part, doubled)[part] >= _CRUMB * doubled.sum()
+    is_large = np.bincount(part, doubled)[part] >= _MIN_PART_FRACTION * doubled.sum()
     is_visible = wide & is_large
     return np.asarray(is_visible if is_visible.any() else np.ones(len(faces), bool))
 
@@ -183,8 +185,8 @@ def _is_seen(faces: Int32, at: Float) -> Bool:
 def stretches(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
     """Returns the edges (E, 2) of a shape, and their stretch (T, E) at T moments of ``duration`` seconds."""
     edges, rest = edges_of(project.shape(shape_id))
-    times = np.linspace(0.0, duration, _MOMENTS)
-    return edges, np.array([_lengths(at, edges) / rest for at in surfaces(project, shape_id, times)])
+    times = np.linspace(0.0, duration, _MEASURED_MOMENTS)
+    return edges, np.array([_edge_lengths(at, edges) / rest for at in surfaces(project, shape_id, times)])
 
 
 def quality_of(
@@ -204,7 +206,7 @@ def quality_of(
     limbs = () if plan is None else limb_errors(project, shape_id, clip, plan, duration)
     if not len(edges):
         return MotionQuality(1.0, 1.0, (), None, None, None, 0.0, (), limbs=limbs)
-    times = np.linspace(0.0, duration, _MOMENTS)
+    times = np.linspace(0.0, duration, _MEASURED_MOMENTS)
     sunk, afloat, feet = None, None, ()
     moments, body = list(surfaces(project, shape_id, times)), body_points(shape)
     if stands(shape):
@@ -213,17 +215,17 @@ def quality_of(
         standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
         sunk, afloat = max(0.0, -float(low.min())), max(0.0, float(low[standing].max(initial=0.0)))
         worst = int(np.argmax(np.where(standing, np.abs(low), -low)))
-        feet = _lowest(shape, np.where(body[:, None], moments[worst], np.inf), tall)
-    through, parts = _through(shape, moments)
+        feet = _lowest_joints(shape, np.where(body[:, None], moments[worst], np.inf), tall)
+    through, parts = _self_intersection(shape, moments)
     goes = shape.travel is not None and np.ptp(Player(project, shape_id).root(times)[:, [0, 2]], axis=0).any()
     walks = goes and stands(shape) and bool(anatomy_of(shape.skeleton).legs)
     return MotionQuality(
         float(np.percentile(stretch, 99)),
         float(stretch.max()),
-        _torn(shape, edges, stretch),
+        _overstretched_joints(shape, edges, stretch),
         sunk,
         afloat,
-        _slide(project, shape, clip, times) if walks else None,
+        _slide_speed(project, shape, clip, times) if walks else None,
         through,
         parts,
         feet,
@@ -231,7 +233,7 @@ def quality_of(
     )
 
 
-def _through(shape: Shape, moments: Sequence[Float]) -> tuple[float, tuple[str, ...]]:
+def _self_intersection(shape: Shape, moments: Sequence[Float]) -> tuple[float, tuple[str, ...]]:
     """Returns the largest fraction of a surface inside other parts, and the pairs of parts at that moment."""
     overlap = Overlap(shape)
     through, parts = max((overlap.at(at) for at in moments), key=lambda found: found[0])
@@ -240,23 +242,23 @@ def _through(shape: Shape, moments: Sequence[Float]) -> tuple[float, tuple[str, 
     for (a, b), share in parts.items():
         name = f"{names[above[a]]} in {names[above[b]]}"
         share_by_pair[name] = share_by_pair.get(name, 0.0) + share
-    return through, tuple(sorted(share_by_pair, key=lambda name: -share_by_pair[name])[:_NAMED])
+    return through, tuple(sorted(share_by_pair, key=lambda name: -share_by_pair[name])[:_MAX_NAMED])
 
 
-def _lengths(at: Float, edges: Int32) -> Float:
+def _edge_lengths(at: Float, edges: Int32) -> Float:
     return np.asarray(np.linalg.norm(at[edges[:, 0]] - at[edges[:, 1]], axis=1))
 
 
-def _torn(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
+def _overstretched_joints(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
     """Returns the joints of the bones that move most ends of edges stretched beyond the bound."""
     torn = np.repeat((stretch > BOUND).sum(0), 2).astype(float)
     return _joints_of(shape, np.asarray(np.bincount(edges.ravel(), torn), np.float64))
 
 
-def _lowest(shape: Shape, at: Float, tall: float) -> tuple[str, ...]:
+def _lowest_joints(shape: Shape, at: Float, tall: float) -> tuple[str, ...]:
     """Returns the joints of the bones that carry the lowest vertices (V, 3) of a shape of height ``tall``."""
     low = float(at[:, 1].min())
-    return _joints_of(shape, (at[:, 1] < low + _TOUCH * tall).astype(float))
+    return _joints_of(shape, (at[:, 1] < low + _ON_FLOOR_HEIGHT * tall).astype(float))
 
 
 def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
@@ -266,24 +268,26 @@ def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
     weight = np.zeros(len(shape.skeleton))
     for k in range(shape.skin.indices.shape[1]):
         np.add.at(weight, shape.skin.indices[: len(count), k], count * shape.skin.weights[: len(count), k])
-    worst = np.argsort(-weight, kind="stable")[:_NAMED]
+    worst = np.argsort(-weight, kind="stable")[:_MAX_NAMED]
     above = [int(max(shape.skeleton.parents[j], 0)) for j in worst if weight[j] > 0.0]
     return tuple(dict.fromkeys(shape.skeleton.names[j] for j in above))
 
 
-def _slide(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
+def _slide_speed(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
     """Returns the mean speed in cm/s of the slowest vertices near the floor: those of standing feet."""
     tall = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
     floor, body, speeds = floor_of(shape), body_points(shape), []
     before = surfaces(project, shape.id, times[:-1])
-    after = surfaces(project, shape.id, times[:-1] + _APART)
+    after = surfaces(project, shape.id, times[:-1] + _SLIDE_INTERVAL_S)
     for earlier, later in (
         (earlier[body], later[body]) for earlier, later in zip(before, after, strict=True)
     ):
-        lands = min(earlier[:, 1].min(), later[:, 1].min()) < floor + _IN_AIR * tall
-        touching = (earlier[:, 1] < floor + _TOUCH * tall) & (later[:, 1] < floor + _TOUCH * tall)
+        lands = min(earlier[:, 1].min(), later[:, 1].min()) < floor + _MIN_LEAP_HEIGHT * tall
+        touching = (earlier[:, 1] < floor + _ON_FLOOR_HEIGHT * tall) & (
+            later[:, 1] < floor + _ON_FLOOR_HEIGHT * tall
+        )
         if lands and touching.any():
             moved = np.linalg.norm((later - earlier)[touching][:, [0, 2]], axis=1)
-            speeds.append(float(np.percentile(moved, _STANDING)) / _APART)
+            speeds.append(float(np.percentile(moved, _MIN_STANDING_PERCENT)) / _SLIDE_INTERVAL_S)
     scale = travel_scale(shape.with_changes(travel_scale=None), clip)
     return 100.0 * float(np.mean(speeds)) / scale if speeds else 0.0

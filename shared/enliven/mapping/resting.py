@@ -16,11 +16,11 @@ from enliven.arrays import Bool, Float
 from enliven.document import Clip, Skeleton, joint_places
 from enliven.rotation import conjugate, multiply, normalized, rotate, turned_strain
 
-_STRIDE = 1.0
+_STRIDE_S = 1.0
 """Duration of a stride in seconds. The mean heading over a stride does not sway with the hips."""
-_HANGING = 0.12
+_HANGING_FRACTION = 0.12
 """Fraction of a take's frames, about an eighth, that are averaged for the hanging pose."""
-_STANDING = 0.25
+_MIN_STANDING_FRACTION = 0.25
 """Minimum fraction of a take's frames in which a foot stands."""
 
 
@@ -43,7 +43,7 @@ def mean_turn(turns: Float) -> Float:
 
 def first_heading(clip: Clip) -> Float:
     """Returns the performer's initial heading (4,) about +Y: the mean of the first second, a stride."""
-    frames = max(round(_STRIDE / clip.step), 1)
+    frames = max(round(_STRIDE_S / clip.step), 1)
     return heading_of(mean_turn(heading_of(clip.turns[: frames + 1, 0])))
 
 
@@ -67,7 +67,7 @@ def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
     """
     bones = [joint for limb in limbs for joint in limb[1:]]
     height = rotate(clip.turns[:, bones], clip.skeleton.vectors[bones])[..., 1].sum(1)
-    return _mean_pose(clip, height <= np.quantile(height, _HANGING))
+    return _mean_pose(clip, height <= np.quantile(height, _HANGING_FRACTION))
 
 
 def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
@@ -83,7 +83,7 @@ def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
     places = joint_places(clip, foot)[:, list(foot)]
     speed = np.linalg.norm(np.gradient(places, axis=0), axis=2).max(1) if len(places) > 1 else np.zeros(1)
     height = places[..., 1].mean(1)
-    low = height <= np.quantile(height, 2.0 * _STANDING)
+    low = height <= np.quantile(height, 2.0 * _MIN_STANDING_FRACTION)
     stands = low & (speed <= np.quantile(speed[low], 0.5))
     back = conjugate(heading_of(clip.turns[stands, 0]))
     turns = [mean_turn(multiply(back, clip.turns[stands, j])) for j in foot[1:]]

@@ -19,15 +19,15 @@ from enliven.mapping.plan import ChainPlan, Plan
 from enliven.mapping.quality import BOUND, stretches
 from enliven.mapping.steps import stepped
 
-_AIM = 0.97
+_TARGET_STRETCH = 0.97
 """Target stretch as a fraction of the bound. Moments that are not measured stretch slightly more."""
-_LESS = 0.85
+_WEIGHT_FACTOR = 0.85
 """Factor on the weight of a limb in each round."""
-_LEAST = 0.4
+_MIN_WEIGHT = 0.4
 """Minimum weight of a limb. With less, the performer's movement would not be recognisable."""
-_BLAMED = 0.4
+_MIN_BLAME_FRACTION = 0.4
 """Limbs with at least this fraction of the worst limb's overstretched edges are reduced together with it."""
-_ROUNDS = 12
+_MAX_ROUNDS = 12
 """Maximum number of times that the mapping is changed."""
 
 
@@ -35,25 +35,27 @@ def softened(plan: Plan, clip: Clip, shape: Shape) -> Plan:
     """Returns the mapping with less movement in limbs that would stretch the surface beyond the bound."""
     # Stretch that the take itself contains is intended, so it is not measured.
     bare = replace(plan, travel=False, stretch=False)
-    best, least, striding = plan, np.inf, _striding(plan, clip, shape)
-    for _ in range(_ROUNDS):
+    best, least, striding = plan, np.inf, _stepping_roles(plan, clip, shape)
+    for _ in range(_MAX_ROUNDS):
         project, based = apply_plan(Project(), shape, clip, bare)
         project = stepped(project, shape.id, clip, based, bare)
         edges, stretch = stretches(project, shape.id, based.duration)
         at = float(np.percentile(stretch, 99)) if stretch.size else 1.0
         if at < least:
             best, least = replace(plan, chains=bare.chains, stride=bare.stride), at
-        blame = _blame(bare, shape, edges, stretch > _AIM * BOUND)
+        blame = _overstretched_edges(bare, shape, edges, stretch > _TARGET_STRETCH * BOUND)
         blame = {
-            role: edge_count for role, edge_count in blame.items() if _weight(bare, role) * _LESS >= _LEAST
+            role: edge_count
+            for role, edge_count in blame.items()
+            if _limb_weight(bare, role) * _WEIGHT_FACTOR >= _MIN_WEIGHT
         }
-        if at <= _AIM * BOUND or not blame:
+        if at <= _TARGET_STRETCH * BOUND or not blame:
             break
         most = max(blame.values())
-        chosen = {role for role, edge_count in blame.items() if edge_count >= _BLAMED * most}
-        bare = replace(bare, chains=tuple(_lessened(chain, chosen) for chain in bare.chains))
+        chosen = {role for role, edge_count in blame.items() if edge_count >= _MIN_BLAME_FRACTION * most}
+        bare = replace(bare, chains=tuple(_with_less_weight(chain, chosen) for chain in bare.chains))
         if chosen & striding:
-            bare = replace(bare, stride=bare.stride * _LESS)
+            bare = replace(bare, stride=bare.stride * _WEIGHT_FACTOR)
     return best
 
 
@@ -63,21 +65,21 @@ def limb_of(chain: ChainPlan) -> str:
     return " ".join(words)
 
 
-def _striding(plan: Plan, clip: Clip, shape: Shape) -> set[str]:
+def _stepping_roles(plan: Plan, clip: Clip, shape: Shape) -> set[str]:
     """Returns the roles of the chains of legs that step. Their stride is reduced as well."""
     legs = {joint for limb in legs_that_step(shape, clip, plan) for joint in limb.proper[1:]}
     return {limb_of(c) for c in plan.chains if shape.skeleton.index(c.target[-1]) in legs}
 
 
-def _lessened(chain: ChainPlan, roles: set[str]) -> ChainPlan:
-    return replace(chain, weight=chain.weight * _LESS) if limb_of(chain) in roles else chain
+def _with_less_weight(chain: ChainPlan, roles: set[str]) -> ChainPlan:
+    return replace(chain, weight=chain.weight * _WEIGHT_FACTOR) if limb_of(chain) in roles else chain
 
 
-def _weight(plan: Plan, role: str) -> float:
+def _limb_weight(plan: Plan, role: str) -> float:
     return min(chain.weight for chain in plan.chains if limb_of(chain) == role)
 
 
-def _blame(plan: Plan, shape: Shape, edges: Int32, torn: Bool) -> dict[str, float]:
+def _overstretched_edges(plan: Plan, shape: Shape, edges: Int32, torn: Bool) -> dict[str, float]:
     """Returns the number of overstretched edges at the bones of each limb, from ``torn`` (T, E)."""
     skeleton, skin = shape.skeleton, shape.skin
     if skin is None:

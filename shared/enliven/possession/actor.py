@@ -126,7 +126,7 @@ class Actor:
 
     def next_performer(self, bodies: list[Body]) -> Body | None:
         """Returns the first body that neither holds this character nor is busy with another character."""
-        return next(iter(self._idle(bodies)), None)
+        return next(iter(self._free_bodies(bodies)), None)
 
     def cues(self, bodies: list[Body]) -> Cues:
         """Returns the nodes that are held, and those that the next performer would hold."""
@@ -136,7 +136,7 @@ class Actor:
         """Runs all code paths once, so that no frame waits for compilation."""
         raise NotImplementedError
 
-    def _idle(self, bodies: Sequence[Body]) -> list[Body]:
+    def _free_bodies(self, bodies: Sequence[Body]) -> list[Body]:
         """Returns the bodies that neither hold this character nor are busy with another character."""
         holders = {hold.body for hold in self.holds}
         return [body for body in bodies if body.id not in holders and body.id not in self.busy]

@@ -22,12 +22,12 @@ from enliven.possession.bone_cylinders import bone_rotations, bone_samples, fill
 from enliven.possession.nearest_nodes import nearest_facing, to_rest_space
 from enliven.settings import setting
 
-_PARENT = np.array(PARENTS)
-_LIMBS = np.array([0, 0, 0, 0, *[1] * 4, *[2] * 4, *[3] * 4, *[4] * 4])
+_PARENT_JOINTS = np.array(PARENTS)
+_LIMB_OF_BONE = np.array([0, 0, 0, 0, *[1] * 4, *[2] * 4, *[3] * 4, *[4] * 4])
 """(20,) limb number of each bone, indexed by its child joint: 0 trunk, 1 and 2 arms, 3 and 4 legs."""
-_ARMS = (1, 2)
-"""The numbers of the arms in ``_LIMBS``."""
-_ON_PELVIS = (int(Joint.SPINE), int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
+_ARM_NUMBERS = (1, 2)
+"""The numbers of the arms in ``_LIMB_OF_BONE``."""
+_PELVIS_CHILDREN = (int(Joint.SPINE), int(Joint.HIP_LEFT), int(Joint.HIP_RIGHT))
 """Child joints of the bones that begin at the pelvis."""
 
 
@@ -79,14 +79,14 @@ class Growth:
         first = np.full(J, np.inf)
         np.minimum.at(first, bone, nearest)
         has_all_bones = len(np.unique(bone)) >= J - 1
-        out = np.full(len(bone), self._grown(reach, first[np.unique(bone)]))
-        for limb in np.unique(_LIMBS[bone]):
-            if not (has_all_bones and limb in _ARMS):
-                own = _LIMBS[bone] == limb
-                out[own] = self._grown(reach, first[np.unique(bone[own])])
+        out = np.full(len(bone), self._larger_reach(reach, first[np.unique(bone)]))
+        for limb in np.unique(_LIMB_OF_BONE[bone]):
+            if not (has_all_bones and limb in _ARM_NUMBERS):
+                own = _LIMB_OF_BONE[bone] == limb
+                out[own] = self._larger_reach(reach, first[np.unique(bone[own])])
         return out
 
-    def _grown(self, reach: float, first: Float) -> float:
+    def _larger_reach(self, reach: float, first: Float) -> float:
         """Returns the reach at which enough bones attach, given the distance ``first`` (B,) from each to its
         nearest node.
         """
@@ -159,16 +159,16 @@ class Attachment:
         turns = bone_rotations(self.rest, joints)[0] if turns is None else np.ascontiguousarray(turns)
         ends = filled_joints(joints, filled_joints(self.rest, self.rest))
         out = np.empty((len(self), 3))
-        _place(ends, turns, self.bone, self.along, self.radial, out)
+        _write_targets(ends, turns, self.bone, self.along, self.radial, out)
         finite = np.asarray(np.isfinite(joints).all(1))
-        out[~self._of_ends(finite.astype(np.float64)).astype(bool)] = np.nan
+        out[~self._smaller_of_ends(finite.astype(np.float64)).astype(bool)] = np.nan
         return out
 
-    def _of_ends(self, values: Float) -> Float:
+    def _smaller_of_ends(self, values: Float) -> Float:
         """Returns (L,) the smaller of ``values`` (20,) at the two ends of each bone; a point on a joint uses
         that joint's value.
         """
-        child, parent = values[self.bone], values[_PARENT[self.bone]]
+        child, parent = values[self.bone], values[_PARENT_JOINTS[self.bone]]
         inner = np.minimum(child, parent)
         return np.where(self.along == 1.0, child, np.where(self.along == 0.0, parent, inner))
 
@@ -182,7 +182,7 @@ class Attachment:
         sure = np.clip(np.nan_to_num(np.asarray(confidence, np.float64), nan=0.0), 0.0, 1.0)
         if sure.shape != (J,):
             raise InputError(f"the confidence is {sure.shape}, expected ({J},)", where="attachment")
-        weaker = self._of_ends(sure)
+        weaker = self._smaller_of_ends(sure)
         return np.asarray(weaker * weaker * (3 - 2 * weaker))
 
 
@@ -226,7 +226,7 @@ def attach(
     if sure.shape != (J,):
         raise InputError(f"the confidence is {sure.shape}, expected ({J},)", where="attachment")
     usable = sure & np.isfinite(joints).all(1)
-    points, normals, bone, along, radial, starts = _samples(joints, usable, chosen, settings)
+    points, normals, bone, along, radial, starts = _usable_samples(joints, usable, chosen, settings)
     node_points, node_normals = _nodes_now(graph, deformed)
     farthest = max(settings.reach, grow.farthest)
     cosine = math.cos(settings.normal_angle)
@@ -249,7 +249,7 @@ def attach(
     )
 
 
-def _samples(
+def _usable_samples(
     joints: Float, usable: Bool, chosen: Bool, settings: AttachmentSettings
 ) -> tuple[Float, Float, Int, Float, Float, Int]:
     """Returns the samples of all usable bones and joints, grouped by bone and by joint.
@@ -260,12 +260,12 @@ def _samples(
     """
     points, normals = bone_samples(joints, settings.radius, settings.along, settings.around)
     count = points.shape[1]
-    bones = np.flatnonzero(usable[1:] & usable[_PARENT[1:]] & chosen[1:])
+    bones = np.flatnonzero(usable[1:] & usable[_PARENT_JOINTS[1:]] & chosen[1:])
     fraction = np.repeat((np.arange(settings.along) + 0.5) / settings.along, settings.around)
     where, facing = [points[bones].reshape(-1, 3)], [normals[bones].reshape(-1, 3)]
     starts = count * np.arange(len(bones) + 1)
     bone, along = [np.repeat(bones + 1, count)], [np.tile(fraction, len(bones))]
-    if chosen[0] and not chosen[[*_ON_PELVIS]].any() and usable[:2].all():
+    if chosen[0] and not chosen[[*_PELVIS_CHILDREN]].any() and usable[:2].all():
         # The root joint is not the child of any bone. So if only the hip is chosen, it holds the mesh with
         # the lower half of the spine. Then rotating the hip rotates the held part.
         pelvis = fraction < 0.5
@@ -301,11 +301,11 @@ def _nodes_now(graph: DeformationGraph, deformed: tuple[Float, Float] | None) ->
 
 
 @njit(cache=True, nogil=True)
-def _place(joints, turns, bone, along, radial, out):
+def _write_targets(joints, turns, bone, along, radial, out):
     """Computes :meth:`Attachment.targets` into ``out``."""
     for i in range(bone.shape[0]):
         child = bone[i]
-        parent = _PARENT[child]
+        parent = _PARENT_JOINTS[child]
         turn = turns[child - 1]
         for a in range(3):
             out[i, a] = joints[parent, a] + along[i] * (joints[child, a] - joints[parent, a])

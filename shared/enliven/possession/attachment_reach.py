@@ -15,7 +15,7 @@ from enliven.possession.attachment import Growth, attach
 from enliven.possession.performer_attachment import TransformedAttachment
 from enliven.possession.rest_transform import RestTransform
 
-_ALL = 0.9
+_MIN_ATTACHED_FRACTION = 0.9
 """Fraction of the bones that must attach if the joints already lie inside the mesh: nearly all of them."""
 
 
@@ -37,7 +37,9 @@ def attach_within_reach(
     """
     own, metre = settings.attachment, 1.0 / rest_transform.scale
     near = replace(own, radius=metre * own.radius, reach=metre * own.reach)
-    grow = Growth(_ALL if rest_transform.fits else settings.enough, metre * settings.farthest_reach)
+    grow = Growth(
+        _MIN_ATTACHED_FRACTION if rest_transform.fits else settings.enough, metre * settings.farthest_reach
+    )
     joints, start_turns = rest_transform(body.joints), rest_transform.turns
     if rest_transform.at_rest is not None:
         joints, deformed, start_turns = rest_transform.at_rest, None, None

@@ -10,16 +10,18 @@ from enliven.arrays import Bool, Float
 from enliven.kernels import njit
 from enliven.person import BONES, PARENTS, J, Joint
 
-_PARENT = np.array(PARENTS)
-_HIP = int(Joint.HIP_CENTER)
+_PARENT_JOINTS = np.array(PARENTS)
+_HIP_JOINT = int(Joint.HIP_CENTER)
 _CHEST_JOINT = int(Joint.SHOULDER_CENTER)
 # These are arrays, because numba compiles a kernel again for each distinct tuple type.
-_HIPS = np.array([Joint.HIP_LEFT, Joint.HIP_RIGHT])
-_SHOULDERS = np.array([Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT])
+_HIP_JOINTS = np.array([Joint.HIP_LEFT, Joint.HIP_RIGHT])
+_SHOULDER_JOINTS = np.array([Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT])
 _UPPER_ARMS = (int(Joint.ELBOW_LEFT), int(Joint.ELBOW_RIGHT))
 _X, _Y, _Z = np.eye(3)
-_ON_CHEST = np.array([j in (_CHEST_JOINT, Joint.HEAD, *_SHOULDERS, *_UPPER_ARMS) for j in range(J)])
-_ON_TORSO = _ON_CHEST | np.isin(_PARENT, (_HIP, *_HIPS)) | (np.arange(J) == _HIP)
+_CHEST_BONES = np.array([j in (_CHEST_JOINT, Joint.HEAD, *_SHOULDER_JOINTS, *_UPPER_ARMS) for j in range(J)])
+_TORSO_BONES = (
+    _CHEST_BONES | np.isin(_PARENT_JOINTS, (_HIP_JOINT, *_HIP_JOINTS)) | (np.arange(J) == _HIP_JOINT)
+)
 """Bones that rotate with the hips or the shoulders. Every other bone rotates with its parent bone."""
 
 
@@ -63,14 +65,14 @@ def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
     turns = np.empty((len(BONES), 3, 3))
     axes = np.empty((len(BONES), 3, 3))
     filled_rest = filled_joints(rest, rest)
-    _rotations(filled_rest, filled_joints(joints, filled_rest), turns, axes)
+    _write_rotations(filled_rest, filled_joints(joints, filled_rest), turns, axes)
     return turns, axes
 
 
 def known_bones(joints: Float) -> Bool:
     """Returns (19,) whether both joints of each bone are finite."""
     finite = np.asarray(np.isfinite(joints).all(1))
-    return np.asarray(finite[1:] & finite[_PARENT[1:]])
+    return np.asarray(finite[1:] & finite[_PARENT_JOINTS[1:]])
 
 
 def filled_joints(joints: Float, rest: Float) -> Float:
@@ -79,7 +81,7 @@ def filled_joints(joints: Float, rest: Float) -> Float:
     is_known = np.asarray(np.isfinite(out).all(1))
     if is_known.all():
         return out
-    offsets = np.nan_to_num(rest - rest[_PARENT], nan=0.0, posinf=0.0, neginf=0.0)
+    offsets = np.nan_to_num(rest - rest[_PARENT_JOINTS], nan=0.0, posinf=0.0, neginf=0.0)
     if not is_known[0]:
         # The root is unknown, so move it by the displacement of the first known joint.
         moved = (out - rest + rest[0])[is_known]
@@ -119,10 +121,10 @@ def _product_into(m, n, out):
 
 
 @njit(cache=True, nogil=True)
-def _girdle(joints, left, right, frame):
+def _write_girdle_axes(joints, left, right, frame):
     """Writes the axes of a girdle into the rows of ``frame`` (3, 3): left, up along the spine, forward."""
     side, up, ahead = frame[0], frame[1], frame[2]
-    spine = joints[_CHEST_JOINT] - joints[_HIP]
+    spine = joints[_CHEST_JOINT] - joints[_HIP_JOINT]
     _unit_into(spine[0], spine[1], spine[2], _Y, up)
     across = joints[left] - joints[right]
     lean = across[0] * up[0] + across[1] * up[1] + across[2] * up[2]
@@ -165,27 +167,27 @@ def _girdle_turn(rest, joints, pair, turn, frame):
     ``frame``.
     """
     before = np.empty((3, 3))
-    _girdle(rest, pair[0], pair[1], before)
-    _girdle(joints, pair[0], pair[1], frame)
+    _write_girdle_axes(rest, pair[0], pair[1], before)
+    _write_girdle_axes(joints, pair[0], pair[1], frame)
     _product_into(frame.T, before, turn)
 
 
 @njit(cache=True, nogil=True)
-def _rotations(rest, joints, turns, axes):
+def _write_rotations(rest, joints, turns, axes):
     """Computes :func:`bone_rotations`; all joints of both bodies must be finite."""
     girdle_turn, girdle = np.empty((2, 3, 3)), np.empty((2, 3, 3))
-    _girdle_turn(rest, joints, _HIPS, girdle_turn[0], girdle[0])
-    _girdle_turn(rest, joints, _SHOULDERS, girdle_turn[1], girdle[1])
+    _girdle_turn(rest, joints, _HIP_JOINTS, girdle_turn[0], girdle[0])
+    _girdle_turn(rest, joints, _SHOULDER_JOINTS, girdle_turn[1], girdle[1])
     before, after, turned, by = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     swing, start = np.empty((3, 3)), np.empty((3, 3))
     for child in range(1, joints.shape[0]):
         # Start with the rotation of the girdle, or of the parent bone.
-        parent, b, g = _PARENT[child], child - 1, 1 if _ON_CHEST[child] else 0
+        parent, b, g = _PARENT_JOINTS[child], child - 1, 1 if _CHEST_BONES[child] else 0
         for r in range(3):
             for c in range(3):
                 # The rows of a girdle frame are its axes; the returned matrices hold the axes in columns.
-                axes[b, r, c] = girdle[g, c, r] if _ON_TORSO[child] else axes[parent - 1, r, c]
-                start[r, c] = girdle_turn[g, r, c] if _ON_TORSO[child] else turns[parent - 1, r, c]
+                axes[b, r, c] = girdle[g, c, r] if _TORSO_BONES[child] else axes[parent - 1, r, c]
+                start[r, c] = girdle_turn[g, r, c] if _TORSO_BONES[child] else turns[parent - 1, r, c]
                 turns[b, r, c] = start[r, c]
         v, w = rest[child] - rest[parent], joints[child] - joints[parent]
         if not (_unit_into(v[0], v[1], v[2], _Y, before) and _unit_into(w[0], w[1], w[2], _Y, after)):
@@ -214,7 +216,7 @@ def _sample_cylinders(joints, axes, radius, along, around, points, normals):
     """Computes :func:`bone_samples` into ``points`` and ``normals``."""
     axis, ahead, side = np.empty(3), np.empty(3), np.empty(3)
     for child in range(1, joints.shape[0]):
-        b, start = child - 1, joints[_PARENT[child]]
+        b, start = child - 1, joints[_PARENT_JOINTS[child]]
         way = joints[child] - start
         _unit_into(way[0], way[1], way[2], axes[b, :, 1], axis)
         # Measure angles from the forward axis of the torso. If the bone itself points forward, measure them

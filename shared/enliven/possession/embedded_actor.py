@@ -114,15 +114,15 @@ class EmbeddedActor(Actor):
         """
         others = [hold for hold in self.holds if mode != "alone" and hold.body != body.id]
         own = next((hold for hold in self.holds if mode == "extend" and hold.body == body.id), None)
-        grip = self._grip(body, parts, others if own is None else [own, *others])
+        grip = self._grip_of_body(body, parts, others if own is None else [own, *others])
         if not len(grip.attachment):
             state = self._shown_at_rest()
             nodes = self.graph.positions if state is None else state[1]
-            comes = not (others or own is not None or self._stays)
+            comes = not (others or own is not None or self._is_stationary)
             raise out_of_reach(self.character.id, self.settings, body, grip, nodes, comes=comes)
         new = PerformerAttachment(body.id, [grip], self._time_ns, depth=depth_of(body))
         hold = new if own is None else own.with_attachment(grip)
-        continues = others or own is not None or self._stays
+        continues = others or own is not None or self._is_stationary
         start = self._solver.state() if continues and self._solver is not None else None
         if self._approach is not None:
             start = start or self._approach.state
@@ -130,10 +130,10 @@ class EmbeddedActor(Actor):
                 grip.rest_transform.goes_on(self._approach.rest_transform)
         self._approach, self._free = None, False
         if not continues:
-            self._placement = self._grown(self._rules.at_performer(body))
+            self._placement = self._display_placement(self._rules.at_performer(body))
         self._placed, self._candidate = True, (None, parts)
         at = next((i for i, h in enumerate(self.holds) if h.body == body.id), len(others))
-        self._hold([*others[:at], hold, *others[at:]], start)
+        self._replace_holds([*others[:at], hold, *others[at:]], start)
 
     def release(self, body: int | None = None) -> None:
         """Ends the hold of one performer, or of all. A free mesh eases to its rest shape at its current
@@ -145,7 +145,7 @@ class EmbeddedActor(Actor):
         self._need_holder(body, ("hold", "held"))
         remaining = [hold for hold in self.holds if body is not None and hold.body != body]
         if remaining:
-            self._hold(remaining, self._solver.state() if self._solver is not None else None)
+            self._replace_holds(remaining, self._solver.state() if self._solver is not None else None)
         elif self.holds:
             if self._easing.shown is not None:
                 shown = self._easing.shown[1]
@@ -193,12 +193,12 @@ class EmbeddedActor(Actor):
         """
         if not self._placed and bodies and not self.holds:
             place, self._placed = self._rules.waiting_place(bodies[0], self.aside), True
-            self._placement = self._grown(place)
+            self._placement = self._display_placement(place)
             self._easing.restart()
         self._hand_over(bodies, time_ns)
         self._update_holds(bodies, time_ns)
-        self._meet(bodies, time_ns)
-        world = self._placement.state_to_world(*self._solved(bodies, seen or {}, time_ns))
+        self._ease_into_pose(bodies, time_ns)
+        world = self._placement.state_to_world(*self._solved_state(bodies, seen or {}, time_ns))
         self._easing.turn_along(self._turned)
         linear, positions = self._easing(*world, time_ns)
         self._time_ns = time_ns
@@ -215,7 +215,7 @@ class EmbeddedActor(Actor):
             others = [hold for hold in self.holds if hold.body != body.id]
             preview = (
                 body.id,
-                PerformerAttachment(body.id, [self._grip(body, parts, others)]).strengths(count),
+                PerformerAttachment(body.id, [self._grip_of_body(body, parts, others)]).strengths(count),
             )
         return cues_of(held_strengths, preview)
 
@@ -239,20 +239,22 @@ class EmbeddedActor(Actor):
                 rehearsal._solver.renew()
 
     @property
-    def _stays(self) -> bool:
+    def _is_stationary(self) -> bool:
         """Whether the mesh keeps its place and shape when a single performer attaches."""
         return self.settings.place == "fixed" or self.settings.how != "inside"
 
-    def _grown(self, place: Placement) -> Placement:
+    def _display_placement(self, place: Placement) -> Placement:
         """Returns a placement at the mesh's own size scaled to its display size."""
         return place.larger(self.growth, place.to_world(self._rules.stand))
 
-    def _grip(self, body: Body, parts: str, others: list[PerformerAttachment]) -> TransformedAttachment:
+    def _grip_of_body(
+        self, body: Body, parts: str, others: list[PerformerAttachment]
+    ) -> TransformedAttachment:
         """Returns the grip that the body would get now, in addition to other holds. Empty if nothing is
         within reach.
         """
         deformed = None
-        if (self.holds or self._easing.under_way) and (others or self._stays):
+        if (self.holds or self._easing.under_way) and (others or self._is_stationary):
             deformed = self._shown_at_rest()
         earlier = [hold.attachments[0].rest_transform for hold in others]
         own = next((hold.attachments[0].rest_transform for hold in self.holds if hold.body == body.id), None)
@@ -267,7 +269,7 @@ class EmbeddedActor(Actor):
         shown = self._easing.shown
         return None if shown is None else self._placement.state_to_rest(*shown)
 
-    def _hold(self, holds: list[PerformerAttachment], start: tuple[Float, Float] | None) -> None:
+    def _replace_holds(self, holds: list[PerformerAttachment], start: tuple[Float, Float] | None) -> None:
         """Replaces the holds and the solver, and eases the shown state over the change."""
         self.holds = holds
         self._soft.moved_elsewhere()
@@ -283,7 +285,7 @@ class EmbeddedActor(Actor):
         """
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
-        idle = self._idle(bodies)
+        idle = self._free_bodies(bodies)
         if patience > 0 and away and len(idle) == 1:
             self.hand_over(max(away, key=lambda h: h.away(time_ns)).body, idle[0])
 
@@ -309,7 +311,7 @@ class EmbeddedActor(Actor):
                 if was_seen and len(self.holds) == 1 and isinstance(hold.rest_transform, LimbRetargeting):
                     self._turned = hold.rest_transform.turned
 
-    def _meet(self, bodies: list[Body], time_ns: int) -> None:
+    def _ease_into_pose(self, bodies: list[Body], time_ns: int) -> None:
         """Eases a mesh that has not been held yet into the pose of the performer that holds it next."""
         body = self.next_performer(bodies) if self._free and self._placed else None
         if body is None:
@@ -326,7 +328,7 @@ class EmbeddedActor(Actor):
             self._swing.restart()
             self._easing.restart_fade()
 
-    def _solved(
+    def _solved_state(
         self, bodies: list[Body], seen: Mapping[int, ObservedPoints], time_ns: int
     ) -> tuple[Float, Float]:
         """Returns (N, 3, 3) linear parts and (N, 3) positions in the rest space; the last ones if no holder
@@ -339,10 +341,12 @@ class EmbeddedActor(Actor):
             own = next((body for body in bodies if body.id == self._approach.body), None)
             linear, positions = self._approach.at(own, time_ns)
         else:
-            linear, positions = self._held(seen, floor, time_ns)
+            linear, positions = self._held_state(seen, floor, time_ns)
         return self._soft.raised(linear, self._swing(positions, time_ns), floor)
 
-    def _held(self, seen: Mapping[int, ObservedPoints], floor: float, time_ns: int) -> tuple[Float, Float]:
+    def _held_state(
+        self, seen: Mapping[int, ObservedPoints], floor: float, time_ns: int
+    ) -> tuple[Float, Float]:
         """Returns the state of the mesh as its holders deform it."""
         assert self._solver is not None
         if not self._seen:

@@ -11,10 +11,10 @@ from enliven.document import Character
 FULL_SWING_STIFFNESS = 1.0 / 16.0
 """Stiffness factor at which a part swings in full. Between this factor and 1, softness follows the
 logarithm."""
-_FREQUENCY = 2.0 * np.pi * 2.0
+_ANGULAR_FREQUENCY = 2.0 * np.pi * 2.0
 """Natural frequency, radians per second (2 Hz): that of a cheek or a belly. Performers seldom move an end
 of the body to and fro faster."""
-_DAMPING = 0.25
+_DAMPING_RATIO = 0.25
 """Damping ratio. A sudden stop overshoots by 44 %, and the swing has faded after one second."""
 _MAX_OFFSET_M = 0.35
 """Maximum offset, metres of the rest space, in which a person is about 1.75 m. Jumps after lost tracking
@@ -56,12 +56,12 @@ class FollowThrough:
         """Changes the exaggeration. A swing in progress continues; if nothing swung before, the model
         restarts.
         """
-        moved, self._exaggeration = self._moves, exaggeration
+        moved, self._exaggeration = self._has_swing, exaggeration
         if not moved:
             self.restart()
 
     @property
-    def _moves(self) -> bool:
+    def _has_swing(self) -> bool:
         return bool(self._exaggeration and self._softness.any())
 
     def restart(self) -> None:
@@ -74,13 +74,13 @@ class FollowThrough:
 
     def __call__(self, positions: Float, time_ns: int) -> Float:
         """Returns (N, 3) metres, the shown positions of the nodes with computed ``positions`` (N, 3)."""
-        if not self._moves:
+        if not self._has_swing:
             return positions
         seconds = (time_ns - self._time_ns) * 1e-9
         if self._places is not None and seconds > 0:
             pace = (positions - self._places) / seconds
             kick = 0.0 if self._pace is None else pace - self._pace
-            self._offset, self._speed = _swung(self._offset, self._speed - kick, seconds)
+            self._offset, self._speed = _oscillator_step(self._offset, self._speed - kick, seconds)
             self._pace = pace
         if self._places is None or seconds > 0:
             self._places, self._time_ns = np.array(positions), time_ns
@@ -91,15 +91,15 @@ class FollowThrough:
         )
 
 
-def _swung(offset: Float, speed: Float, seconds: float) -> tuple[Float, Float]:
+def _oscillator_step(offset: Float, speed: Float, seconds: float) -> tuple[Float, Float]:
     """Returns the offset (metres) and velocity (metres per second) of damped oscillators after ``seconds``,
     exactly.
     """
-    swing = _FREQUENCY * np.sqrt(1.0 - _DAMPING**2)
-    fading = np.exp(-_DAMPING * _FREQUENCY * seconds)
+    swing = _ANGULAR_FREQUENCY * np.sqrt(1.0 - _DAMPING_RATIO**2)
+    fading = np.exp(-_DAMPING_RATIO * _ANGULAR_FREQUENCY * seconds)
     along, across = np.cos(swing * seconds), np.sin(swing * seconds) / swing
-    drag = _DAMPING * _FREQUENCY
+    drag = _DAMPING_RATIO * _ANGULAR_FREQUENCY
     return (
         fading * (offset * (along + drag * across) + speed * across),
-        fading * (speed * (along - drag * across) - offset * _FREQUENCY**2 * across),
+        fading * (speed * (along - drag * across) - offset * _ANGULAR_FREQUENCY**2 * across),
     )

@@ -13,14 +13,14 @@ from enliven.possession.placement import facing, turn_about_y, wrapped
 from enliven.possession.standing_placement import standing_figure
 from enliven.rotation import unit
 
-_HIP = Joint.HIP_CENTER
-_AS_IN_THE_MESH = frozenset(
+_HIP_JOINT = Joint.HIP_CENTER
+_MESH_POSED_JOINTS = frozenset(
     joint for joint in Joint if joint.name.split("_")[0] in ("ELBOW", "WRIST", "KNEE", "ANKLE")
 )
 """Child joints of arm and leg bones, which point in the same direction as the performer's. The trunk, a
 hand or a foot of a mesh may be built differently, so these bones rotate by the same amount as the
 performer's."""
-_SWING = 1.5 * np.pi / 2
+_MAX_EASING_SLOPE = 1.5 * np.pi / 2
 """Maximum slope of the cubic easing (1.5) times pi / 2, the ratio of arc to chord of a half turn."""
 
 
@@ -74,11 +74,13 @@ class LimbRetargeting:
         self._last = current = filled_joints(body.joints, body.joints)
         self._front = facing(body) if front is None or not likeness.human else front
         self._turn = turn_about_y(likeness.yaw - self._front)
-        self._rest = _as_the_mesh(likeness, current, self._front, self._turn) if likeness.human else current
+        self._rest = (
+            _pose_like_mesh(likeness, current, self._front, self._turn) if likeness.human else current
+        )
         self._heading, self.turned = _hip_heading(current), 0.0
         self._start_gap = wrapped(self._heading - self._front)
         self.turns: Float = np.tile(np.eye(3), (J - 1, 1, 1))
-        self._home = self._rest[_HIP].copy()
+        self._home = self._rest[_HIP_JOINT].copy()
         measure = scale
         if np.isfinite(likeness.leg):
             of_legs = BodyInMesh(self._rest, 0.0).leg / likeness.leg
@@ -88,7 +90,7 @@ class LimbRetargeting:
         self._share, self._start_ns, self._seconds = 1.0, -1, seconds
         if likeness.human and seconds > 0:
             farthest = float(np.linalg.norm(self(body.joints) - likeness.joints, axis=1).max())
-            self._seconds = max(seconds, _SWING * farthest * scale / pace)
+            self._seconds = max(seconds, _MAX_EASING_SLOPE * farthest * scale / pace)
             self._share = 0.0
 
     @property
@@ -122,18 +124,18 @@ class LimbRetargeting:
         self.turned = wrapped(self._heading - before)
         since_rest = bone_rotations(self._rest, current)[0]
         if self._share < 1.0:
-            since_rest = self._partly(since_rest, self._heading - self._front)
+            since_rest = self._partial_rotations(since_rest, self._heading - self._front)
         self.turns = turns = self._turn @ since_rest @ self._turn.T
         own = self.likeness.joints
-        way = (current[_HIP] - self._home) * self._steps
+        way = (current[_HIP_JOINT] - self._home) * self._steps
         out = np.empty((J, 3))
-        out[_HIP] = own[_HIP] + self._share * (self._turn @ way)
+        out[_HIP_JOINT] = own[_HIP_JOINT] + self._share * (self._turn @ way)
         for child in range(1, J):
             parent = PARENTS[child]
             out[child] = out[parent] + turns[child - 1] @ (own[child] - own[parent])
         return out
 
-    def _partly(self, since_rest: Float, heading: float) -> Float:
+    def _partial_rotations(self, since_rest: Float, heading: float) -> Float:
         """Returns (19, 3, 3) bone rotations interpolated from rest to ``since_rest``, in the world.
 
         Args:
@@ -152,7 +154,7 @@ class LimbRetargeting:
         """Continues with another body from the last position of the previous body."""
         self.body = body.id
         self._heading = _hip_heading(filled_joints(body.joints, self._last))
-        step = body.joints[_HIP] - self._last[_HIP]
+        step = body.joints[_HIP_JOINT] - self._last[_HIP_JOINT]
         if np.isfinite(step).all():
             self._home = self._home + step
             self._last = self._last + step
@@ -164,7 +166,7 @@ def _hip_heading(joints: Float) -> float:
     return float(np.arctan2(-left[2], left[0]))
 
 
-def _as_the_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> Float:
+def _pose_like_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> Float:
     """Returns (20, 3) metres: the performer upright on the floor, with limbs that point as the mesh's limbs
     at rest.
 
@@ -176,13 +178,13 @@ def _as_the_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -> F
     figure = standing_figure() @ turn_about_y(yaw).T
     mesh = likeness.joints @ turn
     upright = np.empty((J, 3))
-    upright[_HIP] = now[_HIP]
+    upright[_HIP_JOINT] = now[_HIP_JOINT]
     for joint in list(Joint)[1:]:
         parent = PARENTS[joint]
         way = figure[joint] - figure[parent]
-        if joint in _AS_IN_THE_MESH:
+        if joint in _MESH_POSED_JOINTS:
             way = mesh[joint] - mesh[parent]
-        elif Joint(parent) in _AS_IN_THE_MESH:
+        elif Joint(parent) in _MESH_POSED_JOINTS:
             before = PARENTS[parent]
             way = rotation.rotate(
                 rotation.swing(unit(figure[parent] - figure[before]), unit(mesh[parent] - mesh[before])),

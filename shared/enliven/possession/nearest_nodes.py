@@ -7,7 +7,7 @@ import numpy as np
 from enliven.deformation.graph import insert
 from enliven.kernels import njit
 
-_INNER = 0.35
+_INNER_FRACTION = 0.35
 """Fraction of the reach that is searched first."""
 
 
@@ -48,7 +48,7 @@ def nearest_facing(points, normals, starts, nodes, node_normals, reach, cosine):
             # Skip the nodes in the outer part of the group's reach if four nodes in the inner part are near
             # enough.
             for c in range(total):
-                if c == inner and most <= _INNER * reach:
+                if c == inner and most <= _INNER_FRACTION * reach:
                     break
                 j = close[c]
                 dx, dy, dz = (
@@ -90,7 +90,7 @@ def _close_to_group(points, first, last, nodes, reach, centre, close):
             square += (points[i, a] - centre[a]) ** 2
         ball = max(ball, square)
     ball = np.sqrt(ball)
-    limit, inside = (ball + reach) ** 2, (ball + _INNER * reach) ** 2
+    limit, inside = (ball + reach) ** 2, (ball + _INNER_FRACTION * reach) ** 2
     inner = total = 0
     for j in range(nodes.shape[0]):
         dx, dy, dz = nodes[j, 0] - centre[0], nodes[j, 1] - centre[1], nodes[j, 2] - centre[2]

@@ -12,7 +12,7 @@ from enliven.person import Body
 from enliven.possession.attachment import Attachment
 from enliven.possession.rest_transform import RestTransform
 
-_SETTLING = 0.12
+_STRENGTH_TIME_CONSTANT_S = 0.12
 """Time constant, seconds, of changes in strength. Confidence flickers, and without smoothing the mesh
 would shake."""
 
@@ -20,7 +20,7 @@ _MAX_TARGET_M = 1e4
 """Distance from the rest origin, metres, beyond which a target is not a measurement. It is far beyond any
 room."""
 
-_SUNK = 0.06
+_MAX_SINKING_M = 0.06
 """Maximum depth, in metres, to which the lowest joint may sink below its depth at the start of the hold. The
 skeleton of a half-occluded performer drops through the floor before it is lost, and is then not trusted."""
 
@@ -99,7 +99,7 @@ class PerformerAttachment:
 
     def believes(self, body: Body) -> bool:
         """Returns whether the body is credible, that is, whether it has not sunk through the floor."""
-        return depth_of(body) <= self.depth + _SUNK
+        return depth_of(body) <= self.depth + _MAX_SINKING_M
 
     def see(self, body: Body, time_ns: int) -> None:
         """Updates the targets and their weights from a performer in view."""
@@ -115,7 +115,7 @@ class PerformerAttachment:
         else:
             # Keep the last target for the points of a lost joint while their weight decays.
             self._targets[lost] = before[lost]
-            share = 1.0 - np.exp(-self.away(time_ns) / _SETTLING)
+            share = 1.0 - np.exp(-self.away(time_ns) / _STRENGTH_TIME_CONSTANT_S)
             self._pulls = self._pulls + share * (pulls - self._pulls)
         self.seen_ns = time_ns
 

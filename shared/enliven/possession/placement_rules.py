@@ -25,7 +25,7 @@ origin. Half a person's width."""
 _USUAL_HEIGHT_M = 1.75
 """Performer height, metres, that ``_OVERLAP_M`` assumes, because a mesh is scaled to its performer's
 height."""
-_TRUNK = (Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
+_TRUNK_JOINTS = (Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
 """Joints around the middle of a person's trunk."""
 
 
@@ -65,7 +65,7 @@ class PlacementRules:
         if own.how != "mapped" and not seeks_person(own):
             return None
         if own.joints:
-            return BodyInMesh.known(_twenty(own.joints, self._character.id))
+            return BodyInMesh.known(_joint_array(own.joints, self._character.id))
         mesh = Mesh(self._character.vertices.astype(np.float64), self._character.faces, self._character.id)
         if own.how == "mapped":
             return find_body_in_mesh(mesh, self._graph, ends)
@@ -82,14 +82,14 @@ class PlacementRules:
         corners = self._character.vertices[:, [0, 2]]
         low, high = corners.min(0).astype(np.float64), corners.max(0).astype(np.float64)
         away = np.maximum(np.maximum(low, -high), 0.0)
-        if np.linalg.norm(away) <= self._overlap():
+        if np.linalg.norm(away) <= self._max_mesh_distance():
             return np.zeros(3)
         middle = 0.5 * (low + high)
         if self.likeness is not None:
-            middle = self.likeness.joints[list(_TRUNK)][:, [0, 2]].mean(0)
+            middle = self.likeness.joints[list(_TRUNK_JOINTS)][:, [0, 2]].mean(0)
         return np.array([middle[0], 0.0, middle[1]])
 
-    def _overlap(self) -> float:
+    def _max_mesh_distance(self) -> float:
         """Returns the maximum distance, in the rest space, from the mesh to the origin for a performer to
         stand there.
         """
@@ -134,7 +134,7 @@ class PlacementRules:
         if not inside and isinstance(own_earlier, LimbRetargeting):
             return [own_earlier]
         if self.likeness is not None and not (inside and earlier):
-            front = self._front(self.at_performer(body) if inside else placement)
+            front = self._mesh_heading(self.at_performer(body) if inside else placement)
             new = LimbRetargeting(
                 self.likeness, body, scale, own.travel, own.fade, own.fade_pace, inside, front
             )
@@ -156,7 +156,7 @@ class PlacementRules:
             places.append(under(body, scale, self.stand))
         return [PlacementTransform(place, own.travel, not inside) for place in places]
 
-    def _front(self, placement: Placement) -> float:
+    def _mesh_heading(self, placement: Placement) -> float:
         """Returns the heading of the mesh at rest in the world, radians about +Y."""
         return placement.yaw + (0.0 if self.likeness is None else self.likeness.yaw)
 
@@ -170,7 +170,7 @@ class PlacementRules:
         own, like = self.settings, self.likeness
         if not own.ahead or like is None or not like.human:
             return None
-        scale, front = self._performer_scale(body), self._front(placement)
+        scale, front = self._performer_scale(body), self._mesh_heading(placement)
         return LimbRetargeting(like, body, scale, 0.0, own.fade, own.fade_pace, front=front)
 
     def _performer_scale(self, body: Body) -> float:
@@ -180,7 +180,7 @@ class PlacementRules:
         return self.settings.height_ratio * body.height / self.height
 
 
-def _twenty(joints: tuple[tuple[float, float, float], ...], character: str) -> Float:
+def _joint_array(joints: tuple[tuple[float, float, float], ...], character: str) -> Float:
     """Returns joints as (20, 3) metres.
 
     Raises:

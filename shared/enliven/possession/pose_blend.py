@@ -89,19 +89,19 @@ class PoseBlend:
     def __call__(self, linear: Float, positions: Float, time_ns: int) -> State:
         """Returns the state to show for a computed state: (N, 3, 3) linear parts and (N, 3) positions."""
         if self._restarts and self.shown is not None and self.seconds > 0:
-            self._gap, self._start_ns = _gap(self.shown, (linear, positions)), self._time_ns
-            self._closing = max(self.seconds, _MAX_SLOPE * _width(self.shown[1], positions) / self.pace)
+            self._gap, self._start_ns = _gap_between(self.shown, (linear, positions)), self._time_ns
+            self._closing = max(self.seconds, _MAX_SLOPE * _gap_width(self.shown[1], positions) / self.pace)
         self._restarts, self._time_ns = False, time_ns
         share = (time_ns - self._start_ns) * 1e-9 / max(self._closing, 1e-9)
         if self._gap is None or not 0.0 <= share < 1.0:
             self._gap, self.shown = None, (linear, positions)
         else:
             remaining = 1.0 - share * share * (3 - 2 * share)
-            self.shown = _apart(self._gap, remaining, linear, positions)
+            self.shown = _state_across_gap(self._gap, remaining, linear, positions)
         return self.shown
 
 
-def _width(shown: Float, new: Float) -> float:
+def _gap_width(shown: Float, new: Float) -> float:
     """Returns the distance between the centres plus the largest displacement of a node relative to its
     centre, metres.
     """
@@ -109,8 +109,8 @@ def _width(shown: Float, new: Float) -> float:
     return float(np.linalg.norm(offset) + np.linalg.norm(new - shown - offset, axis=1).max())
 
 
-def _gap(shown: State, new: State) -> _Gap:
-    """Returns the gap between two states. ``_apart`` with ``left`` = 1 reproduces ``shown``."""
+def _gap_between(shown: State, new: State) -> _Gap:
+    """Returns the gap between two states. ``_state_across_gap`` with ``left`` = 1 reproduces ``shown``."""
     before, after = shown[1].mean(0), new[1].mean(0)
     a, b = shown[1] - before, new[1] - after
     yaw = yaw_between(b, a)
@@ -120,7 +120,7 @@ def _gap(shown: State, new: State) -> _Gap:
     return _Gap(yaw, float(np.log(growth)), before - after, back @ shown[0] - new[0], a @ back.T - b)
 
 
-def _apart(gap: _Gap, left: float, linear: Float, positions: Float) -> State:
+def _state_across_gap(gap: _Gap, left: float, linear: Float, positions: Float) -> State:
     """Returns the computed state plus the fraction ``left`` of the gap."""
     turn = np.exp(left * gap.growth) * turn_about_y(left * gap.yaw)
     centre = positions.mean(0)

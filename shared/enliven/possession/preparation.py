@@ -20,10 +20,10 @@ from enliven.similarity import fit_similarity
 
 log = logging.getLogger(__name__)
 
-_HEIGHT = 1.75
+_PERSON_HEIGHT_M = 1.75
 """Height, metres, to which meshes are scaled: that of a person. The performer's own height differs from it
 only by a small factor."""
-_LONGEST_EDGE = 0.04
+_MAX_EDGE_M = 0.04
 """Maximum edge length, metres. Longer edges are split, because a triangle must be narrower than a limb to
 bend with it."""
 
@@ -92,20 +92,20 @@ def prepared(
     """
     if settings.place == "fixed":
         return mesh, 1.0
-    size, vertices = float(np.ptp(mesh.vertices[:, 1])) / _HEIGHT, mesh.vertices
-    mesh = fit_height(mesh, _HEIGHT)
+    size, vertices = float(np.ptp(mesh.vertices[:, 1])) / _PERSON_HEIGHT_M, mesh.vertices
+    mesh = fit_height(mesh, _PERSON_HEIGHT_M)
     if settings.stand == "fitted":
         if joints is not None and len(joints):
             person = BodyInMesh.known(as_moved(joints, vertices, mesh.vertices))
         else:
             person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
         if person is not None and (person.certain or len(ends)):
-            mesh = _around_figure(mesh, person)
+            mesh = _align_with_figure(mesh, person)
             log.info("%s: moved so that a standing person's back is in its own", mesh.name)
         else:
             mesh, fit = fit_standing_person(mesh)
             log.info("%s: moved to where a standing person fits into it (%.0f %%)", mesh.name, 100 * fit)
-    return refine(mesh, _LONGEST_EDGE), size
+    return refine(mesh, _MAX_EDGE_M), size
 
 
 def as_moved(points: Float, before: Float, after: Float) -> Float:
@@ -113,11 +113,11 @@ def as_moved(points: Float, before: Float, after: Float) -> Float:
     return fit_similarity(before, after).transform(points)
 
 
-def _around_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:
+def _align_with_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:
     """Returns the mesh with its front at +Z and its trunk aligned with that of a figure that stands at the
     origin.
     """
     trunk = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
     turn = turn_about_y(person.yaw)
-    offset = standing_figure(_HEIGHT)[trunk].mean(0) - (person.joints @ turn)[trunk].mean(0)
+    offset = standing_figure(_PERSON_HEIGHT_M)[trunk].mean(0) - (person.joints @ turn)[trunk].mean(0)
     return replace(mesh, vertices=mesh.vertices @ turn + offset * [1.0, 0.0, 1.0])

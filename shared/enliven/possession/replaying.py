@@ -16,7 +16,7 @@ from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.embedded_actor import EmbeddedActor
 from enliven.settings import load_settings
 
-_SAME = 1e-7
+_SAME_TIME_S = 1e-7
 """Tolerance, seconds, within which two times count as equal. It is far less than one frame of any sensor."""
 
 
@@ -58,21 +58,21 @@ def replay(
     actor = EmbeddedActor(character, graph, settings, possession.size, possession.height or None)
     if possession.place:
         actor.stand(possession.place)
-    start, end = possession.start - _SAME, possession.last(take) + _SAME
+    start, end = possession.start - _SAME_TIME_S, possession.last(take) + _SAME_TIME_S
     frames = np.flatnonzero((take.seconds >= start) & (take.seconds <= end))
     due = sorted(possession.holds, key=lambda change: change.seconds)
     refused, has_held = list[tuple[float, InputError]](), False
     for frame in frames:
-        second, bodies = take.seconds[frame], [_as_seen(body) for body in take.bodies(int(frame))]
-        current = [change for change in due if change.seconds <= second + _SAME]
+        second, bodies = take.seconds[frame], [_with_unknown_joints(body) for body in take.bodies(int(frame))]
+        current = [change for change in due if change.seconds <= second + _SAME_TIME_S]
         for change in current:
             if change.mode == "take over":
-                _change(actor, change, bodies)
+                _apply_change(actor, change, bodies)
         yield actor.perform(bodies, round(second * 1e9))
         for change in current:
             try:
                 if change.mode != "take over":
-                    _change(actor, change, bodies)
+                    _apply_change(actor, change, bodies)
                     has_held = has_held or bool(actor.holds)
             except InputError as error:
                 refused.append((float(second), error))
@@ -83,7 +83,7 @@ def replay(
         notes.extend(f"At {second:.2f} s: {error.what}." for second, error in refused)
 
 
-def _change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) -> None:
+def _apply_change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) -> None:
     """Applies a change of holds.
 
     Raises:
@@ -106,7 +106,7 @@ def _change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) -> Non
         actor.possess(body, change.parts, change.mode)
 
 
-def _as_seen(body: Body) -> Body:
+def _with_unknown_joints(body: Body) -> Body:
     """Returns a body of a take with unknown joints as NaN. A take stores them as the origin with confidence
     0.
     """

@@ -11,7 +11,7 @@ from enliven.arrays import Float, Float32
 from enliven.person import Body, Joint
 from enliven.possession.placement import Placement
 
-_HIP = Joint.HIP_CENTER
+_HIP_JOINT = Joint.HIP_CENTER
 
 
 class RestTransform(Protocol):
@@ -80,8 +80,8 @@ class PlacementTransform:
 
     def __call__(self, joints: Float) -> Float:
         """Returns (20, 3) joints in the rest space, from (20, 3) in the world."""
-        if np.isfinite(joints[_HIP]).all():
-            self._hip = joints[_HIP, [0, 2]].copy()
+        if np.isfinite(joints[_HIP_JOINT]).all():
+            self._hip = joints[_HIP_JOINT, [0, 2]].copy()
             if self.home is None:
                 self.home = self._hip
         return self._at_rest(joints)
@@ -102,7 +102,7 @@ class PlacementTransform:
         body's own position.
         """
         if self.stays and self._hip is not None and self.home is not None:
-            step = body.joints[_HIP, [0, 2]] - self._hip
+            step = body.joints[_HIP_JOINT, [0, 2]] - self._hip
             if np.isfinite(step).all():
                 offset = self.placement.offset + np.array([step[0], 0.0, step[1]])
                 self.placement = Placement(self.placement.scale, self.placement.yaw, offset)

@@ -18,22 +18,23 @@ from enliven.meshes import Mesh
 from enliven.person import PARENTS, Joint
 from enliven.possession.placement import turn_about_y
 
-_NEAR = 0.11
+_BONE_DISTANCE_M = 0.11
 """Distance, metres, at which a bone scores a third of a bone that lies in the surface."""
-_CELL = 0.04
-"""Grid cell size, metres: a third of ``_NEAR``, so that the score of a bone hardly changes within a cell."""
-_TURNS = 16
+_CELL_M = 0.04
+"""Grid cell size, metres: a third of ``_BONE_DISTANCE_M``, so that the score of a bone hardly changes
+within a cell."""
+_YAW_COUNT = 16
 """Number of yaws that are tried, 22.5 degrees apart. Each costs a pass over all positions."""
-_SAMPLES = 5
+_POINTS_PER_BONE = 5
 """Points per bone at which nearness is looked up: at most 9 cm apart on a shank."""
-_MOST_PLACES = 700
+_MAX_PLACES = 700
 """Approximate number of floor positions that are tried. They are farther apart on a mesh that is much
 wider than high."""
-_MOST_CELLS = 300_000
+_MAX_CELLS = 300_000
 """Maximum number of grid cells. Cells are larger in a mesh that is much wider than high."""
-_HEIGHT = 1.75
+_PERSON_HEIGHT_M = 1.75
 """Height of the reference person, metres. All lengths in this module scale with the mesh's height over it."""
-_UPRIGHT = {
+_STANDING_JOINTS = {
     "HIP_CENTER": (0.0, 0.97, 0.0), "SPINE": (0.0, 1.13, -0.01), "SHOULDER_CENTER": (0.0, 1.42, -0.01),
     "HEAD": (0.0, 1.61, 0.02), "HIP_LEFT": (0.09, 0.91, 0.0), "KNEE_LEFT": (0.10, 0.49, 0.02),
     "ANKLE_LEFT": (0.11, 0.08, 0.0), "FOOT_LEFT": (0.12, 0.03, 0.12),
@@ -41,41 +42,41 @@ _UPRIGHT = {
     "HAND_LEFT": (0.26, 0.78, 0.08),
 }  # fmt: skip
 """Joints of the reference person on the left and in the middle, metres: standing, with hanging arms."""
-_PAIRS = (("KNEE", 1.0), ("ANKLE", 1.0), ("ELBOW", 0.15), ("WRIST", 0.15))
+_PAIRED_BONES = (("KNEE", 1.0), ("ANKLE", 1.0), ("ELBOW", 0.15), ("WRIST", 0.15))
 """Paired bones that are scored, by their child joint, with weights. A pair scores twice its worse bone.
 Hanging arms have a low weight, because few meshes have any surface there."""
-_MIDDLE = (("SPINE", 1.0), ("SHOULDER_CENTER", 1.0), ("HEAD", 0.5))
+_TRUNK_BONES = (("SPINE", 1.0), ("SHOULDER_CENTER", 1.0), ("HEAD", 0.5))
 """Bones of the trunk that are scored, by their child joint, with weights."""
-_TOUCHED = 0.25
+_SURFACE_DISTANCE_M = 0.25
 """Distance, metres, at which a piece of surface scores a third of a piece that a bone lies in."""
-_HEAD_FIRST = 0.4
+_HEAD_AHEAD_GAIN = 0.4
 """Relative gain in score per metre that the head is ahead: a performer in a horse looks where the horse
 does."""
-_MASS_FIRST = 0.03
+_MASS_AHEAD_GAIN = 0.03
 """Relative gain in score per metre that the centre of the mesh is ahead: a performer in the back of a
 chair looks over its seat. It is far smaller than the gain for a head."""
-_AS_MODELLED = 0.004
+_MODELLED_YAW_GAIN = 0.004
 """Relative gain in score of the modelled yaw over a quarter turn. It only breaks ties."""
 _HEAD_HEIGHT_FRACTION = 0.85
 """Fraction of the mesh's height above which the surface counts as the head."""
-_NO_HEAD = 0.15
+_MIN_HEAD_OFFSET_M = 0.15
 """Distance ahead or behind, metres, within which the highest part does not indicate the front."""
-_BEHIND = 0.5
+_BEHIND_FACTOR = 0.5
 """Factor on distances behind the surface: a bone belongs inside a limb rather than outside."""
-_LEAF = 32
+_POINTS_PER_LEAF = 32
 """Points per leaf of the k-d tree. A query for a whole grid then takes three quarters of the time with the
 default."""
 
 
-def standing_figure(height: float = _HEIGHT) -> Float:
+def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
     """Returns (20, 3) metres: the joints of a person that stands at the origin facing +Z, with hanging
     arms.
     """
     joints = np.empty((len(Joint), 3))
     for joint in Joint:
-        x, y, z = _UPRIGHT[joint.name.replace("RIGHT", "LEFT")]
+        x, y, z = _STANDING_JOINTS[joint.name.replace("RIGHT", "LEFT")]
         joints[joint] = (-x if "RIGHT" in joint.name else x, y, z)
-    return np.asarray(joints * (height / _HEIGHT))
+    return np.asarray(joints * (height / _PERSON_HEIGHT_M))
 
 
 def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
@@ -102,15 +103,17 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
     Returns:
         radians about +Y, (3,) metres, and the score, from 0 to 1.
     """
-    unit = (float(np.ptp(mesh.vertices[:, 1])) or 1.0) / _HEIGHT
+    unit = (float(np.ptp(mesh.vertices[:, 1])) or 1.0) / _PERSON_HEIGHT_M
     samples = scatter(mesh, 8000, np.random.default_rng(0))
     points = samples.positions
     # Precompute the nearness fields of the surface and of the figures' bones.
-    near = _Nearness(points, _NEAR * unit, _CELL * unit, samples.normals)
-    touched = [_Nearness(_bone_points(figure), _TOUCHED * unit, _CELL * unit) for figure in figures]
+    near = _Nearness(points, _BONE_DISTANCE_M * unit, _CELL_M * unit, samples.normals)
+    touched = [
+        _Nearness(_bone_points(figure), _SURFACE_DISTANCE_M * unit, _CELL_M * unit) for figure in figures
+    ]
     low, high = mesh.bounds
     # Try the positions of a grid over the floor area of the mesh.
-    wide = max(1.5 * near.cell, float(np.sqrt((high - low)[0] * (high - low)[2] / _MOST_PLACES)))
+    wide = max(1.5 * near.cell, float(np.sqrt((high - low)[0] * (high - low)[2] / _MAX_PLACES)))
     steps = [np.arange(low[a], high[a] + wide, wide) for a in (0, 2)]
     shifts = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, 2)
     floor = np.insert(shifts, 1, 0.0, axis=1)
@@ -120,9 +123,9 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
     best, stand = -np.inf, (0.0, np.zeros(3), 0.0)
     # For each yaw, score all floor positions at once. The score contains bones near the surface, surface near
     # the bones, and symmetry.
-    for yaw in np.arange(_TURNS) * (2 * np.pi / _TURNS):
+    for yaw in np.arange(_YAW_COUNT) * (2 * np.pi / _YAW_COUNT):
         turn, front = turn_about_y(yaw), np.array([np.sin(yaw), np.cos(yaw)]) / unit
-        scores = np.mean([_scores(near, figure @ turn.T, floor) for figure in figures], axis=0)
+        scores = np.mean([_figure_scores(near, figure @ turn.T, floor) for figure in figures], axis=0)
         own, back = pieces @ turn, -floor @ turn
         scores *= np.max([field.over(own, back) for field in touched], axis=0).mean(1)
         if len(figures) == 1:
@@ -132,10 +135,10 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
         # Prefer yaws for which the head lies ahead, or otherwise the mass. The reported score does not
         # include this preference.
         ahead = (head - shifts) @ front
-        ahead = np.sign(ahead) * np.maximum(np.abs(ahead) - _NO_HEAD, 0.0)
-        worth = scores + _HEAD_FIRST * scores * ahead
-        worth += _MASS_FIRST * scores * ((pieces.mean(0)[[0, 2]] - shifts) @ front)
-        worth += _AS_MODELLED * scores * np.cos(yaw)
+        ahead = np.sign(ahead) * np.maximum(np.abs(ahead) - _MIN_HEAD_OFFSET_M, 0.0)
+        worth = scores + _HEAD_AHEAD_GAIN * scores * ahead
+        worth += _MASS_AHEAD_GAIN * scores * ((pieces.mean(0)[[0, 2]] - shifts) @ front)
+        worth += _MODELLED_YAW_GAIN * scores * np.cos(yaw)
         top = int(worth.argmax())
         if worth[top] > best:
             best = float(worth[top])
@@ -159,7 +162,7 @@ class _Nearness:
 
     def __init__(self, points: Float, near: float, cell: float, normals: Float | None = None) -> None:
         low, high = points.min(0), points.max(0)
-        self.cell = cell = max(cell, float(np.cbrt(np.prod(high - low + 6 * near) / _MOST_CELLS)))
+        self.cell = cell = max(cell, float(np.cbrt(np.prod(high - low + 6 * near) / _MAX_CELLS)))
         self._low = low - 3 * near
         shape = np.ceil((high - low + 6 * near) / cell).astype(int) + 1
         axes = [self._low[a] + cell * np.arange(shape[a]) for a in range(3)]
@@ -168,11 +171,13 @@ class _Nearness:
         # Imported here, because characters that already fit do not need it.
         from scipy.spatial import cKDTree
 
-        length, nearest = cKDTree(points, leafsize=_LEAF).query(grid, distance_upper_bound=4 * near)
+        length, nearest = cKDTree(points, leafsize=_POINTS_PER_LEAF).query(
+            grid, distance_upper_bound=4 * near
+        )
         if normals is not None:
             at = np.minimum(nearest, len(points) - 1)
             behind = np.einsum("gi,gi->g", grid - points[at], normals[at]) < 0
-            length = np.where(behind, _BEHIND * length, length)
+            length = np.where(behind, _BEHIND_FACTOR * length, length)
         # Add a border of zeros, so that the lookup of every point outside the grid gives zero.
         self._values = np.pad(np.exp(-((length / near) ** 2)).reshape(shape), 1)
 
@@ -186,18 +191,18 @@ class _Nearness:
         return np.asarray(self._values.ravel()[at])
 
 
-def _scores(near: _Nearness, joints: Float, shifts: Float) -> Float:
+def _figure_scores(near: _Nearness, joints: Float, shifts: Float) -> Float:
     """Returns (S,) scores of a figure, (20, 3) joints, moved by each of (S, 3) metres over the floor."""
 
     def bone(name: str) -> Float:
         child = Joint[name]
-        along = (np.arange(_SAMPLES) + 0.5)[:, None] / _SAMPLES
+        along = (np.arange(_POINTS_PER_BONE) + 0.5)[:, None] / _POINTS_PER_BONE
         points = joints[PARENTS[child]] * (1 - along) + joints[child] * along
         return np.asarray(near.over(points, shifts).mean(1))
 
     total = np.zeros(len(shifts))
-    for name, weight in _PAIRS:
+    for name, weight in _PAIRED_BONES:
         total += 2 * weight * np.minimum(bone(f"{name}_LEFT"), bone(f"{name}_RIGHT"))
-    for name, weight in _MIDDLE:
+    for name, weight in _TRUNK_BONES:
         total += weight * bone(name)
-    return np.asarray(total / (2 * sum(w for _, w in _PAIRS) + sum(w for _, w in _MIDDLE)))
+    return np.asarray(total / (2 * sum(w for _, w in _PAIRED_BONES) + sum(w for _, w in _TRUNK_BONES)))

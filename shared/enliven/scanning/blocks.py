@@ -14,13 +14,13 @@ SIDE = 8
 it holds."""
 VOXELS = SIDE**3
 """Voxels of a block; voxel (x, y, z) of it has the index x + 8 y + 64 z."""
-_FIRST = 1024
+_INITIAL_CAPACITY_BLOCKS = 1024
 """Initial capacity of a table, blocks: 4 MB of voxels."""
-_GROWTH = 1.5
+_CAPACITY_GROWTH = 1.5
 """Growth factor of a full table: at most a third of the memory is then unused."""
-_REACH = 1 << 20
+_MAX_BLOCK_COORDINATE = 1 << 20
 """Maximum block coordinate that a key can represent, in each direction from the origin: 30 km at 4 mm."""
-_FULL = 0.5
+_MAX_LOAD_FACTOR = 0.5
 """Maximum load factor of the hash table. A search then probes two slots on average."""
 
 
@@ -36,10 +36,10 @@ class BlockTable:
 
     def __init__(self) -> None:
         self.count = 0
-        self.places: Int32 = np.zeros((_FIRST, 3), np.int32)
-        self.beside: Int32 = np.full((_FIRST, 8), -1, np.int32)
-        self.keys: Int = np.full(2 * _FIRST, -1, np.int64)
-        self.slots: Int32 = np.full(2 * _FIRST, -1, np.int32)
+        self.places: Int32 = np.zeros((_INITIAL_CAPACITY_BLOCKS, 3), np.int32)
+        self.beside: Int32 = np.full((_INITIAL_CAPACITY_BLOCKS, 8), -1, np.int32)
+        self.keys: Int = np.full(2 * _INITIAL_CAPACITY_BLOCKS, -1, np.int64)
+        self.slots: Int32 = np.full(2 * _INITIAL_CAPACITY_BLOCKS, -1, np.int32)
 
     @property
     def capacity(self) -> int:
@@ -48,17 +48,17 @@ class BlockTable:
 
     def grow(self) -> None:
         """Makes room for more blocks."""
-        capacity = int(self.capacity * _GROWTH)
+        capacity = int(self.capacity * _CAPACITY_GROWTH)
         self.places = grown(self.places, capacity, 0)
         self.beside = grown(self.beside, capacity, -1)
-        if capacity > _FULL * len(self.keys):
-            self._hash(2 * len(self.keys))
+        if capacity > _MAX_LOAD_FACTOR * len(self.keys):
+            self._rebuild_hash_table(2 * len(self.keys))
 
     def keep(self, kept: Int) -> None:
         """Keeps only the blocks (K,) with these numbers, and renumbers them from 0 to K - 1."""
         self.places[: len(kept)] = self.places[kept]
         self.count = len(kept)
-        self._hash(len(self.keys))
+        self._rebuild_hash_table(len(self.keys))
         self.beside[:] = -1
         link(self.keys, self.slots, self.places, self.beside, 0, self.count)
 
@@ -68,7 +68,7 @@ class BlockTable:
         _find_all(self.keys, self.slots, np.asarray(places, np.int32), numbers)
         return numbers
 
-    def _hash(self, size: int) -> None:
+    def _rebuild_hash_table(self, size: int) -> None:
         self.keys, self.slots = np.full(size, -1, np.int64), np.full(size, -1, np.int32)
         _insert_all(self.keys, self.slots, self.places, self.count)
 
@@ -83,11 +83,15 @@ def grown(array: np.ndarray, length: int, fill: float) -> np.ndarray:
 @njit(cache=True, nogil=True, forceinline=True)
 def key_of(x, y, z):
     """Returns the hash key of a block's position."""
-    return ((np.int64(x) + _REACH) << 42) | ((np.int64(y) + _REACH) << 21) | (np.int64(z) + _REACH)
+    return (
+        ((np.int64(x) + _MAX_BLOCK_COORDINATE) << 42)
+        | ((np.int64(y) + _MAX_BLOCK_COORDINATE) << 21)
+        | (np.int64(z) + _MAX_BLOCK_COORDINATE)
+    )
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def _home(key, size):
+def _home_slot(key, size):
     """Returns the slot at which the search for a key begins, in a table of ``size``, a power of two."""
     mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
     return np.int64((mixed >> np.uint64(32)) & np.uint64(size - 1))
@@ -96,7 +100,7 @@ def _home(key, size):
 @njit(cache=True, nogil=True)
 def find(keys, slots, key):
     """Returns the number of the block with a key, or -1."""
-    at = _home(key, len(keys))
+    at = _home_slot(key, len(keys))
     while keys[at] != -1:
         if keys[at] == key:
             return slots[at]
@@ -107,7 +111,7 @@ def find(keys, slots, key):
 @njit(cache=True, nogil=True)
 def insert(keys, slots, key, number):
     """Stores the block number of a key that is not in the table yet."""
-    at = _home(key, len(keys))
+    at = _home_slot(key, len(keys))
     while keys[at] != -1:
         at = (at + 1) & (len(keys) - 1)
     keys[at], slots[at] = key, number

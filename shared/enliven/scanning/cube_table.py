@@ -16,7 +16,7 @@ import numpy as np
 
 from enliven.arrays import Int32
 
-_FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6))
+_FACE_CORNERS = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6))
 """Corners of each face, counter-clockwise seen from outside of the cell."""
 STARTS = ((0, 2, 4, 6), (0, 1, 4, 5), (0, 1, 2, 3))
 """For each axis, the corners at which the four edges along it begin."""
@@ -24,7 +24,7 @@ MOST_TRIANGLES = 5
 """Maximum number of triangles in a cell."""
 
 
-def _edge(a: int, b: int) -> int:
+def _edge_number(a: int, b: int) -> int:
     """Returns the number of the edge between two corners."""
     axis = (a ^ b).bit_length() - 1
     return 4 * axis + STARTS[axis].index(min(a, b))
@@ -39,23 +39,28 @@ def triangle_table() -> Int32:
     """
     table = np.full((256, 3 * MOST_TRIANGLES + 1), -1, np.int32)
     for case in range(256):
-        edges = [edge for loop in _loops(case) for triangle in _triangles(tuple(loop)) for edge in triangle]
+        edges = [
+            edge
+            for loop in _surface_loops(case)
+            for triangle in _loop_triangles(tuple(loop))
+            for edge in triangle
+        ]
         table[case, : len(edges)] = edges
     return table
 
 
-def _loops(case: int) -> list[list[int]]:
+def _surface_loops(case: int) -> list[list[int]]:
     """Returns the closed loops of edges along which the surface intersects the cell's faces."""
     after: dict[int, int] = {}
-    for corners in _FACES:
+    for corners in _FACE_CORNERS:
         inside = [bool(case >> corner & 1) for corner in corners]
         for k in range(4):
             if inside[k] or not inside[(k + 1) % 4]:
                 continue
             # A run of inside corners begins here. Its segment leads from the end of the run to its beginning.
             last = next(n for n in range(k + 1, k + 5) if not inside[(n + 1) % 4])
-            end = _edge(corners[last % 4], corners[(last + 1) % 4])
-            after[_edge(corners[k], corners[(k + 1) % 4])] = end
+            end = _edge_number(corners[last % 4], corners[(last + 1) % 4])
+            after[_edge_number(corners[k], corners[(k + 1) % 4])] = end
     loops = []
     while after:
         loop = [next(iter(after))]
@@ -65,7 +70,7 @@ def _loops(case: int) -> list[list[int]]:
     return loops
 
 
-def _triangles(loop: tuple[int, ...]) -> list[tuple[int, int, int]]:
+def _loop_triangles(loop: tuple[int, ...]) -> list[tuple[int, int, int]]:
     """Returns the triangles of a loop, with as few inner sides as possible in a face of the cell.
 
     An inner side in a face would coincide with that of the neighbouring cell, and four triangles would share
@@ -76,14 +81,18 @@ def _triangles(loop: tuple[int, ...]) -> list[tuple[int, int, int]]:
     best: list[tuple[int, int, int]] = []
     least = np.inf
     for k in range(1, len(loop) - 1):
-        triangles = [(loop[0], loop[k], loop[-1]), *_triangles(loop[: k + 1]), *_triangles(loop[k:])]
-        cost = _in_faces(triangles, loop)
+        triangles = [
+            (loop[0], loop[k], loop[-1]),
+            *_loop_triangles(loop[: k + 1]),
+            *_loop_triangles(loop[k:]),
+        ]
+        cost = _count_sides_in_faces(triangles, loop)
         if cost < least:
             best, least = triangles, cost
     return best
 
 
-def _in_faces(triangles: list[tuple[int, int, int]], loop: tuple[int, ...]) -> int:
+def _count_sides_in_faces(triangles: list[tuple[int, int, int]], loop: tuple[int, ...]) -> int:
     """Returns the number of inner sides of triangles (not sides of the loop) that lie in a face of the
     cell.
     """
@@ -94,4 +103,7 @@ def _in_faces(triangles: list[tuple[int, int, int]], loop: tuple[int, ...]) -> i
 
 @cache
 def _edges_of_faces() -> tuple[frozenset[int], ...]:
-    return tuple(frozenset(_edge(corners[k], corners[(k + 1) % 4]) for k in range(4)) for corners in _FACES)
+    return tuple(
+        frozenset(_edge_number(corners[k], corners[(k + 1) % 4]) for k in range(4))
+        for corners in _FACE_CORNERS
+    )

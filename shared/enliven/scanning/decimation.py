@@ -10,14 +10,14 @@ from scipy.spatial import cKDTree
 from enliven.arrays import Float, Int, Int32
 from enliven.meshes import Mesh, submesh
 
-_EAGER = (3.0, 7.0, 10.0)
+_AGGRESSIVENESS = (3.0, 7.0, 10.0)
 """Aggressiveness of the edge collapse, from 0 to 10. The values are tried in turn until the triangle
 budget is met. At 7, three times as many faces fold onto others as at 3."""
-_COMPARED = 20_000
+_COMPARED_VERTICES = 20_000
 """Number of random scan vertices at which the distance to the new surface is measured."""
-_SPREAD = 60_000
+_SAMPLE_POINTS = 60_000
 """Number of sample points on a mesh for finding the nearest face: 7 mm apart on a chair."""
-_NEAR = 20
+_NEAREST_SAMPLES = 20
 """Number of nearest sample points with faces to test. If another face is nearer, the reported distance is
 too large."""
 
@@ -48,20 +48,20 @@ def decimated(mesh: Mesh, faces: int) -> DecimatedMesh:
     from fast_simplification import simplify
 
     vertices, triangles = mesh.vertices, mesh.faces
-    for eager in _EAGER:
+    for eager in _AGGRESSIVENESS:
         if len(triangles) > faces:
             vertices, triangles = simplify(vertices, triangles, target_count=faces, agg=eager)[:2]
     colours = None
     if mesh.colours is not None:
         colours = mesh.colours[cKDTree(mesh.vertices).query(vertices)[1]]
-    reduced = Mesh(np.asarray(vertices, float), _unfolded(triangles), mesh.name, colours)
+    reduced = Mesh(np.asarray(vertices, float), _without_folds(triangles), mesh.name, colours)
     reduced = submesh(reduced, np.ones(len(reduced.faces), bool))
-    looked = np.random.default_rng(0).permutation(len(mesh.vertices))[:_COMPARED]
+    looked = np.random.default_rng(0).permutation(len(mesh.vertices))[:_COMPARED_VERTICES]
     errors = distances(reduced, mesh.vertices[looked])
     return DecimatedMesh(reduced, float(errors.mean()), float(np.quantile(errors, 0.99)))
 
 
-def _unfolded(faces: Int | Int32) -> Int32:
+def _without_folds(faces: Int | Int32) -> Int32:
     """Returns the faces (F, 3) without pairs that share all corners, which are folds of zero thickness."""
     _, number, count = np.unique(np.sort(faces, 1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(faces[count[number.reshape(-1)] == 1], np.int32)
@@ -73,16 +73,19 @@ def distances(mesh: Mesh, points: Float) -> Float:
     """
     corners, areas = mesh.vertices[mesh.faces], np.linalg.norm(mesh.face_vectors(), axis=1)
     # Sample one point on each face, and more on large faces.
-    random, count = np.random.default_rng(0), np.ceil(_SPREAD * areas / areas.sum()).astype(int).clip(1)
+    random, count = (
+        np.random.default_rng(0),
+        np.ceil(_SAMPLE_POINTS * areas / areas.sum()).astype(int).clip(1),
+    )
     face = np.repeat(np.arange(len(corners)), count)
     shares = random.dirichlet((1.0, 1.0, 1.0), len(face))
     tree = cKDTree((corners[face] * shares[..., None]).sum(1))
-    near = face[tree.query(points, _NEAR)[1]]
-    squares = [_squares(points, corners[near[:, k]]) for k in range(_NEAR)]
+    near = face[tree.query(points, _NEAREST_SAMPLES)[1]]
+    squares = [_squared_distances(points, corners[near[:, k]]) for k in range(_NEAREST_SAMPLES)]
     return np.asarray(np.sqrt(np.min(squares, axis=0)))
 
 
-def _squares(points: Float, corners: Float) -> Float:
+def _squared_distances(points: Float, corners: Float) -> Float:
     """Returns (N,) squared distances of points (N, 3) to triangles (N, 3, 3)."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     inside, sides = np.ones(len(points), bool), np.full(len(points), np.inf)

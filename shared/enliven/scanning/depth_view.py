@@ -16,18 +16,18 @@ from enliven.scanning.threads import in_pieces
 TILE = 8
 """Pixels along a tile's side. The nearest and farthest depth are kept for each tile. A block covers a few
 tiles."""
-_STEP = 2
+_SAMPLE_SPACING_PX = 2
 """Half-size pixels between the nine samples of a plane fit: 17 mm across at 1 m. The pixels between them
 have the same noise in most cameras."""
-_GATE = 0.04
+_MAX_DEPTH_JUMP = 0.04
 """Maximum relative difference in depth between a pixel and a neighbour on the same surface."""
 _MIN_PLANE_SAMPLES = 4
 """Minimum number of the nine samples for a plane fit. Fewer are isolated points that float at edges."""
 _MIN_FACING_COSINE = 0.12
 """Cosine between ray and normal below which depth is not trusted: 83 degrees."""
-_NOTHING = np.float32(1e9)
+_NO_SURFACE_OFFSET = np.float32(1e9)
 """Plane offset of a pixel without depth. Everything lies far behind the plane, so that nothing is fused."""
-_ROWS = 24
+_ROWS_PER_PIECE = 24
 """Rows of half-size pixels that a thread processes at a time."""
 
 
@@ -100,7 +100,7 @@ class DepthPreparation:
         ray = rays(self.intrinsics).astype(np.float32)
         # Without distortion, all rays of a column share the same x, and all rays of a row share the same y.
         self._across, self._down = np.ascontiguousarray(ray[0, :, 0]), np.ascontiguousarray(ray[:, 0, 1])
-        self._half = np.pad(_pair_means(self._across), _STEP), _pair_means(self._down)
+        self._half = np.pad(_pair_means(self._across), _SAMPLE_SPACING_PX), _pair_means(self._down)
         self._limits = np.array([near, far, noise.constant, noise.quadratic, noise.start], np.float32)
 
     def prepare(self, depth: UInt16 | Float32, colour: UInt8 | None = None) -> DepthView:
@@ -118,17 +118,29 @@ class DepthPreparation:
             colour = None if colour is None else colour[self._straight]
         half = ((height + 1) // 2, (width + 1) // 2)
         # Add empty columns on both sides, so that the neighbours of a pixel need no bounds check.
-        inverse = np.zeros((half[0], half[1] + 2 * _STEP), np.float32)
+        inverse = np.zeros((half[0], half[1] + 2 * _SAMPLE_SPACING_PX), np.float32)
         planes, weights = np.empty((height, width, 4), np.float32), np.empty((height, width), np.float32)
         points, normals = np.zeros((*half, 3), np.float32), np.zeros((*half, 3), np.float32)
         worth = np.zeros(half, np.float32)
-        in_pieces(_halve, half[0], _ROWS, depth, self._limits, inverse)
-        in_pieces(_fit, half[0], _ROWS, inverse, *self._half, self._limits, points, normals, worth)
+        in_pieces(_halve_resolution, half[0], _ROWS_PER_PIECE, depth, self._limits, inverse)
         in_pieces(
-            _through, half[0], _ROWS, depth, self._across, self._down, points, normals, worth, planes, weights
+            _fit_planes, half[0], _ROWS_PER_PIECE, inverse, *self._half, self._limits, points, normals, worth
+        )
+        in_pieces(
+            _assign_pixel_planes,
+            half[0],
+            _ROWS_PER_PIECE,
+            depth,
+            self._across,
+            self._down,
+            points,
+            normals,
+            worth,
+            planes,
+            weights,
         )
         tiles = np.empty((-(-height // TILE), -(-width // TILE), 3), np.float32)
-        in_pieces(_bound, len(tiles), _ROWS, depth, self._limits, tiles)
+        in_pieces(_bound_tiles, len(tiles), _ROWS_PER_PIECE, depth, self._limits, tiles)
         return DepthView(self.intrinsics, planes, weights, points, normals, worth, tiles, colour)
 
 
@@ -151,20 +163,20 @@ def _pair_means(values: Float32) -> Float32:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _halve(depth, limits, inverse, first, last):
-    """Fills rows of (h, w + 2 _STEP) inverse depth, 1/m, from 2 x 2 pixels: the mean over the nearest
-    surface.
+def _halve_resolution(depth, limits, inverse, first, last):
+    """Fills rows of (h, w + 2 _SAMPLE_SPACING_PX) inverse depth, 1/m, from 2 x 2 pixels: the mean over
+    the nearest surface.
     """
     height, width = depth.shape
     for v in range(first, last):
         upper, lower = depth[2 * v], depth[min(2 * v + 1, height - 1)]
         for u in range(width // 2):
-            inverse[v, u + _STEP] = _mean_inverse(
+            inverse[v, u + _SAMPLE_SPACING_PX] = _mean_inverse(
                 upper[2 * u], upper[2 * u + 1], lower[2 * u], lower[2 * u + 1], limits
             )
         if width % 2:
             a, b = upper[width - 1], lower[width - 1]
-            inverse[v, width // 2 + _STEP] = _mean_inverse(a, a, b, b, limits)
+            inverse[v, width // 2 + _SAMPLE_SPACING_PX] = _mean_inverse(a, a, b, b, limits)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -172,9 +184,14 @@ def _mean_inverse(a, b, c, d, limits):
     """Returns the mean inverse depth, 1/m, of those of four depths (mm) on the nearest surface; 0 if there
     are none.
     """
-    za, zb, zc, zd = _metres(a, limits), _metres(b, limits), _metres(c, limits), _metres(d, limits)
+    za, zb, zc, zd = (
+        _depth_in_metres(a, limits),
+        _depth_in_metres(b, limits),
+        _depth_in_metres(c, limits),
+        _depth_in_metres(d, limits),
+    )
     ab, cd = (za if za < zb else zb), (zc if zc < zd else zd)
-    last = (ab if ab < cd else cd) * np.float32(1.0 / (1.0 - _GATE))
+    last = (ab if ab < cd else cd) * np.float32(1.0 / (1.0 - _MAX_DEPTH_JUMP))
     zero, unity = np.float32(0.0), np.float32(1.0)
     # Unknown depth is stored as infinity. Infinity is not less than itself, so the comparison gives 0.
     ia, ib = (unity if za < last else zero), (unity if zb < last else zero)
@@ -184,14 +201,14 @@ def _mean_inverse(a, b, c, d, limits):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _metres(depth, limits):
+def _depth_in_metres(depth, limits):
     """Returns a depth (mm) in metres; infinity if it is unknown or outside of the depth limits."""
     z = np.float32(depth) * np.float32(1e-3)
     return z if (z > np.float32(0.0)) & (z >= limits[0]) & (z <= limits[1]) else np.float32(np.inf)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fit(inverse, across, down, limits, points, normals, worth, first, last):
+def _fit_planes(inverse, across, down, limits, points, normals, worth, first, last):
     """Fits a plane around each half-size pixel of some rows.
 
     The inverse depth of a plane is linear in the ray: 1/z = a x + b y + c, and (a, b, c) points along the
@@ -199,11 +216,11 @@ def _fit(inverse, across, down, limits, points, normals, worth, first, last):
     there.
 
     Args:
-        inverse: (h, w + 2 _STEP), across: (w + 2 _STEP,) 1/m and x of the rays, with empty columns on either
-            side.
+        inverse: (h, w + 2 _SAMPLE_SPACING_PX), across: (w + 2 _SAMPLE_SPACING_PX,) 1/m and x of the
+            rays, with empty columns on either side.
         down: (h,) y of the rays.
     """
-    width = inverse.shape[1] - 2 * _STEP
+    width = inverse.shape[1] - 2 * _SAMPLE_SPACING_PX
     sums = np.empty((9, width), np.float32)
     unity, least = np.float32(1.0), np.float32(1e-4)
     for v in range(first, last):
@@ -212,7 +229,12 @@ def _fit(inverse, across, down, limits, points, normals, worth, first, last):
             n = sums[0, u]
             if n < _MIN_PLANE_SAMPLES:
                 continue
-            centre, x0, y0, part = inverse[v, u + _STEP], across[u + _STEP], down[v], unity / n
+            centre, x0, y0, part = (
+                inverse[v, u + _SAMPLE_SPACING_PX],
+                across[u + _SAMPLE_SPACING_PX],
+                down[v],
+                unity / n,
+            )
             sx, sy, sz = sums[1, u], sums[2, u], sums[3, u]
             xx, xy, yy = sums[4, u] - sx * sx * part, sums[5, u] - sx * sy * part, sums[6, u] - sy * sy * part
             xz, yz = sums[7, u] - sx * sz * part, sums[8, u] - sy * sz * part
@@ -243,16 +265,23 @@ def _add_neighbours(inverse, v, across, down, sums):
         sums: (9, w) of 1, x, y, z, xx, xy, yy, xz and yz, written. x, y (rays) and z (1/m) are relative to
             the pixel.
     """
-    unity, zero, wide = np.float32(1.0), np.float32(0.0), 2 * _STEP
+    unity, zero, wide = np.float32(1.0), np.float32(0.0), 2 * _SAMPLE_SPACING_PX
     middle = inverse[v]
     sums[:, :] = zero
-    for j in range(max(v - _STEP, v % _STEP), min(v + _STEP + 1, len(inverse)), _STEP):
+    for j in range(
+        max(v - _SAMPLE_SPACING_PX, v % _SAMPLE_SPACING_PX),
+        min(v + _SAMPLE_SPACING_PX + 1, len(inverse)),
+        _SAMPLE_SPACING_PX,
+    ):
         row, y = inverse[j], down[j] - down[v]
         for u in range(sums.shape[1]):
-            centre = middle[u + _STEP]
-            gate = np.float32(_GATE) * centre
-            left, right = across[u] - across[u + _STEP], across[u + wide] - across[u + _STEP]
-            za, zb, zc = row[u] - centre, row[u + _STEP] - centre, row[u + wide] - centre
+            centre = middle[u + _SAMPLE_SPACING_PX]
+            gate = np.float32(_MAX_DEPTH_JUMP) * centre
+            left, right = (
+                across[u] - across[u + _SAMPLE_SPACING_PX],
+                across[u + wide] - across[u + _SAMPLE_SPACING_PX],
+            )
+            za, zb, zc = row[u] - centre, row[u + _SAMPLE_SPACING_PX] - centre, row[u + wide] - centre
             a = unity if abs(za) < gate else zero
             b = unity if abs(zb) < gate else zero
             c = unity if abs(zc) < gate else zero
@@ -277,7 +306,7 @@ def certainty(limits, z):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _through(depth, across, down, points, normals, worth, planes, weights, first, last):
+def _assign_pixel_planes(depth, across, down, points, normals, worth, planes, weights, first, last):
     """Assigns to each pixel of some rows the plane of its half-size pixel, shifted through the pixel's own
     depth.
     """
@@ -287,9 +316,9 @@ def _through(depth, across, down, points, normals, worth, planes, weights, first
             z = np.float32(depth[v, u]) * np.float32(1e-3)
             j, i = v // 2, u // 2
             plane_depth = points[j, i, 2]
-            if worth[j, i] == 0.0 or abs(z - plane_depth) > np.float32(_GATE) * plane_depth:
+            if worth[j, i] == 0.0 or abs(z - plane_depth) > np.float32(_MAX_DEPTH_JUMP) * plane_depth:
                 planes[v, u, 0], planes[v, u, 1], planes[v, u, 2] = 0.0, 0.0, 0.0
-                planes[v, u, 3], weights[v, u] = _NOTHING, 0.0
+                planes[v, u, 3], weights[v, u] = _NO_SURFACE_OFFSET, 0.0
                 continue
             nx, ny, nz = normals[j, i, 0], normals[j, i, 1], normals[j, i, 2]
             planes[v, u, 0], planes[v, u, 1], planes[v, u, 2] = nx, ny, nz
@@ -298,7 +327,7 @@ def _through(depth, across, down, points, normals, worth, planes, weights, first
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bound(depth, limits, tiles, first, last):
+def _bound_tiles(depth, limits, tiles, first, last):
     """Fills the nearest and farthest depth of some rows of tiles."""
     height, width = depth.shape
     zero, unity = np.float32(0.0), np.float32(1.0)
@@ -312,7 +341,7 @@ def _bound(depth, limits, tiles, first, last):
         low, high = r * TILE, min(r * TILE + TILE, height)
         for v in range(low, high):
             for u in range(width):
-                z = _metres(depth[v, u], limits)
+                z = _depth_in_metres(depth[v, u], limits)
                 is_known = z < np.float32(np.inf)
                 near[u] = z if z < near[u] else near[u]
                 far[u] = z if is_known & (z > far[u]) else far[u]

@@ -15,15 +15,15 @@ from enliven.scanning.settings import TrackingSettings
 from enliven.scanning.threads import in_pieces
 from enliven.scanning.tsdf_volume import TsdfVolume
 
-_PIECE = 16
+_ROWS_PER_PIECE = 16
 """Rows of points that a thread processes at a time."""
-_OPEN = 1e-6
+_MIN_INFORMATION = 1e-6
 """Information, 1/m^2, below which a direction counts as unobserved. It corresponds to a deviation of one
 kilometre."""
-_SHARE = 0.5
+_MIN_SIGNAL_FRACTION = 0.5
 """Minimum fraction of the normal matrix that counts as signal in a closer step. It limits the step to
 twice the Gauss-Newton step, because a longer step may oscillate."""
-_UPPER = np.triu_indices(6)
+_UPPER_INDICES = np.triu_indices(6)
 """Indices of the 21 sums of the upper half in a normal matrix."""
 
 
@@ -52,7 +52,7 @@ class Alignment:
         image does not constrain.
         """
         values, vectors = np.linalg.eigh(self.information)
-        return np.asarray((vectors / np.maximum(values, _OPEN)) @ vectors.T)
+        return np.asarray((vectors / np.maximum(values, _MIN_INFORMATION)) @ vectors.T)
 
     @property
     def deviation(self) -> float:
@@ -86,7 +86,7 @@ class CameraTracker:
         s, pose = self.settings, start.copy()
         for level in range(min(coarsest, len(self.volumes) - 1), -1, -1):
             for _ in range(s.coarse_steps if level else s.fine_steps):
-                move = self._step(self._normal_equations(view, pose, level), pose, up)
+                move = self._gauss_newton_step(self._normal_equations(view, pose, level), pose, up)
                 pose = moved(pose, move)
                 if np.linalg.norm(move) < s.still:
                     break
@@ -103,19 +103,19 @@ class CameraTracker:
         pose = start.copy()
         for _ in range(self.settings.close_steps):
             sums = self._normal_equations(view, pose, 0, closely=True)
-            move = self._step(sums, pose, up, _matrix(sums[SQUARES + 1 :]))
+            move = self._gauss_newton_step(sums, pose, up, _normal_matrix(sums[SQUARES + 1 :]))
             pose = moved(pose, move)
             if np.linalg.norm(move) < self.settings.still:
                 break
         sums = self._normal_equations(view, pose, 0, closely=True)
-        return self._judged(sums, pose, _told_closely(sums, self.settings.independent))
+        return self._alignment_for(sums, pose, _denoised_close_matrix(sums, self.settings.independent))
 
     def judged(self, view: DepthView, pose: Float) -> Alignment:
         """Returns how well an image fits at a given pose, with its error and information."""
         sums = self._normal_equations(view, pose, 0)
-        return self._judged(sums, pose, _told(sums))
+        return self._alignment_for(sums, pose, _denoised_matrix(sums))
 
-    def _judged(self, sums: Float, pose: Float, told: Float) -> Alignment:
+    def _alignment_for(self, sums: Float, pose: Float, told: Float) -> Alignment:
         """Returns the alignment for the sums at a pose; ``told`` (6, 6) is the normal matrix without
         noise.
         """
@@ -144,20 +144,22 @@ class CameraTracker:
             rows = -(-view.points.shape[0] // stride)
             sums = np.empty((rows, SUMS))
             in_pieces(
-                residuals, rows, _PIECE, view.point_arrays, stride, span, pose, s.soft * volume.band.voxel,
-                volume.field, closely, sums,
+                residuals, rows, _ROWS_PER_PIECE, view.point_arrays, stride, span, pose,
+                s.soft * volume.band.voxel, volume.field, closely, sums,
             )  # fmt: skip
             total += sums.sum(0)
         return total
 
-    def _step(self, sums: Float, pose: Float, up: Float | None, true: Float | None = None) -> Float:
+    def _gauss_newton_step(
+        self, sums: Float, pose: Float, up: Float | None, true: Float | None = None
+    ) -> Float:
         """Returns (6,) the translation and rotation of a Gauss-Newton step.
 
         Args:
             true: (6, 6) the normal matrix without noise, if it is known. Steps are then longer, according to
                 its fraction.
         """
-        matrix, gradient = _matrix(sums), sums[21:27].copy()
+        matrix, gradient = _normal_matrix(sums), sums[21:27].copy()
         scale = max(sums[28], 1e-9)
         if up is not None:
             # A rotation w moves the measured up direction by w x felt. It should align this direction with
@@ -174,17 +176,17 @@ class CameraTracker:
         half = np.linalg.inv(np.linalg.cholesky(matrix))
         share, ways = np.linalg.eigh(half @ true @ half.T)
         ways = ways.T @ half
-        return np.asarray(-ways.T @ ((ways @ gradient) / share.clip(_SHARE, 1.0)), np.float64)
+        return np.asarray(-ways.T @ ((ways @ gradient) / share.clip(_MIN_SIGNAL_FRACTION, 1.0)), np.float64)
 
 
-def _matrix(sums: Float) -> Float:
+def _normal_matrix(sums: Float) -> Float:
     """Returns the (6, 6) normal matrix from the sums of its upper half."""
     matrix = np.zeros((6, 6))
-    matrix[_UPPER] = sums[:21]
+    matrix[_UPPER_INDICES] = sums[:21]
     return np.asarray(matrix + matrix.T - np.diag(np.diag(matrix)))
 
 
-def _told(sums: Float) -> Float:
+def _denoised_matrix(sums: Float) -> Float:
     """Returns the (6, 6) normal matrix minus the part that the noise of the slopes alone adds to it.
 
     Slopes are measured, and a sum of their products is too large by the sum of their variances (errors in
@@ -194,23 +196,23 @@ def _told(sums: Float) -> Float:
     rather too large.
     """
     x, y, z, xx, xy, xz, yy, yz, zz = sums[MOMENTS : MOMENTS + 9]
-    weight, matrix = sums[28], _matrix(sums)
+    weight, matrix = sums[28], _normal_matrix(sums)
     first, products = cross_matrix(np.array([x, y, z])), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     # Build the matrix for slopes in all directions. It is the sum of A A' with A = [1; q x].
     any_way = np.block([[weight * np.eye(3), first.T], [first, np.trace(products) * np.eye(3) - products]])
-    return np.asarray(matrix - _noise(sums[MOMENTS + 9 : SQUARES]) * (any_way - matrix))
+    return np.asarray(matrix - _slope_variance(sums[MOMENTS + 9 : SQUARES]) * (any_way - matrix))
 
 
-def _told_closely(sums: Float, independent: float) -> Float:
+def _denoised_close_matrix(sums: Float, independent: float) -> Float:
     """Returns the (6, 6) products of slopes and normals, minus the noise that remains in a sum over these
     points.
     """
-    matrix, true = _matrix(sums), _matrix(sums[SQUARES + 1 :])
+    matrix, true = _normal_matrix(sums), _normal_matrix(sums[SQUARES + 1 :])
     count = sums[28] ** 2 / max(sums[SQUARES], 1e-12)
     return np.asarray(true - (matrix - true) / np.sqrt(max(independent * count, 1.0)))
 
 
-def _noise(weights: Float) -> float:
+def _slope_variance(weights: Float) -> float:
     """Returns the variance (rad^2, per axis) of slopes relative to normals, from (BINS,) weights of their
     angles.
 

@@ -15,22 +15,22 @@ from enliven.meshes import Mesh, shells, submesh
 from enliven.scanning.holes import close_holes, lowest_rims
 from enliven.scanning.settings import CutOutSettings
 
-_GUESSES = 100
+_PLANE_HYPOTHESES = 100
 """Number of faces that are tried as floor hypotheses (RANSAC). It is enough if one in ten belongs to the
 floor."""
-_LOOKED_AT = 6000
+_COMPARED_FACES = 6000
 """Number of random faces that a plane is compared with. They estimate its area to some percent."""
-_LEVEL = 0.82
+_MIN_UP_COSINE = 0.82
 """Cosine (35 degrees) between a face's normal and up below which the face is not part of a floor."""
-_FLAT = 0.97
+_MIN_FACE_COSINE = 0.97
 """Minimum cosine (14 degrees) between a floor's normal and those of its faces, which noise tilts."""
-_RIVAL = 0.5
+_RIVAL_AREA_FRACTION = 0.5
 """Fraction of the largest plane's area above which a lower plane is the floor, and the largest one a
 table."""
-_ASIDE = 0.05
+_MIN_OBJECT_FRACTION = 0.05
 """Other objects are ignored if they have less than this fraction of the chosen object's surface near the
 focus."""
-_AGAIN = 3
+_REFITS = 3
 """Number of times that a plane is fitted to its inlier faces."""
 
 
@@ -67,29 +67,29 @@ def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | 
     areas = np.linalg.norm(vectors, axis=1) / 2
     normals = vectors / np.maximum(2 * areas, 1e-30)[:, None]
     middles = mesh.vertices[mesh.faces].mean(1) if len(mesh.faces) else np.zeros((0, 3))
-    level = np.flatnonzero(normals @ up > _LEVEL)
+    level = np.flatnonzero(normals @ up > _MIN_UP_COSINE)
     count = len(level)
     if not count:
         problem = "no floor and no table top was scanned"
         raise InputError(problem, where="scan", mend="Scan a part of the floor around the object, too.")
-    level = np.random.default_rng(0).permutation(level)[:_LOOKED_AT]
+    level = np.random.default_rng(0).permutation(level)[:_COMPARED_FACES]
     normals, middles, areas = normals[level], middles[level], areas[level] * count / len(level)
     planes = [
-        _fitted(normals[k], float(normals[k] @ middles[k]), normals, middles, areas, s)
-        for k in range(min(_GUESSES, len(level)))
+        _fitted_plane(normals[k], float(normals[k] @ middles[k]), normals, middles, areas, s)
+        for k in range(min(_PLANE_HYPOTHESES, len(level)))
     ]
     most = max(plane.area for plane in planes)
-    large = [plane for plane in planes if plane.area > _RIVAL * most]
+    large = [plane for plane in planes if plane.area > _RIVAL_AREA_FRACTION * most]
     place = np.average(middles, axis=0, weights=areas)
     return min(large, key=lambda plane: float(plane.offset - place @ plane.normal) / float(plane.normal @ up))
 
 
-def _fitted(
+def _fitted_plane(
     normal: Float, offset: float, normals: Float, middles: Float, areas: Float, s: CutOutSettings
 ) -> GroundPlane:
     """Returns the plane fitted to the inlier faces of a guessed plane."""
-    inside = _lying(normal, offset, normals, middles, s)
-    for _ in range(_AGAIN):
+    inside = _faces_in_plane(normal, offset, normals, middles, s)
+    for _ in range(_REFITS):
         weight = areas[inside]
         if weight.sum() <= 0 or inside.sum() < 3:
             break
@@ -98,14 +98,14 @@ def _fitted(
         fitted = np.linalg.svd(spread.T @ spread)[0][:, 2]
         normal = fitted if fitted @ normal > 0 else -fitted
         offset = float(normal @ middle)
-        inside = _lying(normal, offset, normals, middles, s)
+        inside = _faces_in_plane(normal, offset, normals, middles, s)
     return GroundPlane(normal, offset, float(areas[inside].sum()))
 
 
-def _lying(normal: Float, offset: float, normals: Float, middles: Float, s: CutOutSettings) -> Bool:
+def _faces_in_plane(normal: Float, offset: float, normals: Float, middles: Float, s: CutOutSettings) -> Bool:
     """Returns (F,) whether each face lies in a plane."""
     near = np.abs(middles @ normal - offset) < s.thickness
-    return np.asarray(near & (normals @ normal > _FLAT))
+    return np.asarray(near & (normals @ normal > _MIN_FACE_COSINE))
 
 
 def focus_of(poses: list[Float]) -> Float:
@@ -178,7 +178,7 @@ def parts_about(
     near = np.exp(-np.square(middles - focus).sum(1) / s.about**2)
     areas = np.linalg.norm(above.face_vectors(), axis=1) / 2
     total_areas, worth = np.bincount(label, areas), np.bincount(label, areas * near)
-    large = (total_areas >= s.least_area) & (worth >= _ASIDE * worth.max())
+    large = (total_areas >= s.least_area) & (worth >= _MIN_OBJECT_FRACTION * worth.max())
     return [submesh(above, label == n) for n in np.argsort(-worth, kind="stable") if large[n]]
 
 

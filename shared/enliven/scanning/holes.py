@@ -13,12 +13,12 @@ from enliven.meshes import Mesh
 from enliven.modeling.mesh import triangulated
 from enliven.scanning.settings import CutOutSettings
 
-_DOWN = 0.0
+_MIN_DOWN_COSINE = 0.0
 """Minimum cosine between down and the outward direction of a rim that faces down. It is low because rims
 are jagged."""
-_BESIDE = 0.02
+_CLEAR_RADIUS_M = 0.02
 """Horizontal distance around a rim vertex, metres, within which no part of the mesh may lie below it."""
-_BELOW = 0.03
+_MIN_HEIGHT_BELOW_M = 0.03
 """Minimum height difference, metres, for a vertex to lie below another: more than the teeth of a jagged
 rim."""
 
@@ -41,12 +41,14 @@ def lowest_rims(mesh: Mesh, low: float) -> Bool:
     along, out = vertices[end] - vertices[start], vertices[start] - vertices[inside]
     length = np.maximum(np.square(along).sum(1), 1e-18)
     out = out - along * ((out * along).sum(1) / length)[:, None]
-    down = -out[:, 1] > _DOWN * np.linalg.norm(out, axis=1)
+    down = -out[:, 1] > _MIN_DOWN_COSINE * np.linalg.norm(out, axis=1)
     rim_vertices = np.unique(np.concatenate([start[down], end[down]]))
     under = np.flatnonzero(vertices[:, 1] < low)
-    close = cKDTree(vertices[under][:, [0, 2]]).query_ball_point(vertices[rim_vertices][:, [0, 2]], _BESIDE)
+    close = cKDTree(vertices[under][:, [0, 2]]).query_ball_point(
+        vertices[rim_vertices][:, [0, 2]], _CLEAR_RADIUS_M
+    )
     free = [
-        vertices[under[beside], 1].min() > vertices[v, 1] - _BELOW
+        vertices[under[beside], 1].min() > vertices[v, 1] - _MIN_HEIGHT_BELOW_M
         for v, beside in zip(rim_vertices, close, strict=True)
     ]
     lowest[rim_vertices[free]] = True

@@ -22,10 +22,10 @@ gradient. Then come the weighted squares, the weights, the agreeing points, all 
 points in known space. From MOMENTS on come the weighted positions relative to the camera (3) and their
 products (6, the upper half, row by row). After these comes a histogram of the weights by the angle between
 the two normals."""
-_OPPOSED = 0.5
+_MIN_NORMAL_COSINE = 0.5
 """Cosine between a point's normal and the surface's below which they belong to two different sides."""
 MAX_CHORD = 1.0
-"""Twice the sine of half the angle of ``_OPPOSED``: the upper edge of the last bin of angles."""
+"""Twice the sine of half the angle of ``_MIN_NORMAL_COSINE``: the upper edge of the last bin of angles."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -121,7 +121,7 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
             my = pose[1, 0] * nx + pose[1, 1] * ny + pose[1, 2] * nz
             mz = pose[2, 0] * nx + pose[2, 1] * ny + pose[2, 2] * nz
             along, slope = mx * gx + my * gy + mz * gz, np.sqrt(gx * gx + gy * gy + gz * gz)
-            if along < _OPPOSED * slope:
+            if along < _MIN_NORMAL_COSINE * slope:
                 continue
             # Compute the robust weight (Geman-McClure).
             robust = soft * soft / (soft * soft + d * d)

@@ -10,25 +10,25 @@ from enliven.kernels import njit
 from enliven.scanning.blocks import SIDE, VOXELS, find, insert, key_of
 from enliven.scanning.depth_view import TILE, certainty
 
-_BEHIND_RAY = 2.0
+_MAX_BANDS_BEHIND = 2.0
 """Maximum depth of a voxel behind a surface along the ray, in truncation bands, for any slant. A deeper
 voxel may be behind the other side of a thin part."""
-_SLANT = 8.0
+_FREE_SPACE_BANDS = 8.0
 """Distance in front of a surface, in truncation bands, beyond which a voxel is free space for any slant.
 It is the inverse of the smallest trusted cosine."""
 _MIN_BAND_WEIGHT = 0.1
 """Minimum weight at the edges of the truncation band, as a fraction of the observation's weight. There, it
 constrains the surface least."""
-_COLUMN = (np.arange(VOXELS) % SIDE).astype(np.float32)
+_VOXEL_X = (np.arange(VOXELS) % SIDE).astype(np.float32)
 """(512,) x of each voxel in a block, in voxels. A table keeps the inner loop free of branches."""
-_ROW = (np.arange(VOXELS) // SIDE % SIDE).astype(np.float32)
+_VOXEL_Y = (np.arange(VOXELS) // SIDE % SIDE).astype(np.float32)
 """(512,) y of each voxel in a block."""
-_LAYER = (np.arange(VOXELS) // SIDE**2).astype(np.float32)
+_VOXEL_Z = (np.arange(VOXELS) // SIDE**2).astype(np.float32)
 """(512,) z of each voxel in a block."""
-_PAINTED = 1.8
+_COLOUR_RANGE_VOXELS = 1.8
 """Voxels from a surface within which a voxel stores a colour: the corners of the cells that the surface
 crosses."""
-_FIRM = 8.0
+_MAX_COLOUR_WEIGHT = 8.0
 """Maximum weight in the running average of a voxel's colour, so that the light of the first observation
 fades."""
 UNSEEN = 0
@@ -109,9 +109,9 @@ def classify(places, band, camera, tiles, shape, state, first, last):
             for c in range(left, right + 1):
                 nearest, farthest = min(nearest, tiles[r, c, 0]), max(farthest, tiles[r, c, 1])
                 is_complete = is_complete and tiles[r, c, 2] == 0.0
-        if z - radius > farthest + _BEHIND_RAY * band.behind:
+        if z - radius > farthest + _MAX_BANDS_BEHIND * band.behind:
             continue
-        free = is_complete and z + radius < nearest - _SLANT * band.front
+        free = is_complete and z + radius < nearest - _FREE_SPACE_BANDS * band.front
         state[b] = FREE if free else NEAR
 
 
@@ -135,16 +135,20 @@ def integrate(jobs, state, places, band, camera, image, voxels, first, last):
         b = jobs[j]
         sizes[2] = certainty(camera.limits, _depth_of(places, b, band, camera))
         if state[b] == FREE:
-            voxels.solid[b] = _carve(voxels.distance[b], voxels.weight[b], sizes[0], sizes[2]) > 0
+            voxels.solid[b] = (
+                _average_free_space(voxels.distance[b], voxels.weight[b], sizes[0], sizes[2]) > 0
+            )
         else:
-            _project(places, b, band, camera, image.shape, local, pixel, shown)
-            if not _look(pixel, local, image.planes, image.weights, sizes[1], before, along, worth):
+            _project_voxels(places, b, band, camera, image.shape, local, pixel, shown)
+            if not _measure_voxels(pixel, local, image.planes, image.weights, sizes[1], before, along, worth):
                 continue
             if len(image.colours) > 0 and len(voxels.hue) > 0:
-                near = np.float32(band.voxel * _PAINTED)
-                _paint(pixel, shown, before, worth, near, image.colours, voxels.weight[b], voxels.hue[b])
+                near = np.float32(band.voxel * _COLOUR_RANGE_VOXELS)
+                _average_colours(
+                    pixel, shown, before, worth, near, image.colours, voxels.weight[b], voxels.hue[b]
+                )
             stored = voxels.distance[b], voxels.weight[b]
-            voxels.solid[b] = _average(sizes, local, shown, before, along, worth, *stored) > 0
+            voxels.solid[b] = _average_distances(sizes, local, shown, before, along, worth, *stored) > 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -160,7 +164,7 @@ def _depth_of(places, b, band, camera):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _carve(distance, weight, front, more):
+def _average_free_space(distance, weight, front, more):
     """Averages free space into all voxels of a block, and returns the number of voxels behind a surface."""
     inside = 0
     for i in range(VOXELS):
@@ -171,7 +175,7 @@ def _carve(distance, weight, front, more):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _project(places, b, band, camera, shape, local, pixel, shown):
+def _project_voxels(places, b, band, camera, shape, local, pixel, shown):
     """Computes the camera-frame positions of a block's voxels and their pixels, without a branch.
 
     Args:
@@ -199,7 +203,7 @@ def _project(places, b, band, camera, shape, local, pixel, shown):
     height, width, wide = np.float32(shape[0]), np.float32(shape[1]), np.int32(shape[1])
     zero, unity, least = np.float32(0.0), np.float32(1.0), np.float32(0.01)
     for i in range(VOXELS):
-        right, down, deep = _COLUMN[i], _ROW[i], _LAYER[i]
+        right, down, deep = _VOXEL_X[i], _VOXEL_Y[i], _VOXEL_Z[i]
         x = x0 + xx * right + xy * down + xz * deep
         y = y0 + yx * right + yy * down + yz * deep
         z = z0 + zx * right + zy * down + zz * deep
@@ -213,7 +217,7 @@ def _project(places, b, band, camera, shape, local, pixel, shown):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look(pixel, local, planes, weights, behind, before, along, worth):
+def _measure_voxels(pixel, local, planes, weights, behind, before, along, worth):
     """Computes (512,) metres in front of the plane of each voxel's pixel, normal . voxel, and the plane's
     weight.
 
@@ -240,7 +244,7 @@ def _look(pixel, local, planes, weights, behind, before, along, worth):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _average(sizes, local, shown, before, along, worth, distance, weight):
+def _average_distances(sizes, local, shown, before, along, worth, distance, weight):
     """Averages distances into the voxels of a block, without a branch, and returns the number behind a
     surface.
 
@@ -249,7 +253,7 @@ def _average(sizes, local, shown, before, along, worth, distance, weight):
             space.
     """
     front, behind, free = sizes[0], sizes[1], sizes[2]
-    zero, unity, deepest = np.float32(0.0), np.float32(1.0), np.float32(_BEHIND_RAY) * behind
+    zero, unity, deepest = np.float32(0.0), np.float32(1.0), np.float32(_MAX_BANDS_BEHIND) * behind
     fade, tiny, inside, least = unity / behind, np.float32(1e-30), np.int32(0), np.float32(_MIN_BAND_WEIGHT)
     for i in range(VOXELS):
         d = before[i]
@@ -272,12 +276,12 @@ def _average(sizes, local, shown, before, along, worth, distance, weight):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _paint(pixel, shown, before, worth, near, picture, weight, hue):
+def _average_colours(pixel, shown, before, worth, near, picture, weight, hue):
     """Averages the colours of an image into the voxels of a block that lie next to the surface."""
     for i in range(VOXELS):
         if shown[i] == 0.0 or worth[i] == 0.0 or abs(before[i]) > near:
             continue
-        share = worth[i] / (min(weight[i], np.float32(_FIRM)) + worth[i])
+        share = worth[i] / (min(weight[i], np.float32(_MAX_COLOUR_WEIGHT)) + worth[i])
         # If the earlier observations had no colour, take the new colour alone. 0 means no colour, and black
         # is stored as 1.
         share = np.float32(1.0) if hue[i, 0] == 0 else share

@@ -12,12 +12,12 @@ _ROWS = 15
 """Cells down a small image. A hand-sized shift of the camera changes only a few of them much."""
 _COLUMNS = 20
 """Cells across a small image."""
-_APART = 0.15
+_MIN_KEYFRAME_DISTANCE_M = 0.15
 """Minimum distance between neighbouring keyframes, metres. Tracking recovers from smaller distances."""
-_TURNED = 0.2
+_MIN_KEYFRAME_ROTATION = 0.2
 """Minimum rotation between neighbouring keyframes, radians (11 degrees): a sixth of a camera's field of
 view."""
-_SHARED = 0.3
+_MIN_SHARED_CELLS = 0.3
 """Minimum fraction of cells that must be known in both images for a comparison."""
 
 
@@ -35,7 +35,7 @@ class Keyframes:
         """Stores an image if no keyframe is near its pose. Returns whether it was stored."""
         for pose in self._poses:
             move, turn = apart(pose, world_from_camera)
-            if move < _APART and turn < _TURNED:
+            if move < _MIN_KEYFRAME_DISTANCE_M and turn < _MIN_KEYFRAME_ROTATION:
                 return False
         self._small.append(reduced(view))
         self._poses.append(world_from_camera.copy())
@@ -57,7 +57,7 @@ def unlikeness(small: Float32, others: list[Float32]) -> Float:
     for other in others:
         both = (small > 0) & (other > 0)
         share = both.mean()
-        unlike.append(np.abs(small - other)[both].mean() / share if share > _SHARED else np.inf)
+        unlike.append(np.abs(small - other)[both].mean() / share if share > _MIN_SHARED_CELLS else np.inf)
     return np.array(unlike)
 
 

@@ -12,13 +12,13 @@ from enliven.scanning.blocks import SIDE, VOXELS
 from enliven.scanning.cube_table import STARTS, triangle_table
 from enliven.scanning.tsdf_volume import TsdfVolume
 
-_STARTS = np.array(STARTS, np.int32)
+_EDGE_STARTS = np.array(STARTS, np.int32)
 """(3, 4) by axis, the corners at which a cell's edges begin."""
-_SUPPORT = 0.1
+_MIN_VOXEL_WEIGHT = 0.1
 """Minimum sum of weights of an observed voxel: one observation from nearby, or two from two metres away."""
 
 
-def surface_of(volume: TsdfVolume, support: float = _SUPPORT) -> Mesh:
+def surface_of(volume: TsdfVolume, support: float = _MIN_VOXEL_WEIGHT) -> Mesh:
     """Returns the surface, metres, world. It is open at unobserved voxels, and coloured if the volume has
     colours.
 
@@ -45,10 +45,12 @@ def surface_of(volume: TsdfVolume, support: float = _SUPPORT) -> Mesh:
         vertices, colours, has_colour,
     )  # fmt: skip
     _write_faces(*arguments, rows, numbers, faces)
-    return Mesh(vertices, faces, "scan", _filled(vertices, colours, has_colour) if len(volume.hue) else None)
+    return Mesh(
+        vertices, faces, "scan", _filled_colours(vertices, colours, has_colour) if len(volume.hue) else None
+    )
 
 
-def _filled(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
+def _filled_colours(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
     """Returns the colours, with missing ones copied from the nearest vertex that has a colour."""
     if has_colour.any() and not has_colour.all():
         colours[~has_colour] = colours[has_colour][
@@ -58,7 +60,7 @@ def _filled(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
 
 
 @njit(cache=True, nogil=True)
-def _gather(b, beside, distance, weight, support, cells):
+def _gather_distances(b, beside, distance, weight, support, cells):
     """Fills (9, 9, 9) distances of a block and of the next layer of its neighbours, NaN for too little
     support.
     """
@@ -72,7 +74,7 @@ def _gather(b, beside, distance, weight, support, cells):
 
 
 @njit(cache=True, nogil=True)
-def _case(cells, x, y, z):
+def _cell_case(cells, x, y, z):
     """Returns the configuration of a cell; 0 if a corner is unknown."""
     case = 0
     for k in range(8):
@@ -86,7 +88,7 @@ def _case(cells, x, y, z):
 @njit(cache=True, nogil=True)
 def _edge_at(b, beside, x, y, z, edge):
     """Returns the block, the voxel and the axis of a cell's edge."""
-    axis, corner = edge // 4, _STARTS[edge // 4, edge % 4]
+    axis, corner = edge // 4, _EDGE_STARTS[edge // 4, edge % 4]
     x, y, z = x + (corner & 1), y + ((corner >> 1) & 1), z + (corner >> 2)
     owner = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
     return owner, (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7), axis
@@ -98,11 +100,11 @@ def _number_vertices(blocks, beside, distance, weight, support, table, rows, num
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     faces, vertices = 0, 0
     for b in blocks:
-        _gather(b, beside, distance, weight, support, cells)
+        _gather_distances(b, beside, distance, weight, support, cells)
         for z in range(SIDE):
             for y in range(SIDE):
                 for x in range(SIDE):
-                    case = _case(cells, x, y, z)
+                    case = _cell_case(cells, x, y, z)
                     if case == 0 or case == 255:
                         continue
                     k = 0
@@ -154,11 +156,11 @@ def _write_faces(blocks, beside, distance, weight, support, table, rows, numbers
     cells = np.empty((SIDE + 1, SIDE + 1, SIDE + 1), np.float32)
     face = 0
     for b in blocks:
-        _gather(b, beside, distance, weight, support, cells)
+        _gather_distances(b, beside, distance, weight, support, cells)
         for z in range(SIDE):
             for y in range(SIDE):
                 for x in range(SIDE):
-                    case = _case(cells, x, y, z)
+                    case = _cell_case(cells, x, y, z)
                     if case == 0 or case == 255:
                         continue
                     k = 0

@@ -18,15 +18,15 @@ STEPS = 512
 """Quantization steps per voxel of vertex positions in a piece. Its side, 64 voxels, has 32768 steps."""
 PIECE_STEPS = PIECE * SIDE * STEPS
 """Quantization steps along a piece's side."""
-_STRIDE = 2
+_VOXELS_PER_CELL = 2
 """Voxels along a cell's side. This gives a quarter of the triangles, and legs of 2 cm are still connected."""
-_CELLS = SIDE // _STRIDE
+_CELLS_PER_BLOCK = SIDE // _VOXELS_PER_CELL
 """Cells along a side of a block."""
-_SUPPORT = 0.05
+_MIN_VOXEL_WEIGHT = 0.05
 """Minimum sum of weights of a voxel that is shown: half of the minimum for the final surface."""
-_WELL = 1.2
+_WELL_OBSERVED_WEIGHT = 1.2
 """Sum of weights of a well observed voxel: six observations from a metre and a half."""
-_STARTS = np.array(STARTS, np.int32)
+_EDGE_STARTS = np.array(STARTS, np.int32)
 """(3, 4) by axis, the corners at which a cell's edges begin."""
 
 
@@ -82,7 +82,7 @@ def piece_sums(volume: TsdfVolume) -> PieceSums:
     # A cell begins in its own block, but its far corners may lie in neighbouring blocks.
     blocks = np.flatnonzero((solid[np.maximum(beside, 0)] & (beside >= 0)).any(1))
     weights = np.empty(len(blocks))
-    _weigh(blocks, volume.weight, weights)
+    _sum_weights(blocks, volume.weight, weights)
     own = volume.blocks.places[blocks].astype(np.int64) // PIECE
     places, piece = np.unique(own, axis=0, return_inverse=True)
     piece = piece.reshape(-1).astype(np.int64)
@@ -93,11 +93,11 @@ def piece_sums(volume: TsdfVolume) -> PieceSums:
 
 def piece_of(volume: TsdfVolume, place: tuple[int, int, int], blocks: Int) -> ScanPiece:
     """Returns the surface in the given blocks (B,) of a piece."""
-    most = len(blocks) * _CELLS**3 * MOST_TRIANGLES * 3
+    most = len(blocks) * _CELLS_PER_BLOCK**3 * MOST_TRIANGLES * 3
     places, certainties = np.empty((most, 3), np.uint16), np.empty(most, np.uint8)
     colours = np.zeros((most if len(volume.hue) else 0, 3), np.uint8)
     corner = np.array(place, np.int64) * PIECE
-    used = _cells(
+    used = _write_corners(
         blocks, volume.blocks.beside, volume.blocks.places, corner, volume.distance, volume.weight,
         volume.hue, triangle_table(), places, colours, certainties,
     )  # fmt: skip
@@ -112,7 +112,7 @@ def piece_of(volume: TsdfVolume, place: tuple[int, int, int], blocks: Int) -> Sc
 
 
 @njit(cache=True, nogil=True)
-def _weigh(blocks, weight, sums):
+def _sum_weights(blocks, weight, sums):
     """Fills the sums of the blocks' weights."""
     for n in range(len(blocks)):
         total = 0.0
@@ -122,49 +122,59 @@ def _weigh(blocks, weight, sums):
 
 
 @njit(cache=True, nogil=True)
-def _voxel(b, x, y, z, beside):
+def _block_and_voxel(b, x, y, z, beside):
     """Returns the block and the voxel at a position relative to a block, up to one block beyond its end."""
     other = beside[b, (x >> 3) + 2 * (y >> 3) + 4 * (z >> 3)]
     return other, (x & 7) + SIDE * (y & 7) + SIDE * SIDE * (z & 7)
 
 
 @njit(cache=True, nogil=True)
-def _case(b, x, y, z, beside, distance, weight):
+def _cell_case(b, x, y, z, beside, distance, weight):
     """Returns the configuration of a cell; 0 if a corner is unknown."""
     case = 0
     for k in range(8):
-        at = (x + _STRIDE * (k & 1), y + _STRIDE * ((k >> 1) & 1), z + _STRIDE * (k >> 2))
-        other, i = _voxel(b, at[0], at[1], at[2], beside)
-        if other < 0 or weight[other, i] < _SUPPORT:
+        at = (
+            x + _VOXELS_PER_CELL * (k & 1),
+            y + _VOXELS_PER_CELL * ((k >> 1) & 1),
+            z + _VOXELS_PER_CELL * (k >> 2),
+        )
+        other, i = _block_and_voxel(b, at[0], at[1], at[2], beside)
+        if other < 0 or weight[other, i] < _MIN_VOXEL_WEIGHT:
             return 0
         case |= (1 << k) if distance[other, i] < 0.0 else 0
     return case
 
 
 @njit(cache=True, nogil=True)
-def _cells(blocks, beside, at, corner, distance, weight, hue, table, places, colours, seen):
+def _write_corners(blocks, beside, at, corner, distance, weight, hue, table, places, colours, seen):
     """Writes the corners of the triangles, three per triangle, and returns their number."""
     used = 0
     place = np.empty(3, np.int64)
     for b in blocks:
-        for cell in range(_CELLS**3):
-            x, y = _STRIDE * (cell % _CELLS), _STRIDE * (cell // _CELLS % _CELLS)
-            z = _STRIDE * (cell // _CELLS**2)
-            case = _case(b, x, y, z, beside, distance, weight)
+        for cell in range(_CELLS_PER_BLOCK**3):
+            x, y = (
+                _VOXELS_PER_CELL * (cell % _CELLS_PER_BLOCK),
+                _VOXELS_PER_CELL * (cell // _CELLS_PER_BLOCK % _CELLS_PER_BLOCK),
+            )
+            z = _VOXELS_PER_CELL * (cell // _CELLS_PER_BLOCK**2)
+            case = _cell_case(b, x, y, z, beside, distance, weight)
             if case == 0 or case == 255:
                 continue
             k = 0
             while table[case, k] >= 0:
-                axis, start = table[case, k] // 4, _STARTS[table[case, k] // 4, table[case, k] % 4]
-                place[0], place[1] = x + _STRIDE * (start & 1), y + _STRIDE * ((start >> 1) & 1)
-                place[2] = z + _STRIDE * (start >> 2)
-                first_block, i = _voxel(b, place[0], place[1], place[2], beside)
-                place[axis] += _STRIDE
-                second_block, j = _voxel(b, place[0], place[1], place[2], beside)
-                place[axis] -= _STRIDE
+                axis, start = table[case, k] // 4, _EDGE_STARTS[table[case, k] // 4, table[case, k] % 4]
+                place[0], place[1] = (
+                    x + _VOXELS_PER_CELL * (start & 1),
+                    y + _VOXELS_PER_CELL * ((start >> 1) & 1),
+                )
+                place[2] = z + _VOXELS_PER_CELL * (start >> 2)
+                first_block, i = _block_and_voxel(b, place[0], place[1], place[2], beside)
+                place[axis] += _VOXELS_PER_CELL
+                second_block, j = _block_and_voxel(b, place[0], place[1], place[2], beside)
+                place[axis] -= _VOXELS_PER_CELL
                 share = distance[first_block, i] / (distance[first_block, i] - distance[second_block, j])
                 for c in range(3):
-                    voxels = SIDE * (at[b, c] - corner[c]) + place[c] + _STRIDE * share * (axis == c)
+                    voxels = SIDE * (at[b, c] - corner[c]) + place[c] + _VOXELS_PER_CELL * share * (axis == c)
                     places[used, c] = np.uint16(voxels * STEPS + 0.5)
                 for c in range(len(colours) and 3):
                     # If only one end of the edge has a colour, the vertex takes that colour. 0 means no
@@ -172,7 +182,7 @@ def _cells(blocks, beside, at, corner, distance, weight, hue, table, places, col
                     first = hue[first_block, i, c] if hue[first_block, i, c] > 0 else hue[second_block, j, c]
                     second = hue[second_block, j, c] if hue[second_block, j, c] > 0 else first
                     colours[used, c] = np.uint8(min((first + share * (float(second) - first)) / 256.0, 255.0))
-                certainty = min(weight[first_block, i], weight[second_block, j]) / _WELL
+                certainty = min(weight[first_block, i], weight[second_block, j]) / _WELL_OBSERVED_WEIGHT
                 seen[used] = np.uint8(min(255.0 * certainty, 255.0))
                 used += 1
                 k += 1

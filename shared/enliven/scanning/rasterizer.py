@@ -13,7 +13,7 @@ from enliven.camera import Intrinsics
 from enliven.kernels import njit
 from enliven.meshes import Mesh
 
-_NEAR = 0.05
+_NEAR_CLIP_M = 0.05
 """Near clipping distance, metres. A face that comes nearer is not drawn, because its projection would
 overflow."""
 
@@ -56,7 +56,7 @@ def _draw_faces(points, faces, lens, depth, face, shares):
     u, v, inverse = np.empty(3), np.empty(3), np.empty(3)
     for f in range(len(faces)):
         nearest = min(points[faces[f, 0], 2], points[faces[f, 1], 2], points[faces[f, 2], 2])
-        if nearest < _NEAR:
+        if nearest < _NEAR_CLIP_M:
             continue
         for k in range(3):
             p = faces[f, k]

@@ -26,32 +26,32 @@ from enliven.scanning.settings import ScanSettings, VolumeSettings
 from enliven.scanning.threads import made_ahead
 from enliven.scanning.tsdf_volume import TsdfVolume
 
-_COARSER = 4.0
+_VOXEL_RATIO = 4.0
 """Ratio of voxel sizes between successive volumes. The truncation band grows by the same factor."""
-_LEVELS = 3
+_VOLUME_COUNT = 3
 """Number of volumes: 4, 16 and 64 mm. The last one recovers a camera from 25 cm away."""
-_TRIED = 4
+_KEYFRAMES_PER_FRAME = 4
 """Number of keyframes that are tried in each frame to relocalize a lost camera: 30 ms each."""
-_CLEANED = 90
+_CLEANING_INTERVAL = 90
 """Frames between removals of blocks without a surface: three seconds."""
-_FRAME = 1.0 / 30.0
+_MIN_FRAME_S = 1.0 / 30.0
 """Minimum time between two images, seconds, used if a recording's timestamps stand still."""
-_MANY = 120
+_MIN_REFUSION_IMAGES = 120
 """Minimum number of images that are fused again. If twice as many are stored, every second one is left
 out. This number averages the noise out well enough, and the stage has to wait for the fusion."""
 _COARSE_FUSION_INTERVAL = 3
 """If there are very many images, only every third goes into the coarse volumes, which only guide the
 tracking. If there are few, all do, because each may show something that no other image shows."""
-_STAYED = 0.25
+_MIN_DISPLACEMENT_VOXELS = 0.25
 """Minimum image displacement, voxels, after a loop closure for all images to be fused again. Leaves, which
 are 2 mm thick, come a tenth nearer to the truth with 1.3 mm."""
-_SURER = 0.5
+_SURE_DEVIATION_FACTOR = 0.5
 """Maximum deviation, relative to the usual limit, if an image left the camera's position uncertain at
 first."""
-_SLACK = 0.05
+_POSITION_TOLERANCE_M = 0.05
 """Position error of the camera, metres, that is always tolerated: twice the effect of noise and hand
 tremor."""
-_WORSE = 0.02
+_MAX_AGREEMENT_LOSS = 0.02
 """Maximum loss in image agreement after a loop closure. On a doubled surface, each image agrees with its
 own copy."""
 
@@ -105,8 +105,8 @@ class ExcludedPixels:
 
 def empty_volumes(settings: VolumeSettings) -> list[TsdfVolume]:
     """Returns empty volumes for camera tracking, from the finest to the coarsest."""
-    sizes = [settings.voxel * _COARSER**level for level in range(_LEVELS)]
-    reaches = [settings.reach] + [settings.far] * (_LEVELS - 1)
+    sizes = [settings.voxel * _VOXEL_RATIO**level for level in range(_VOLUME_COUNT)]
+    reaches = [settings.reach] + [settings.far] * (_VOLUME_COUNT - 1)
     return [TsdfVolume(settings, size, reach) for size, reach in zip(sizes, reaches, strict=True)]
 
 
@@ -164,7 +164,7 @@ class Scanner:
         view, aside = self.prepared(frame), aside or ExcludedPixels()
         self.view = view
         if aside.moving is not None:
-            view, frame = only(view, ~aside.moving), _without(frame, aside.moving)
+            view, frame = only(view, ~aside.moving), _without_pixels(frame, aside.moving)
         if view.known < self.settings.least_depth:
             return ScanStep(ScanState.EMPTY, self._pose)
         if not self.poses:
@@ -172,23 +172,25 @@ class Scanner:
             self._pose = LEVEL_WORLD_FROM_CAMERA.copy() if given_pose is None else np.array(given_pose, float)
             self._pose[:3, :3] = nearest_rotation(self._pose[:3, :3])
             self._before = self._pose
-            return self._fuse(frame, view, self._pose, None, up)
+            return self._fuse_image(frame, view, self._pose, None, up)
         if self._state in (ScanState.LOST, ScanState.EMPTY):
-            return self._sought(view, up)
-        alignment = self._tracked(view, up, aside.doubtful)
-        self._state = ScanState.LOST if self._too_far(alignment, frame.time_ns) else self._judged(alignment)
+            return self._relocalized(view, up)
+        alignment = self._tracked_alignment(view, up, aside.doubtful)
+        self._state = (
+            ScanState.LOST if self._is_too_far(alignment, frame.time_ns) else self._classified(alignment)
+        )
         if self._state is ScanState.UNSURE:
             # Follow the most likely pose even if it is unsure. Otherwise tracking would be lost when the
             # camera moves on.
             self._before, self._pose = self._pose, alignment.world_from_camera
         if self._state is not ScanState.SCANNING:
             return ScanStep(self._state, self._pose, alignment)
-        return self._fuse(frame, view, alignment.world_from_camera, alignment, up)
+        return self._fuse_image(frame, view, alignment.world_from_camera, alignment, up)
 
     def place(self, frame: DepthFrame, world_from_camera: Float) -> ScanStep:
         """Fuses an image at a known camera pose, for example of a stored scan."""
         pose = np.array(world_from_camera, float)
-        return self._fuse(frame, self.prepared(frame), pose, None, None)
+        return self._fuse_image(frame, self.prepared(frame), pose, None, None)
 
     def look_again(self) -> None:
         """Discards the current camera pose, for example after the camera was put down. It is relocalized
@@ -211,11 +213,14 @@ class Scanner:
             return None
         s, poses = self.settings, [pose for _, pose in self.poses]
         closed = correct_trajectory(self.history, poses, self._ups, self._camera[1], s)
-        if closed.moved < _STAYED * s.volume.voxel:
+        if closed.moved < _MIN_DISPLACEMENT_VOXELS * s.volume.voxel:
             return closed
         volumes, keyframes = self._fused_again(closed.poses)
         tracker = CameraTracker(volumes, s.tracking)
-        if closed.agreement(tracker, closed.poses) < closed.agreement(self.tracker, poses) - _WORSE:
+        if (
+            closed.agreement(tracker, closed.poses)
+            < closed.agreement(self.tracker, poses) - _MAX_AGREEMENT_LOSS
+        ):
             return closed
         self.volumes, self.tracker, self.keyframes = volumes, tracker, keyframes
         self.poses = [(time, pose) for (time, _), pose in zip(self.poses, closed.poses, strict=True)]
@@ -230,7 +235,7 @@ class Scanner:
         """
         volumes, keyframes = empty_volumes(self.settings.volume), Keyframes()
         numbers = self.history.numbers
-        every = max(len(numbers) // _MANY, 1)
+        every = max(len(numbers) // _MIN_REFUSION_IMAGES, 1)
         frames = self.history.frames(list(numbers)[::every])
         views = made_ahead((number, self.prepared(frame)) for number, frame in frames)
         for count, (number, view) in enumerate(views):
@@ -238,7 +243,7 @@ class Scanner:
                 view = replace(view, weights=view.weights * np.float32(every))
             for volume in volumes if every == 1 or count % _COARSE_FUSION_INTERVAL == 0 else volumes[:1]:
                 volume.integrate(view, poses[number])
-            if count % _CLEANED == _CLEANED - 1:
+            if count % _CLEANING_INTERVAL == _CLEANING_INTERVAL - 1:
                 for volume in volumes:
                     volume.clean()
             keyframes.offer(view, poses[number])
@@ -277,18 +282,20 @@ class Scanner:
         self._prepared = frame, self._camera[1].prepare(frame.depth, colour)
         return self._prepared[1]
 
-    def _tracked(self, view: DepthView, up: Float | None, doubtful: Bool | None = None) -> Alignment:
+    def _tracked_alignment(
+        self, view: DepthView, up: Float | None, doubtful: Bool | None = None
+    ) -> Alignment:
         """Returns the pose of an image that follows the last one, with a wider search if necessary."""
         predicted = self.predicted
         if doubtful is not None:
             alignment = self.tracker.align(only(view, ~doubtful), predicted, up)
-            if self._judged(alignment) is ScanState.SCANNING:
+            if self._classified(alignment) is ScanState.SCANNING:
                 return alignment
         alignment = self.tracker.align(view, predicted, up)
-        if self._judged(alignment) is ScanState.SCANNING:
+        if self._classified(alignment) is ScanState.SCANNING:
             return alignment
-        others = [self.tracker.align(view, start, up, _LEVELS - 1) for start in (predicted, self._pose)]
-        if self._judged(alignment) is ScanState.UNSURE:
+        others = [self.tracker.align(view, start, up, _VOLUME_COUNT - 1) for start in (predicted, self._pose)]
+        if self._classified(alignment) is ScanState.UNSURE:
             close = (
                 self.tracker.align_closely(view, candidate.world_from_camera, up)
                 for candidate in (alignment, *others)
@@ -296,38 +303,40 @@ class Scanner:
             sure = [
                 candidate
                 for candidate in close
-                if candidate.deviation < _SURER * self.settings.tracking.unsure
+                if candidate.deviation < _SURE_DEVIATION_FACTOR * self.settings.tracking.unsure
             ]
-            return max(sure, key=_fit, default=alignment)
-        return max((alignment, *others), key=_fit)
+            return max(sure, key=_fit_score, default=alignment)
+        return max((alignment, *others), key=_fit_score)
 
-    def _sought(self, view: DepthView, up: Float | None) -> ScanStep:
+    def _relocalized(self, view: DepthView, up: Float | None) -> ScanStep:
         """Relocalizes a lost camera near its last pose and at similar keyframes."""
-        starts = [self._pose, *self.keyframes.nearest(view, _TRIED)]
-        alignment = max((self.tracker.align(view, start, up, _LEVELS - 1) for start in starts), key=_fit)
-        if self._judged(alignment) is not ScanState.SCANNING:
+        starts = [self._pose, *self.keyframes.nearest(view, _KEYFRAMES_PER_FRAME)]
+        alignment = max(
+            (self.tracker.align(view, start, up, _VOLUME_COUNT - 1) for start in starts), key=_fit_score
+        )
+        if self._classified(alignment) is not ScanState.SCANNING:
             self._state = ScanState.LOST
             return ScanStep(ScanState.LOST, self._pose, alignment)
         self._pose = self._before = alignment.world_from_camera
         self._state = ScanState.FOUND
         return ScanStep(ScanState.FOUND, self._pose, alignment)
 
-    def _judged(self, alignment: Alignment) -> ScanState:
+    def _classified(self, alignment: Alignment) -> ScanState:
         """Classifies an alignment as SCANNING, UNSURE or LOST."""
         s = self.settings.tracking
         if alignment.overlap < s.overlap or alignment.agreeing < s.agreeing:
             return ScanState.LOST
         return ScanState.UNSURE if alignment.deviation > s.unsure else ScanState.SCANNING
 
-    def _too_far(self, alignment: Alignment, time_ns: int) -> bool:
+    def _is_too_far(self, alignment: Alignment, time_ns: int) -> bool:
         """Returns whether the camera would have moved faster than a handheld camera can since the last
         image.
         """
-        passed = max(1e-9 * (time_ns - self.poses[-1][0]), _FRAME)
+        passed = max(1e-9 * (time_ns - self.poses[-1][0]), _MIN_FRAME_S)
         way = float(np.linalg.norm(alignment.world_from_camera[:3, 3] - self._pose[:3, 3]))
-        return way > self.settings.tracking.fastest * passed + _SLACK
+        return way > self.settings.tracking.fastest * passed + _POSITION_TOLERANCE_M
 
-    def _fuse(
+    def _fuse_image(
         self, frame: DepthFrame, view: DepthView, pose: Float, alignment: Alignment | None, up: Float | None
     ) -> ScanStep:
         """Fuses an image at a pose."""
@@ -339,19 +348,19 @@ class Scanner:
         self.poses.append((frame.time_ns, pose))
         self._ups.append(up)
         self.keyframes.offer(view, pose)
-        if len(self.poses) % _CLEANED == 0:
+        if len(self.poses) % _CLEANING_INTERVAL == 0:
             for volume in self.volumes:
                 volume.clean()
         return ScanStep(ScanState.SCANNING, pose, alignment, not self.full)
 
 
-def _without(frame: DepthFrame, own: Bool) -> DepthFrame:
+def _without_pixels(frame: DepthFrame, own: Bool) -> DepthFrame:
     """Returns a frame with unknown depth at some half-size pixels (h, w)."""
     height, width = frame.depth.shape
     wide = own.repeat(2, 0).repeat(2, 1)[:height, :width]
     return replace(frame, depth=np.where(wide, 0, frame.depth).astype(frame.depth.dtype))
 
 
-def _fit(alignment: Alignment) -> float:
+def _fit_score(alignment: Alignment) -> float:
     """Returns how well an image fits, to choose among several poses."""
     return alignment.agreeing * alignment.overlap

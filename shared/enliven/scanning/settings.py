@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 from enliven.settings import setting
 
-_LEAST_ALONE = 0.01
+_MIN_OBJECT_FRACTION = 0.01
 """Minimum fraction of an image that the object fills if nothing else is in view: a hand's width at a
 metre."""
-_UNSURE_ALONE = 0.25
+_MAX_OBJECT_UNCERTAINTY_M = 0.25
 """Maximum camera position uncertainty, metres, if only the object is in view. A few images of an object
 half a metre high leave its rotation uncertain by some degrees, and only more images can resolve it."""
 
@@ -387,5 +387,5 @@ def alone_within(volume: VolumeSettings, within: float) -> ScanSettings:
     metres ignored.
     """
     near = replace(volume, reach=min(volume.reach, within), far=within)
-    tracking = TrackingSettings(unsure=_UNSURE_ALONE)
-    return ScanSettings(volume=near, tracking=tracking, least_depth=_LEAST_ALONE)
+    tracking = TrackingSettings(unsure=_MAX_OBJECT_UNCERTAINTY_M)
+    return ScanSettings(volume=near, tracking=tracking, least_depth=_MIN_OBJECT_FRACTION)

@@ -19,7 +19,7 @@ S = TypeVar("S")
 
 
 @cache
-def _second() -> ThreadPoolExecutor:
+def _second_thread() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, "enliven-scanning")
 
 
@@ -38,7 +38,7 @@ def in_pieces(kernel: Callable[..., Any], count: int, length: int, *arguments: A
     if len(pieces) < 2:
         work(pieces.popleft)
         return
-    other = _second().submit(work, pieces.pop)
+    other = _second_thread().submit(work, pieces.pop)
     work(pieces.popleft)
     if not other.cancel():
         other.result()
@@ -47,9 +47,9 @@ def in_pieces(kernel: Callable[..., Any], count: int, length: int, *arguments: A
 def made_ahead(items: Iterator[T]) -> Iterator[T]:
     """Yields the items; while the caller uses one, the second thread computes the next."""
     end = object()
-    coming = _second().submit(next, items, end)
+    coming = _second_thread().submit(next, items, end)
     while (item := coming.result()) is not end:
-        coming = _second().submit(next, items, end)
+        coming = _second_thread().submit(next, items, end)
         yield cast("T", item)
 
 
@@ -71,7 +71,7 @@ def each_in_two_threads(do: Callable[[T, S], None], items: Sequence[S], tool: Ca
                 return
             do(mine, item)
 
-    other = _second().submit(work)
+    other = _second_thread().submit(work)
     try:
         work()
     finally:

@@ -20,9 +20,9 @@ from enliven.scanning.kernel_arguments import (
 from enliven.scanning.settings import VolumeSettings
 from enliven.scanning.threads import in_pieces
 
-_PIECE = 64
+_BLOCKS_PER_PIECE = 64
 """Blocks that a thread processes at a time: 0.1 ms."""
-_LOOKED_AT = 2
+_PIXEL_STRIDE = 2
 """Half-size pixels from one that may allocate new blocks to the next. The offset changes with each image."""
 
 
@@ -89,7 +89,7 @@ class TsdfVolume:
         """
         before, room = self.blocks.count, self.allocate(view, world_from_camera)
         count = self.blocks.count
-        camera = self._camera(view, world_from_camera)
+        camera = self._camera_arrays(view, world_from_camera)
         state: UInt8 = np.empty(count, np.uint8)
         blocks = self.blocks
         in_pieces(
@@ -97,10 +97,21 @@ class TsdfVolume:
         )
         jobs: Int = np.flatnonzero((state == NEAR) | ((state == FREE) & self.solid[:count]))
         image = ImageArrays(
-            view.planes.reshape(-1), view.weights.reshape(-1), self._picture(view), view.weights.shape
+            view.planes.reshape(-1), view.weights.reshape(-1), self._image_arrays(view), view.weights.shape
         )
         voxels = VoxelArrays(self.distance, self.weight, self.solid, self.hue)
-        in_pieces(integrate, len(jobs), _PIECE, jobs, state, blocks.places, self.band, camera, image, voxels)
+        in_pieces(
+            integrate,
+            len(jobs),
+            _BLOCKS_PER_PIECE,
+            jobs,
+            state,
+            blocks.places,
+            self.band,
+            camera,
+            image,
+            voxels,
+        )
         self._images += 1
         return FusionResult(len(jobs), count - before, room)
 
@@ -112,21 +123,21 @@ class TsdfVolume:
         points = view.point_arrays
         turn = np.ascontiguousarray(world_from_camera[:3, :3], np.float32)
         place = world_from_camera[:3, 3].astype(np.float32)
-        phase, room = self._images * 3 % _LOOKED_AT**2, True
+        phase, room = self._images * 3 % _PIXEL_STRIDE**2, True
         while True:
             blocks.count = allocate(
-                points, _LOOKED_AT, phase, self.reach, turn, place, self.band, blocks.keys, blocks.slots,
+                points, _PIXEL_STRIDE, phase, self.reach, turn, place, self.band, blocks.keys, blocks.slots,
                 blocks.places, blocks.count,
             )  # fmt: skip
             if blocks.count < blocks.capacity:
                 break
-            if not self._grow():
+            if not self._make_room():
                 room = False
                 break
         link(blocks.keys, blocks.slots, blocks.places, blocks.beside, before, blocks.count)
         return room
 
-    def _picture(self, view: DepthView) -> UInt8:
+    def _image_arrays(self, view: DepthView) -> UInt8:
         """Returns the image's colours in the form that a kernel takes, empty if colours are off."""
         if view.colour is None or not self.settings.colour:
             return np.empty(0, np.uint8)
@@ -134,7 +145,7 @@ class TsdfVolume:
             self.hue = grown(self.hue, len(self.distance), 0)
         return np.ascontiguousarray(view.colour).reshape(-1)
 
-    def _grow(self) -> bool:
+    def _make_room(self) -> bool:
         """Makes room for more blocks. Returns whether the memory limit allows it."""
         if self.megabytes * 1.5 > self.settings.memory:
             return False
@@ -151,7 +162,7 @@ class TsdfVolume:
         b = self.blocks
         return FieldArrays(b.keys, b.slots, b.beside, self.distance, self.weight, self.band)
 
-    def _camera(self, view: DepthView, world_from_camera: Float) -> CameraArrays:
+    def _camera_arrays(self, view: DepthView, world_from_camera: Float) -> CameraArrays:
         """Returns the camera in the form that kernels take."""
         turn = np.ascontiguousarray(world_from_camera[:3, :3].T)
         i = view.intrinsics

@@ -61,7 +61,7 @@ def drifted(frames, truth, drift=DRIFT, settings=SETTINGS):
     """Returns a scanner that fused the frames at drifting poses."""
     scanner = Scanner(settings)
     for n, (frame, pose) in enumerate(zip(frames, truth, strict=True)):
-        scanner._fuse(frame, scanner.prepared(frame), moved(pose, drift * n / len(frames)), None, None)
+        scanner._fuse_image(frame, scanner.prepared(frame), moved(pose, drift * n / len(frames)), None, None)
     return scanner
 
 

@@ -202,7 +202,7 @@ def test_a_long_take_is_planted_in_blocks_that_do_not_show(monkeypatch):
     shape = shod(short_shinned(1.3), 0.22)
     plan = replace(automatic(clip, shape), travel=True, pin=True)
     at_once = retarget(shape, clip, plan)
-    monkeypatch.setattr("enliven.mapping.planting._BLOCK", 7)
+    monkeypatch.setattr("enliven.mapping.planting._FRAMES_PER_BLOCK", 7)
     parts = retarget(shape, clip, plan)
     times = np.linspace(0.0, clip.duration, 50)
     first, second = (Player(each.project, shape.id).sample(times)[1] for each in (at_once, parts))

@@ -186,14 +186,17 @@ def test_slope_noise_correction_matches_slow_sum():
     share = np.cumsum(np.array(weights)[order]) / np.sum(weights)
     median = np.array(angles)[order][np.searchsorted(share, 0.5)]
     expected = matrix - median**2 / (2 * np.log(2)) * (extra - matrix)
-    corrected = frame_to_model_tracking._told(sums)
+    corrected = frame_to_model_tracking._denoised_matrix(sums)
     # Bins of a sixteenth know the median to some percent; what is taken off is known to twice as many.
     assert np.abs(corrected - expected).max() < 0.3 * np.abs(matrix - expected).max()
     # Corrected for noise: products of slopes and normals, and a fraction of the rest for the number of
     # points.
     independent = scanner.settings.tracking.independent
     count = np.sum(weights) ** 2 / np.square(weights).sum()
-    close, less = frame_to_model_tracking._told_closely(sums, independent), 1.0 / np.sqrt(independent * count)
+    close, less = (
+        frame_to_model_tracking._denoised_close_matrix(sums, independent),
+        1.0 / np.sqrt(independent * count),
+    )
     np.testing.assert_allclose(close, true - less * (matrix - true), rtol=1e-5, atol=1e-5 * true.max())
 
 

@@ -213,7 +213,7 @@ class PuppetActor(Actor):
         """Gives the hold of a performer that has been away for long to the only idle performer in view."""
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
-        idle = self._idle(bodies)
+        idle = self._free_bodies(bodies)
         if patience > 0 and away and len(idle) == 1:
             old = max(away, key=lambda hold: hold.away(time_ns))
             new = self._new(idle[0].id, old.points)

@@ -66,7 +66,7 @@ class RigActor(ChosenActor):
         if not self._placed and bodies:
             self._place_beside(bodies[0])
         if self.settings.hand_over > 0.0:
-            self.live_shape.hand_over(bodies, self._idle(bodies), time_ns, self.settings.hand_over)
+            self.live_shape.hand_over(bodies, self._free_bodies(bodies), time_ns, self.settings.hand_over)
         pose = self.live_shape.pose(bodies, time_ns)
         self._choose(bodies)
         if self.chooser.pick.accepted:  # The performer has accepted the match by holding still.

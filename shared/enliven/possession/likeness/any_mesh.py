@@ -17,28 +17,33 @@ from enliven.deformation.graph import DeformationGraph
 from enliven.person import J, Joint
 from enliven.possession.likeness.skeleton import BodyInMesh
 
-_MOST = 8
+_MAX_TIPS = 8
 """Maximum number of tips."""
-_PROMINENT = 0.08
+_MIN_LIMB_LENGTH = 0.08
 """Minimum length of a limb, as a fraction of the longest geodesic distance from the middle."""
-_ON_FLOOR = 0.15
+_MAX_FOOT_HEIGHT = 0.15
 """Fraction of the height up to which a tip is a foot."""
-_LONG = 1.5
+_MIN_LONG_RATIO = 1.5
 """Ratio of length to width above which the front of a mesh is at its head."""
-_LEAN = 0.15
+_MIN_HEAD_LEAD = 0.15
 """The front follows the head only if the head is ahead by more than this fraction of the height: the body
 is not upright."""
-_LEG = ((Joint.HIP_LEFT, 0.95), (Joint.KNEE_LEFT, 0.5), (Joint.ANKLE_LEFT, 0.12), (Joint.FOOT_LEFT, 0.0))
+_LEG_JOINTS = (
+    (Joint.HIP_LEFT, 0.95),
+    (Joint.KNEE_LEFT, 0.5),
+    (Joint.ANKLE_LEFT, 0.12),
+    (Joint.FOOT_LEFT, 0.0),
+)
 """Joints of a leg, and their distance from the tip as a fraction of the limb's length, about as in a
 person."""
-_ARM = (
+_ARM_JOINTS = (
     (Joint.SHOULDER_LEFT, 0.95),
     (Joint.ELBOW_LEFT, 0.5),
     (Joint.WRIST_LEFT, 0.15),
     (Joint.HAND_LEFT, 0.0),
 )
 """The same for an arm."""
-_TO_RIGHT = 4
+_RIGHT_JOINT_OFFSET = 4
 """Offset from a left joint's number to the right joint's."""
 
 
@@ -47,22 +52,22 @@ def body_by_extremities(graph: DeformationGraph) -> BodyInMesh:
     limbs = _Limbs(graph.positions, *extremities(graph))
     floor, height = limbs.positions[:, 1].min(), np.ptp(limbs.positions[:, 1]) or 1.0
     level = (limbs.at[:, 1] - floor) / height
-    feet, free = np.flatnonzero(level < _ON_FLOOR), np.flatnonzero(level >= _ON_FLOOR)
+    feet, free = np.flatnonzero(level < _MAX_FOOT_HEIGHT), np.flatnonzero(level >= _MAX_FOOT_HEIGHT)
     free = free[np.argsort(-level[free])]
     heads = free[level[free] > level[free].max(initial=0.0) - 0.1][:2] if len(free) else free
-    yaw = _front(limbs, heads, feet)
+    yaw = _front_yaw(limbs, heads, feet)
     left, ahead = np.array([np.cos(yaw), 0, -np.sin(yaw)]), np.array([np.sin(yaw), 0, np.cos(yaw)])
     joints = np.full((J, 3), np.nan)
-    legs, arms = _shared_out(
+    legs, arms = _assign_limbs(
         limbs.at,
         feet,
         sorted(set(free.tolist()) - set(heads.tolist()), key=lambda t: -limbs.out[t]),
         left,
         ahead,
     )
-    _put(joints, limbs, _LEG, legs)
-    _put(joints, limbs, _ARM, arms)
-    _trunk(joints, limbs, heads, floor, height)
+    _write_limb_joints(joints, limbs, _LEG_JOINTS, legs)
+    _write_limb_joints(joints, limbs, _ARM_JOINTS, arms)
+    _write_trunk_joints(joints, limbs, heads, floor, height)
     return BodyInMesh(joints, yaw)
 
 
@@ -82,16 +87,16 @@ def extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
         spread.append(int(np.argmax(near)))
         near = np.minimum(near, ways.of(spread[-1]))
     middle = int(np.argmin(np.mean([ways.of(node) for node in spread], axis=0)))
-    tips, lengths = _peaks(ways.of(middle), graph.edges)
+    tips, lengths = _prominent_peaks(ways.of(middle), graph.edges)
     return tips, lengths, np.stack([ways.of(int(tip)) for tip in tips])
 
 
-def _peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
+def _prominent_peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
     """Returns (T,) the prominent peaks, highest first, and (T,) the prominence of each.
 
     The prominence is the height of a peak above the saddle at which its group merges into a higher one.
     """
-    least = _PROMINENT * float(height.max())
+    least = _MIN_LIMB_LENGTH * float(height.max())
     neighbours: list[list[int]] = [[] for _ in height]
     for a, b in edges.tolist():
         neighbours[a].append(b)
@@ -100,7 +105,9 @@ def _peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
     peak: dict[int, int] = {}
     length: dict[int, float] = {}
     for node in np.argsort(-height, kind="stable").tolist():
-        around = sorted({_top(peak, n) for n in neighbours[node] if n in peak}, key=lambda n: -height[n])
+        around = sorted(
+            {_highest_node(peak, n) for n in neighbours[node] if n in peak}, key=lambda n: -height[n]
+        )
         peak[node] = around[0] if around else node
         for top in around[1:]:
             if height[top] - height[node] >= least:
@@ -109,11 +116,11 @@ def _peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
             peak[top] = around[0]
     highest = int(np.argmax(height))
     length.setdefault(highest, float(height[highest]))
-    tips = np.array(sorted(length, key=lambda n: -height[n])[:_MOST])
+    tips = np.array(sorted(length, key=lambda n: -height[n])[:_MAX_TIPS])
     return tips, np.array([length[int(tip)] for tip in tips])
 
 
-def _top(peak: dict[int, int], node: int) -> int:
+def _highest_node(peak: dict[int, int], node: int) -> int:
     """Returns the highest node of a node's group."""
     while peak[node] != node:
         peak[node] = peak[peak[node]]
@@ -176,7 +183,7 @@ class _Limbs:
         return np.asarray(middle + slope * step)
 
 
-def _front(limbs: _Limbs, heads: Int, feet: Int) -> float:
+def _front_yaw(limbs: _Limbs, heads: Int, feet: Int) -> float:
     """Returns the radians about +Y from +Z to the front.
 
     A long mesh on four or more feet faces along its length, towards the head. A mesh on two feet faces across
@@ -191,9 +198,11 @@ def _front(limbs: _Limbs, heads: Int, feet: Int) -> float:
         knees = np.array([limbs.ring(int(t), 0.4) for t in feet])
         along = np.array([-(knees[1] - knees[0])[2], (knees[1] - knees[0])[0]])
         toes = (limbs.at[feet] - knees).mean(0)
-        leans = abs(head[[0, 2]] @ along) > _LEAN * np.ptp(limbs.positions[:, 1]) * np.linalg.norm(along)
+        leans = abs(head[[0, 2]] @ along) > _MIN_HEAD_LEAD * np.ptp(limbs.positions[:, 1]) * np.linalg.norm(
+            along
+        )
         ahead = head if leans else toes
-    elif len(feet) >= 4 and sizes[1] > _LONG**2 * max(sizes[0], 1e-12):
+    elif len(feet) >= 4 and sizes[1] > _MIN_LONG_RATIO**2 * max(sizes[0], 1e-12):
         along, ahead = axes[:, 1], head
     else:
         return 0.0
@@ -204,7 +213,7 @@ def _front(limbs: _Limbs, heads: Int, feet: Int) -> float:
     return float(np.arctan2(along[0], along[1]))
 
 
-def _shared_out(
+def _assign_limbs(
     at: Float, feet: Int, others: list[int], left: Float, ahead: Float
 ) -> tuple[list[int], list[int]]:
     """Returns the tips at which the (left, right) legs and the (left, right) arms end."""
@@ -220,18 +229,22 @@ def _shared_out(
     return legs, sides(arms)
 
 
-def _put(joints: Float, limbs: _Limbs, chain: tuple[tuple[Joint, float], ...], pair: list[int]) -> None:
+def _write_limb_joints(
+    joints: Float, limbs: _Limbs, chain: tuple[tuple[Joint, float], ...], pair: list[int]
+) -> None:
     """Writes the joints of a pair of limbs, the left tip first."""
     for side, tip in enumerate(pair):
         for joint, share in chain:
-            joints[joint + _TO_RIGHT * side] = limbs.ring(tip, share)
+            joints[joint + _RIGHT_JOINT_OFFSET * side] = limbs.ring(tip, share)
 
 
-def _trunk(joints: Float, limbs: _Limbs, heads: Int, floor: float, height: float) -> None:
+def _write_trunk_joints(joints: Float, limbs: _Limbs, heads: Int, floor: float, height: float) -> None:
     """Writes hip, spine, shoulders and head between the limbs; without limbs, from the floor to the head."""
-    hips, shoulders = (joints[[j, j + _TO_RIGHT]].mean(0) for j in (Joint.HIP_LEFT, Joint.SHOULDER_LEFT))
+    hips, shoulders = (
+        joints[[j, j + _RIGHT_JOINT_OFFSET]].mean(0) for j in (Joint.HIP_LEFT, Joint.SHOULDER_LEFT)
+    )
     if not np.isfinite(hips).all():
-        hips = limbs.positions[limbs.positions[:, 1] <= floor + _ON_FLOOR * height].mean(0)
+        hips = limbs.positions[limbs.positions[:, 1] <= floor + _MAX_FOOT_HEIGHT * height].mean(0)
     head = limbs.positions[np.argmax(limbs.positions[:, 1])]
     neck = hips + 0.7 * (head - hips)
     if len(heads):
@@ -239,9 +252,11 @@ def _trunk(joints: Float, limbs: _Limbs, heads: Int, floor: float, height: float
         neck = np.mean([limbs.ring(t, 1.0) for t in heads], axis=0)
     if not np.isfinite(shoulders).all():
         shoulders = neck
-        for joint, where in zip((j for j, _ in _ARM), (hips, (hips + head) / 2, head, head), strict=True):
-            joints[[joint, joint + _TO_RIGHT]] = where
+        for joint, where in zip(
+            (j for j, _ in _ARM_JOINTS), (hips, (hips + head) / 2, head, head), strict=True
+        ):
+            joints[[joint, joint + _RIGHT_JOINT_OFFSET]] = where
         if np.isfinite(joints[Joint.KNEE_LEFT]).all():
-            joints[[j + s for j, _ in _ARM for s in (0, _TO_RIGHT)]] = np.nan
+            joints[[j + s for j, _ in _ARM_JOINTS for s in (0, _RIGHT_JOINT_OFFSET)]] = np.nan
     joints[Joint.HIP_CENTER], joints[Joint.SHOULDER_CENTER], joints[Joint.HEAD] = hips, shoulders, head
     joints[Joint.SPINE] = (hips + shoulders) / 2

@@ -13,11 +13,11 @@ from enliven.possession.likeness.five_ends import five_ends, given_ends
 from enliven.possession.likeness.human import human_in_mesh
 from enliven.possession.likeness.skeleton import BodyInMesh
 
-_NODES = 500
+_NODE_COUNT = 500
 """Number of nodes of the net. On a person their spacing is 6 cm, and parts within half of it are merged."""
-_STRANGE = 70.0
+_MAX_PERSON_COST = 70.0
 """Cost of five ends above which a mesh is not a person: twice the cost of a man with a large belly."""
-_ON_FLOOR = 0.15
+_MAX_FLOOR_HEIGHT = 0.15
 """Fraction of the height below which a hand is on the floor. An animal on four feet is not a person."""
 
 
@@ -37,14 +37,14 @@ def find_person_in_mesh(mesh: Mesh, ends: Float | None = None) -> BodyInMesh | N
             mend = "Name head, left hand, right hand, left foot and right foot, in this order, or none."
             problem = f"there are {len(ends)} ends, expected 5"
             raise InputError(problem, where=f"the mesh {mesh.name!r}", mend=mend)
-        extremities = limb_ends(mesh, nodes=_NODES)
+        extremities = limb_ends(mesh, nodes=_NODE_COUNT)
         return human_in_mesh(extremities, given_ends(extremities, np.asarray(ends, np.float64)))
-    extremities = limb_ends(mesh, nodes=_NODES)
-    best = five_ends(extremities, _STRANGE)
+    extremities = limb_ends(mesh, nodes=_NODE_COUNT)
+    best = five_ends(extremities, _MAX_PERSON_COST)
     if best is None:
         return None
     low, high = mesh.bounds
-    if best.points[1:3, 1].max() < low[1] + _ON_FLOOR * (high[1] - low[1]):
+    if best.points[1:3, 1].max() < low[1] + _MAX_FLOOR_HEIGHT * (high[1] - low[1]):
         return None
     return human_in_mesh(extremities, best)
 

@@ -18,40 +18,40 @@ from enliven.deformation.graph import LimbEnds
 from enliven.possession.likeness.tree_of_limbs import HEAD, LimbTree, ways_misfit, weighted_place
 from enliven.rotation import unit
 
-_NEAR = 0.12
+_SAME_LIMB_DISTANCE = 0.12
 """Ends nearer than this fraction of the longest geodesic distance belong to one limb: fingers, toes,
 horns."""
-_EARS = 0.8
+_EAR_DISTANCE = 0.8
 """Two ends nearer than this fraction of the longest geodesic distance may be ears or horns, with the head
 between them."""
-_LEFT_OUT = 60.0
+_OMITTED_LIMB_COST = 60.0
 """Cost of a limb that belongs to no chosen end, times its length over the longest geodesic distance."""
-_LIMB = 0.15
+_OWN_END_DISTANCE = 0.15
 """Other ends within this fraction of the longest geodesic distance around a chosen end belong to it."""
-_MORE_LEGS = 25.0
+_OMITTED_LEG_COST = 25.0
 """Cost of a limb that is left out although it stands on the floor: other legs of a chair or a horse."""
-_LEG = 0.08
+_MIN_LEG_LENGTH = 0.08
 """Fraction of the longest geodesic distance above which such a limb is a leg."""
-_LONG = 0.3
+_MAX_COSTED_LENGTH = 0.3
 """Fraction of the longest geodesic distance beyond which a limb that is left out costs no more."""
-_HIGH = 0.4
+_MIN_UPPER_HEIGHT = 0.4
 """Minimum height of head and hands above the feet, as a fraction of body height, if a body stands or sits."""
-_LOW = 60.0
+_LOW_COST = 60.0
 """Cost per body height below that minimum."""
-_RAISED = 8.0
+_RAISED_HANDS_COST = 8.0
 """Cost of both hands above the head. Such ends are more likely ears or horns."""
-_FEET = 0.15
+_MAX_FOOT_HEIGHT = 0.15
 """Fraction of the height below which feet are expected."""
-_KICK = 60.0
+_HIGH_FOOT_COST = 60.0
 """Cost per body height of a foot above that."""
-_HEAD_ALONG = 4.0
+_TILTED_HEAD_COST = 4.0
 """Cost of a head at a right angle to the trunk."""
-_UPRIGHT = 6.0
+_TILTED_TRUNK_COST = 6.0
 """Cost of a trunk at a right angle to the vertical."""
-_LOOKED_AT = 60
+_EVALUATED_CHOICES = 60
 """Number of choices for which trunk and head are evaluated too: those with the lowest cost from geodesic
 distances."""
-_OTHER = 0.2
+_OTHER_END_DISTANCE = 0.2
 """Fraction of the longest geodesic distance beyond which an end of another choice counts as a different
 place."""
 
@@ -85,7 +85,7 @@ def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
     """
     ways = found.ways_from(found.ends)
     between = ways[:, found.ends]
-    heads, chosen = _choices(between, found.longest)
+    heads, chosen = _all_choices(between, found.longest)
     if not len(chosen):
         return None
     first, second = heads[chosen[:, 0]].T
@@ -94,9 +94,9 @@ def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
     distances = [of_head[rows, chosen[:, k]] for k in range(1, 5)]
     distances += [between[chosen[:, a], chosen[:, b]] for a in range(1, 5) for b in range(a + 1, 5)]
     cost, trees = ways_misfit(np.stack(distances, 1))
-    cost += _left_out(found, between, np.column_stack([first, second, chosen[:, 1:]]))
+    cost += _omitted_limb_cost(found, between, np.column_stack([first, second, chosen[:, 1:]]))
     cost += _unlikely_heights(found, heads, chosen)
-    cheapest = np.argsort(cost, kind="stable")[:_LOOKED_AT]
+    cheapest = np.argsort(cost, kind="stable")[:_EVALUATED_CHOICES]
     if cost[cheapest[0]] > most:
         return None
     best, looked, total = None, list[FiveEnds](), list[float]()
@@ -104,10 +104,10 @@ def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
         if best is not None and cost[k] > best.cost + best.margin:
             break
         head, *others = chosen[k]
-        candidate, more = _looked_at(found, ways, heads[head], np.array(others), LimbTree(*trees[k]))
+        candidate, more = _evaluate_posture(found, ways, heads[head], np.array(others), LimbTree(*trees[k]))
         looked.append(candidate)
         total.append(float(cost[k]) + more)
-        best = _with_margin(looked, np.array(total), _OTHER * found.longest)
+        best = _with_margin(looked, np.array(total), _OTHER_END_DISTANCE * found.longest)
     return best if best is not None and best.cost <= most else None
 
 
@@ -123,7 +123,7 @@ def given_ends(found: LimbEnds, points: Float) -> FiveEnds:
     return FiveEnds(np.asarray(points, np.float64), ways, tree, chest, pelvis, float(cost[0]), np.inf)
 
 
-def _choices(between: Float, longest: float) -> tuple[Int, Int]:
+def _all_choices(between: Float, longest: float) -> tuple[Int, Int]:
     """Returns all candidate heads and all choices.
 
     Returns:
@@ -132,9 +132,9 @@ def _choices(between: Float, longest: float) -> tuple[Int, Int]:
     """
     count, limbs = len(between), list[int]()
     for end in range(count):
-        if all(between[end, other] > _NEAR * longest for other in limbs):
+        if all(between[end, other] > _SAME_LIMB_DISTANCE * longest for other in limbs):
             limbs.append(end)
-    both = [(a, b) for a in range(count) for b in range(a) if between[a, b] < _EARS * longest]
+    both = [(a, b) for a in range(count) for b in range(a) if between[a, b] < _EAR_DISTANCE * longest]
     heads = np.array([(end, end) for end in range(count)] + both).reshape(-1, 2)
     pairs = np.array([(a, b) for n, a in enumerate(limbs) for b in limbs[:n]]).reshape(-1, 2)
     numbers = np.arange(len(pairs))
@@ -161,14 +161,14 @@ def _choices(between: Float, longest: float) -> tuple[Int, Int]:
     return heads, np.column_stack([head, ends[:, 2:]])[~clash]
 
 
-def _left_out(extremities: LimbEnds, between: Float, chosen: Int) -> Float:
+def _omitted_limb_cost(extremities: LimbEnds, between: Float, chosen: Int) -> Float:
     """Returns (K,) the cost of limbs that belong to none of the chosen ends, (K, 6)."""
-    near = between < _LIMB * extremities.longest
+    near = between < _OWN_END_DISTANCE * extremities.longest
     is_near_chosen = near[chosen].any(1)
-    length = np.minimum(extremities.prominence / extremities.longest, _LONG)
+    length = np.minimum(extremities.prominence / extremities.longest, _MAX_COSTED_LENGTH)
     level = extremities.points[:, 1] - extremities.points[:, 1].min()
-    leg = (level[extremities.ends] < _FEET * level.max()) & (length > _LEG)
-    return np.asarray(~is_near_chosen @ (_LEFT_OUT * length + _MORE_LEGS * leg), np.float64)
+    leg = (level[extremities.ends] < _MAX_FOOT_HEIGHT * level.max()) & (length > _MIN_LEG_LENGTH)
+    return np.asarray(~is_near_chosen @ (_OMITTED_LIMB_COST * length + _OMITTED_LEG_COST * leg), np.float64)
 
 
 def _unlikely_heights(extremities: LimbEnds, heads: Int, chosen: Int) -> Float:
@@ -178,11 +178,11 @@ def _unlikely_heights(extremities: LimbEnds, heads: Int, chosen: Int) -> Float:
     head = at[heads].mean(1)[chosen[:, 0]]
     hands, feet = at[chosen[:, 1:3]], at[chosen[:, 3:]]
     rise = (head + hands.mean(1)) / 2 - feet.mean(1)
-    cost = _LOW * np.maximum(_HIGH - rise, 0.0) + _RAISED * (hands.min(1) > head)
-    return np.asarray(cost + _KICK * np.maximum(feet.max(1) - _FEET, 0.0))
+    cost = _LOW_COST * np.maximum(_MIN_UPPER_HEIGHT - rise, 0.0) + _RAISED_HANDS_COST * (hands.min(1) > head)
+    return np.asarray(cost + _HIGH_FOOT_COST * np.maximum(feet.max(1) - _MAX_FOOT_HEIGHT, 0.0))
 
 
-def _looked_at(
+def _evaluate_posture(
     extremities: LimbEnds, ways: Float, head: Int, others: Int, tree: LimbTree
 ) -> tuple[FiveEnds, float]:
     """Returns a choice with its chest and pelvis, and the cost of its trunk and head."""
@@ -195,7 +195,7 @@ def _looked_at(
         weighted_place(extremities.points, rows, want) for want in (tree.from_chest, tree.from_pelvis)
     )
     up, along = unit(chest - pelvis), unit(crown - chest)
-    more = _HEAD_ALONG * (1.0 - float(along @ up)) + _UPRIGHT * (1.0 - float(up[1]))
+    more = _TILTED_HEAD_COST * (1.0 - float(along @ up)) + _TILTED_TRUNK_COST * (1.0 - float(up[1]))
     return FiveEnds(np.vstack([crown, at]), rows, tree, chest, pelvis, 0.0, 0.0), more
 
 
@@ -208,13 +208,13 @@ def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:
     distances = np.linalg.norm(
         np.array([choice.points for choice in choices])[:, :, None] - best.points, axis=3
     )
-    arms, legs = (_pairs(distances[:, pair, pair]) for pair in (slice(1, 3), slice(3, 5)))
+    arms, legs = (_pair_distances(distances[:, pair, pair]) for pair in (slice(1, 3), slice(3, 5)))
     elsewhere = np.max([distances[:, HEAD, HEAD], arms, legs], axis=0) > far
     margin = float(total[elsewhere].min(initial=np.inf)) - least
     return replace(best, cost=least, margin=margin)
 
 
-def _pairs(distances: Float) -> Float:
+def _pair_distances(distances: Float) -> Float:
     """Returns (K,) the distance of the farther end of a pair from another pair, (K, 2, 2), under the
     better assignment.
     """

@@ -16,57 +16,57 @@ from enliven.possession.likeness.five_ends import FiveEnds
 from enliven.possession.likeness.skeleton import BodyInMesh
 from enliven.rotation import unit
 
-_ARM = (0.86, 0.52, 0.2, 0.06)
+_ARM_FRACTIONS = (0.86, 0.52, 0.2, 0.06)
 """Shoulder, elbow, wrist and hand: distance from the end as a fraction of an arm's length, from randomly
 generated bodies."""
-_LEG = (1.03, 0.6, 0.21, 0.04)
+_LEG_FRACTIONS = (1.03, 0.6, 0.21, 0.04)
 """Hip, knee, ankle and foot: the same for a leg."""
-_SKULL = 0.85
+_SKULL_FRACTION = 0.85
 """Fraction of the head's length from its end over which the head joint is averaged: the skull."""
-_RING = 0.07
+_RING_HALF_WIDTH = 0.07
 """Half the width of a ring, as a fraction of the limb's length."""
-_WAIST = 0.44
+_WAIST_POSITION = 0.44
 """Position at which the trunk bends, as a fraction of its length from the hips."""
-_ABOVE_HIPS = 0.12
+_HIP_CENTRE_HEIGHT = 0.12
 """Height of the hip centre above the hip joints, as a fraction of the trunk."""
-_LIFTED = 0.6
+_MAX_LIFTED_COSINE = 0.6
 """Cosine between thigh and trunk below which a leg counts as lifted. Its rings then end in the lap."""
-_SIDES_ALIKE = 0.015
+_MIN_FRONT_EVIDENCE = 0.015
 """Front/back evidence smaller than this fraction of body height is reported as uncertain."""
-_ELBOWS = 0.5
+_ELBOW_WEIGHT = 0.5
 """Weight of the distance of the elbows behind the arms. Toes and knees ahead have a weight of 1."""
-_HANDS = 0.1
+_HAND_WEIGHT = 0.1
 """Weight of the distance of the hands ahead of the shoulders. It is low, because hands may be anywhere."""
-_MODELLED = 0.03
+_MODELLED_FRONT_BIAS = 0.03
 """Bias, as a fraction of the height, towards +Z as the front, because most meshes are modelled so."""
-_UNDECIDED = 2.0
+_MIN_COST_MARGIN = 2.0
 """Minimum margin in cost to the next choice of ends for a choice to be certain."""
 
 
 def human_in_mesh(found: LimbEnds, ends: FiveEnds) -> BodyInMesh:
     """Returns the skeleton of a person in a mesh with these five ends."""
     limbs = _Limbs(found, ends)
-    arms = np.array([[limbs.ring(k, share, ends.tree.arm) for share in _ARM] for k in (1, 2)])
-    legs = np.array([[limbs.ring(k, share, ends.tree.leg) for share in _LEG] for k in (3, 4)])
+    arms = np.array([[limbs.ring(k, share, ends.tree.arm) for share in _ARM_FRACTIONS] for k in (1, 2)])
+    legs = np.array([[limbs.ring(k, share, ends.tree.leg) for share in _LEG_FRACTIONS] for k in (3, 4)])
     for leg in legs:
-        leg[0] = _at_trunk(leg[0], leg[1], arms[:, 0].mean(0), limbs.trunk())
+        leg[0] = _hip_at_trunk(leg[0], leg[1], arms[:, 0].mean(0), limbs.trunk())
     if (arms[0, 0] - arms[1, 0]) @ (legs[0, 0] - legs[1, 0]) < 0.0:
         legs = legs[::-1]
     height = float(np.ptp(found.points[:, 1])) or 1.0
     up = arms[:, 0].mean(0) - legs[:, 0].mean(0)
-    left = _level(arms[0, 0] - arms[1, 0] + legs[0, 0] - legs[1, 0], up)
+    left = _perpendicular_unit(arms[0, 0] - arms[1, 0] + legs[0, 0] - legs[1, 0], up)
     ahead = np.cross(left, unit(up))
-    sure = _front(arms, legs, ahead) / height + _MODELLED * ahead[2]
+    sure = _front_evidence(arms, legs, ahead) / height + _MODELLED_FRONT_BIAS * ahead[2]
     if sure < 0.0:
         arms, legs, ahead = arms[::-1], legs[::-1], -ahead
-    joints = _joined(arms, legs, limbs.skull(_SKULL * ends.tree.head))
-    order = _order(ends.points, joints)
+    joints = _all_joints(arms, legs, limbs.skull(_SKULL_FRACTION * ends.tree.head))
+    order = _order_ends(ends.points, joints)
     return BodyInMesh(
         joints,
         float(np.arctan2(ahead[0], ahead[2])),
         human=True,
         ends=ends.points[order],
-        doubts=_doubts(ends, abs(sure)),
+        doubts=_doubt_sentences(ends, abs(sure)),
         strangeness=ends.cost,
     )
 
@@ -85,12 +85,14 @@ class _Limbs:
         """Returns (3,) metres: the centre of a limb at a fraction of its length from its end."""
         way = self._ways[limb] - share * length
         own = self._owner == limb
-        weights = np.exp(-0.5 * (way[own] / (_RING * length)) ** 2) + 1e-12
+        weights = np.exp(-0.5 * (way[own] / (_RING_HALF_WIDTH * length)) ** 2) + 1e-12
         weights /= weights.sum()
         mean, middle = float(weights @ way[own]), weights @ self._points[own]
         spread = float(weights @ (way[own] - mean) ** 2)
         slope = (weights * (way[own] - mean)) @ (self._points[own] - middle) / max(spread, 1e-12)
-        return np.asarray(middle + slope * np.clip(-mean, -_RING * length, _RING * length))
+        return np.asarray(
+            middle + slope * np.clip(-mean, -_RING_HALF_WIDTH * length, _RING_HALF_WIDTH * length)
+        )
 
     def trunk(self) -> Float:
         """Returns (3,) metres: the centre of the points that belong to no limb; of all points if there are
@@ -105,33 +107,33 @@ class _Limbs:
         return np.asarray(self._points[near].mean(0) if near.any() else self._points[self._ways[0].argmin()])
 
 
-def _at_trunk(hip: Float, knee: Float, neck: Float, middle: Float) -> Float:
+def _hip_at_trunk(hip: Float, knee: Float, neck: Float, middle: Float) -> Float:
     """Returns (3,) metres: a hip joint. On a lifted leg it is moved along the thigh to the trunk's axis."""
     thigh, trunk = unit(hip - knee), unit(middle - neck)
     along = float(thigh @ trunk)
-    if abs(along) > _LIFTED:
+    if abs(along) > _MAX_LIFTED_COSINE:
         return hip
     gap = middle - hip
     further = float(gap @ thigh - along * (gap @ trunk)) / (1.0 - along * along)
     return np.asarray(hip + max(further, 0.0) * thigh)
 
 
-def _level(way: Float, up: Float) -> Float:
+def _perpendicular_unit(way: Float, up: Float) -> Float:
     """Returns (3,) the unit vector of the part of ``way`` that is perpendicular to ``up``."""
     across = way - up * float(way @ up) / max(float(up @ up), 1e-12)
     return unit(across)
 
 
-def _front(arms: Float, legs: Float, ahead: Float) -> float:
+def _front_evidence(arms: Float, legs: Float, ahead: Float) -> float:
     """Returns the evidence, metres, from toes, knees, elbows and hands that ``ahead`` is the front."""
     toes = (legs[:, 3] - legs[:, 2]).mean(0)
     knees = (legs[:, 1] - (legs[:, 0] + legs[:, 2]) / 2).mean(0)
     elbows = ((arms[:, 0] + arms[:, 2]) / 2 - arms[:, 1]).mean(0)
     hands = (arms[:, 3] - arms[:, 0]).mean(0)
-    return float((toes + knees + _ELBOWS * elbows + _HANDS * hands) @ ahead)
+    return float((toes + knees + _ELBOW_WEIGHT * elbows + _HAND_WEIGHT * hands) @ ahead)
 
 
-def _joined(arms: Float, legs: Float, skull: Float) -> Float:
+def _all_joints(arms: Float, legs: Float, skull: Float) -> Float:
     """Returns (20, 3) metres: all joints, from (2, 4, 3) arms and legs, left first, and the middle of the
     skull.
     """
@@ -140,12 +142,12 @@ def _joined(arms: Float, legs: Float, skull: Float) -> Float:
     joints[Joint.HIP_LEFT : Joint.HIP_RIGHT], joints[Joint.HIP_RIGHT :] = legs
     neck, hips = arms[:, 0].mean(0), legs[:, 0].mean(0)
     joints[Joint.SHOULDER_CENTER], joints[Joint.HEAD] = neck, skull
-    joints[Joint.HIP_CENTER] = hips + _ABOVE_HIPS * (neck - hips)
-    joints[Joint.SPINE] = hips + _WAIST * (neck - hips)
+    joints[Joint.HIP_CENTER] = hips + _HIP_CENTRE_HEIGHT * (neck - hips)
+    joints[Joint.SPINE] = hips + _WAIST_POSITION * (neck - hips)
     return joints
 
 
-def _order(points: Float, joints: Float) -> list[int]:
+def _order_ends(points: Float, joints: Float) -> list[int]:
     """Returns the indices of the five ends as head, left hand, right hand, left foot, right foot."""
     order = [0]
     for first, left in ((1, Joint.HAND_LEFT), (3, Joint.FOOT_LEFT)):
@@ -154,11 +156,11 @@ def _order(points: Float, joints: Float) -> list[int]:
     return order
 
 
-def _doubts(ends: FiveEnds, sure: float) -> tuple[str, ...]:
+def _doubt_sentences(ends: FiveEnds, sure: float) -> tuple[str, ...]:
     """Returns a sentence about each property that is nearly undecided."""
     doubts = []
-    if ends.margin < _UNDECIDED:
+    if ends.margin < _MIN_COST_MARGIN:
         doubts.append("It is not certain which ends are head, hands and feet.")
-    if sure < _SIDES_ALIKE:
+    if sure < _MIN_FRONT_EVIDENCE:
         doubts.append("It is not certain which side is its front.")
     return tuple(doubts)

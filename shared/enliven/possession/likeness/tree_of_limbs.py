@@ -10,22 +10,22 @@ from enliven.arrays import Float
 
 HEAD = 0
 """The index of the head among the five ends. Two hands and two feet follow."""
-_BETWEEN = np.array(
+_LIMBS_ON_PATH = np.array(
     [(1, 1, 0, 0)] * 2 + [(1, 0, 1, 1)] * 2 + [(0, 2, 0, 0)] + [(0, 1, 1, 1)] * 4 + [(0, 0, 0, 2)], float
 )
 """(10, 4) how often head, arm, trunk and leg lie on the path between each pair of the five ends."""
-_SOLVE = np.linalg.pinv(_BETWEEN)
+_LIMB_SOLVER = np.linalg.pinv(_LIMBS_ON_PATH)
 """(4, 10) the lengths of limbs from the distances, by least squares."""
-_USUAL = 0.035
+_USUAL_DEVIATION = 0.035
 """Usual deviation of a distance from the tree's, as a fraction of arm plus trunk plus leg. Geodesic paths
 go around a thick body."""
-_FAULTY = 12.0
-"""Squared deviation, in units of ``_USUAL``, at which a distance has half its weight. A hand that touches
-a thigh shortens many distances."""
+_HALF_WEIGHT_DEVIATION = 12.0
+"""Squared deviation, in units of ``_USUAL_DEVIATION``, at which a distance has half its weight. A hand
+that touches a thigh shortens many distances."""
 _PROPORTIONS = ((0, 1, 0.5, 0.5), (3, 1, 1.15, 0.4), (2, 1, 0.55, 0.5))
 """For head, leg and trunk (by index): the reference limb, the usual ratio to it, and the spread of the
 ratio's logarithm. The spread covers a child, a bear and a man made of boxes."""
-_SPREAD = 0.06
+_DISTANCE_TOLERANCE = 0.06
 """Tolerance, as a fraction of arm plus trunk plus leg, for a point's distances to match those of the chest
 or the pelvis."""
 
@@ -64,10 +64,10 @@ def ways_misfit(apart: Float) -> tuple[Float, Float]:
     Args:
         apart: (K, 10) metres between each pair of head, two hands and two feet, in this order.
     """
-    lengths = apart @ _SOLVE.T
+    lengths = apart @ _LIMB_SOLVER.T
     size = np.maximum(lengths[:, 1:].sum(1), 1e-9)[:, None]
-    square = ((apart - lengths @ _BETWEEN.T) / (_USUAL * size)) ** 2
-    cost = (square / (1.0 + square / _FAULTY)).sum(1)
+    square = ((apart - lengths @ _LIMBS_ON_PATH.T) / (_USUAL_DEVIATION * size)) ** 2
+    cost = (square / (1.0 + square / _HALF_WEIGHT_DEVIATION)).sum(1)
     lengths = np.maximum(lengths, 1e-3 * size)
     for part, of, usual, spread in _PROPORTIONS:
         cost += (np.log(lengths[:, part] / lengths[:, of] / usual) / spread) ** 2
@@ -85,5 +85,5 @@ def weighted_place(points: Float, ways: Float, wanted: tuple[float, ...]) -> Flo
     """
     *five, size = wanted
     square = (((ways - np.array(five)[:, None]) / size) ** 2).sum(0)
-    weights = np.exp(-(square - square.min()) / (2 * _SPREAD**2))
+    weights = np.exp(-(square - square.min()) / (2 * _DISTANCE_TOLERANCE**2))
     return np.asarray(weights @ points / weights.sum())

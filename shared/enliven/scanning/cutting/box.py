@@ -14,7 +14,7 @@ from enliven.scanning.cutting.parts import CutOut, set_down
 from enliven.scanning.ground_plane import GroundPlane, above_plane
 from enliven.scanning.settings import CutOutSettings
 
-_UNDER = 0.02
+_BELOW_FLOOR_M = 0.02
 """If a box reaches at least this far below the floor, metres, it includes the floor."""
 
 
@@ -79,12 +79,12 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
     """
     s = settings or CutOutSettings()
     low = box.low.copy()
-    if -_UNDER < low[1] < s.clearance:
+    if -_BELOW_FLOOR_M < low[1] < s.clearance:
         low[1] = s.clearance
     if low[1] >= box.high[1]:
         problem = f"a box up to {box.high[1]:.3f} m holds nothing but the floor"
         raise InputError(problem, where="box", mend="Make it higher.")
-    inside = _near(mesh, box)
+    inside = _faces_near_box(mesh, box)
     for normal, offset in CutBox(low, box.high, box.upright_from_world).planes():
         inside = above_plane(inside, normal, offset)
     if inside.area < s.least_area:
@@ -97,7 +97,7 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
     return set_down(inside, box.upright_from_world, float(low[1]), s)
 
 
-def _near(mesh: Mesh, box: CutBox) -> Mesh:
+def _faces_near_box(mesh: Mesh, box: CutBox) -> Mesh:
     """Returns the faces that may intersect a box, which are few of a room's."""
     points = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
     corners = points[mesh.faces]

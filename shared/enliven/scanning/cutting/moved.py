@@ -21,27 +21,27 @@ from enliven.scanning.ground_plane import GroundPlane, above_plane, find_ground
 from enliven.scanning.rigid import inverse
 from enliven.scanning.settings import CutOutSettings, DepthNoiseModel
 
-_LOOKS = 2
+_MIN_IMAGES = 2
 """Minimum number of images that must have seen through a point, because one may have a wrong pixel there."""
-_FREE = 0.7
+_MIN_SEEN_THROUGH_FRACTION = 0.7
 """Minimum fraction of the images observing a point that saw through it. Next to an edge, only some do."""
-_DEVIATIONS = 3.0
+_SURFACE_DEVIATIONS = 3.0
 """Standard deviations of the depth within which a point lies at the observed surface."""
-_SLACK = 0.012
+_POSE_TOLERANCE_M = 0.012
 """Additional tolerance, metres, for the camera pose error between the two scans."""
-_FOOT = 0.05
+_FOOT_RADIUS_M = 0.05
 """Distance from the new surface, metres, within which surface near the floor belongs to it. So close to
 the floor, the comparison cannot separate them."""
-_UNSEEN = 0.2
+_UNSEEN_RADIUS_M = 0.2
 """Distance from the new surface, metres, within which formerly unobserved space belongs to it, for example
 above the view."""
-_PATCH = 0.4
+_MAX_PATCH_M = 0.4
 """Maximum size, metres, of a more distant patch that is kept too. A larger one may be another object."""
-_BELOW = 0.1
+_SUPPORT_HEIGHT_RANGE_M = 0.1
 """Height range around the lowest new point, metres, in which the supporting plane is searched."""
-_ROUND = 0.15
+_SUPPORT_MARGIN_M = 0.15
 """Horizontal margin around the new surface, metres, within which the supporting plane is searched."""
-_TOLD = 2
+_VOTING_ROUNDS = 2
 """Rounds of majority voting among neighbouring vertices, so that noise makes no holes."""
 
 
@@ -64,19 +64,28 @@ def compared(points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel
     """Returns (N,) the earlier state at points (N, 3), world: 1 free space, -1 a surface, 0 unknown."""
     observed, through = np.zeros(len(points), np.int32), np.zeros(len(points), np.int32)
     model = noise or DepthNoiseModel()
-    limits = np.array([_SLACK, _DEVIATIONS * model.constant, _DEVIATIONS * model.quadratic, model.start])
+    limits = np.array(
+        [
+            _POSE_TOLERANCE_M,
+            _SURFACE_DEVIATIONS * model.constant,
+            _SURFACE_DEVIATIONS * model.quadratic,
+            model.start,
+        ]
+    )
     points = np.ascontiguousarray(points, np.float64)
     for image in images:
         lens = image.intrinsics
         camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
         metres = np.asarray(image.depth, np.float32) * np.float32(1e-3)
-        _look_through(points, inverse(image.world_from_camera), camera, metres, limits, observed, through)
-    air = through >= _FREE * observed
-    return np.where(air, through >= _LOOKS, -1).astype(np.int32)
+        _count_seen_through(
+            points, inverse(image.world_from_camera), camera, metres, limits, observed, through
+        )
+    air = through >= _MIN_SEEN_THROUGH_FRACTION * observed
+    return np.where(air, through >= _MIN_IMAGES, -1).astype(np.int32)
 
 
 @njit(cache=True, nogil=True)
-def _look_through(points, pose, camera, depth, limits, seen, through):
+def _count_seen_through(points, pose, camera, depth, limits, seen, through):
     """Counts for each point the images that observed it, and those that saw through it to something behind.
 
     Args:
@@ -121,7 +130,7 @@ def cut_what_is_new(
         InputError: if nothing is new.
     """
     s = settings or CutOutSettings()
-    fresh = _smoothed(mesh.faces, compared(mesh.vertices, images, noise)) > 0
+    fresh = _smoothed_states(mesh.faces, compared(mesh.vertices, images, noise)) > 0
     new = np.asarray(fresh[mesh.faces].all(1))
     new_part = submesh(mesh, new)
     if not new.any() or new_part.area < s.least_area:
@@ -130,21 +139,21 @@ def cut_what_is_new(
             "Show the same place both times, the second time with the object, and look at it from all sides."
         )
         raise InputError(problem, where="scan", mend=mend)
-    thing = _large(new_part, s)
-    support = _support(mesh, new, thing, ground)
+    thing = _without_specks(new_part, s)
+    support = _support_plane(mesh, new, thing, ground)
     above = above_plane(mesh, support.normal, support.offset + s.clearance)
-    earlier = _smoothed(above.faces, compared(above.vertices, images, noise))
-    away, _ = cKDTree(thing.vertices).query(above.vertices, distance_upper_bound=_UNSEEN)
+    earlier = _smoothed_states(above.faces, compared(above.vertices, images, noise))
+    away, _ = cKDTree(thing.vertices).query(above.vertices, distance_upper_bound=_UNSEEN_RADIUS_M)
     # So close to the support, the comparison cannot separate the object from the support. There, everything
     # above the support and next to the object counts as object.
-    low = (support.heights(above.vertices) < _FOOT) & (away < _FOOT)
+    low = (support.heights(above.vertices) < _FOOT_RADIUS_M) & (away < _FOOT_RADIUS_M)
     meant = (earlier >= 0) & np.isfinite(away) | low
     kept_faces = np.asarray(meant[above.faces].any(1))
-    cut = submesh(above, kept_faces | _islands(above, ~kept_faces, earlier >= 0))
+    cut = submesh(above, kept_faces | _small_patches(above, ~kept_faces, earlier >= 0))
     return set_down(cut, upright_frame(support, np.zeros(3)), s.clearance, s)
 
 
-def _islands(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
+def _small_patches(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
     """Returns (F,) whether each excluded face lies in a patch that is too small to be another object.
 
     Args:
@@ -156,14 +165,14 @@ def _islands(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
     low, high = np.full((label.max() + 1, 3), np.inf), np.full((label.max() + 1, 3), -np.inf)
     np.minimum.at(low, label[faces.ravel()], mesh.vertices[faces.ravel()])
     np.maximum.at(high, label[faces.ravel()], mesh.vertices[faces.ravel()])
-    small = np.asarray(((high - low) < _PATCH).all(1), np.bool_)
+    small = np.asarray(((high - low) < _MAX_PATCH_M).all(1), np.bool_)
     small[label[faces[~free[faces].all(1)].ravel()]] = False
     is_island = np.zeros(len(mesh.faces), np.bool_)
     is_island[excluded] = small[label[faces[:, 0]]]
     return is_island
 
 
-def _large(mesh: Mesh, s: CutOutSettings) -> Mesh:
+def _without_specks(mesh: Mesh, s: CutOutSettings) -> Mesh:
     """Returns the parts of a surface without specks: each has at least half the area of the smallest
     object.
     """
@@ -173,9 +182,9 @@ def _large(mesh: Mesh, s: CutOutSettings) -> Mesh:
     return submesh(mesh, large[label])
 
 
-def _smoothed(faces: Int32, states: Int32) -> Int32:
+def _smoothed_states(faces: Int32, states: Int32) -> Int32:
     """Returns (V,) the earlier state at each vertex, after majority voting among its neighbours."""
-    for _ in range(_TOLD):
+    for _ in range(_VOTING_ROUNDS):
         votes, of_face = np.zeros(len(states)), states[faces].sum(1)
         for corner in range(3):
             votes += np.bincount(faces[:, corner], of_face, len(states))
@@ -183,13 +192,16 @@ def _smoothed(faces: Int32, states: Int32) -> Int32:
     return states
 
 
-def _support(mesh: Mesh, new: Bool, thing: Mesh, ground: GroundPlane | None) -> GroundPlane:
+def _support_plane(mesh: Mesh, new: Bool, thing: Mesh, ground: GroundPlane | None) -> GroundPlane:
     """Returns the plane that an object stands on: the table top below it, or else the floor."""
     up = np.array([0.0, 1.0, 0.0]) if ground is None else ground.normal
     frame = upright_frame(GroundPlane(up, 0.0, 0.0), np.zeros(3))[:3, :3]
     place, own = mesh.vertices[mesh.faces].mean(1) @ frame.T, thing.vertices @ frame.T
-    low, high = own.min(0) - [_ROUND, _BELOW, _ROUND], own.max(0) + _ROUND
-    high[1] = own[:, 1].min() + _BELOW
+    low, high = (
+        own.min(0) - [_SUPPORT_MARGIN_M, _SUPPORT_HEIGHT_RANGE_M, _SUPPORT_MARGIN_M],
+        own.max(0) + _SUPPORT_MARGIN_M,
+    )
+    high[1] = own[:, 1].min() + _SUPPORT_HEIGHT_RANGE_M
     beside = ~new & (place > low).all(1) & (place < high).all(1)
     try:
         plane = find_ground(submesh(mesh, beside), up) if beside.any() else None

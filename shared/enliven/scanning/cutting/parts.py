@@ -11,9 +11,9 @@ from enliven.meshes import Mesh, shells, submesh
 from enliven.scanning.holes import close_holes
 from enliven.scanning.settings import CutOutSettings
 
-_SPECK = 0.02
+_MAX_SPECK_FRACTION = 0.02
 """Surface area below this fraction of the largest part's marks a part as floating noise."""
-_LEVEL = 1e-9
+_ON_PLANE_M = 1e-9
 """Distance from a plane, metres, within which a vertex lies on it: the rounding error of a cut."""
 
 
@@ -36,7 +36,7 @@ def without_specks(mesh: Mesh) -> tuple[Mesh, int]:
     """Returns the mesh without parts that are noise, and the number of parts left."""
     label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
     areas = np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1))
-    large = areas > _SPECK * areas.max()
+    large = areas > _MAX_SPECK_FRACTION * areas.max()
     return submesh(mesh, large[label]), int(np.count_nonzero(large))
 
 
@@ -51,8 +51,8 @@ def set_down(mesh: Mesh, level_from_world: Float, cut_at: float, settings: CutOu
     cleaned, parts = without_specks(mesh)
     area = cleaned.area
     vertices = cleaned.vertices @ level_from_world[:3, :3].T + level_from_world[:3, 3]
-    feet = vertices[:, 1] < cut_at + _LEVEL
-    if 0.0 < cut_at < settings.clearance + _LEVEL:
+    feet = vertices[:, 1] < cut_at + _ON_PLANE_M
+    if 0.0 < cut_at < settings.clearance + _ON_PLANE_M:
         vertices[feet, 1] = 0.0
     low, high = vertices.min(0), vertices.max(0)
     # If the floor is kept, leave it at y = 0.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from enliven.frames import DepthFrame
 from enliven.recording import pack_depth, unpack_depth
 
-_PAINTED = 4
+_COLOUR_INTERVAL = 4
 """One in this many images keeps its colours. Colours change slowly, and are ten times as large as the
 depth."""
 
@@ -49,7 +49,7 @@ class FrameHistory:
         """Stores an image; numbers must ascend."""
         if number % self._every:
             return
-        painted = number // self._every % _PAINTED == 0
+        painted = number // self._every % _COLOUR_INTERVAL == 0
         packed = pack_depth(frame if painted else replace(frame, colour=None), 1)
         self._kept.append(_StoredFrame(number, packed))
         self._held += len(packed)

@@ -21,16 +21,16 @@ from enliven.scanning.rigid import apart, between, inverse
 from enliven.scanning.settings import LoopSettings, ScanSettings
 from enliven.scanning.threads import each_in_two_threads
 
-_NEXT = 2
+_TRACKED_NEIGHBOURS = 2
 """Number of following submaps that tracking has already aligned with a submap. They are not loop
 candidates."""
-_GRID = 8
+_GRID_POINTS = 8
 """Points across and down an image that are projected into another image to measure the shared view."""
-_ASIDE = 0.5
+_MIN_AXIS_COSINE = 0.5
 """Cosine (60 degrees) between two optical axes below which the cameras see different sides of objects."""
 _MIN_PROJECTION_DISTANCE_M = 0.1
 """Distance from a camera, metres, below which no point is projected into its image."""
-_BELIEVED = 0.25
+_MIN_LOOP_TRUST = 0.25
 """Minimum trust in a loop. Below it, the loop counts as false."""
 
 
@@ -84,22 +84,24 @@ def correct_trajectory(
     """
     s = settings.loops
     pieces = split_way(poses, history.numbers, s.piece_metres, s.piece_radians)
-    placed = [_made(history, piece, poses, preparation) for piece in pieces]
-    links = _links(placed, settings)
+    placed = [_placed_piece(history, piece, poses, preparation) for piece in pieces]
+    links = _all_links(placed, settings)
     anchors = [piece.pose for piece in placed]
     felt = [ups[piece.anchor] for piece in pieces]
     better, belief = settled(anchors, links, felt, s.level, s.doubt)
-    true = [link for link, trust in zip(links, belief, strict=True) if not link.sure and trust > _BELIEVED]
+    true = [
+        link for link, trust in zip(links, belief, strict=True) if not link.sure and trust > _MIN_LOOP_TRUST
+    ]
     middle = np.array([0.0, 0.0, s.middle, 1.0])
-    opened = [gap for gap in (_gap(anchors, link, middle, s.opened) for link in true) if gap]
-    bent = _bent(poses, [piece.anchor for piece in pieces], better)
+    opened = [gap for gap in (_link_gap(anchors, link, middle, s.opened) for link in true) if gap]
+    bent = _corrected_poses(poses, [piece.anchor for piece in pieces], better)
     moved = max(float(np.linalg.norm((a - b) @ middle)) for a, b in zip(poses, bent, strict=True))
     return LoopClosure(
         bent, pieces, links, len(true), max(opened, default=0.0), moved, [piece.view for piece in placed]
     )
 
 
-def _gap(anchors: list[Float], link: PoseLink, middle: Float, most: float) -> float:
+def _link_gap(anchors: list[Float], link: PoseLink, middle: Float, most: float) -> float:
     """Returns the error of a link before the correction at an image's middle, metres; 0 within its
     deviation.
     """
@@ -109,7 +111,7 @@ def _gap(anchors: list[Float], link: PoseLink, middle: Float, most: float) -> fl
     return gap if gap > most * deviation else 0.0
 
 
-def _made(
+def _placed_piece(
     history: FrameHistory, piece: SubMap, poses: Sequence[Float], preparation: DepthPreparation
 ) -> PlacedPiece:
     """Returns a submap with its images."""
@@ -119,18 +121,18 @@ def _made(
     return PlacedPiece(piece, images, preparation)
 
 
-def _links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
+def _all_links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
     """Returns the tracked links between successive submaps, and the loops that hold in both directions."""
-    wanted = _candidates(pieces, settings.loops)
-    alignments = _found(pieces, wanted, settings)
-    links = [_tracked(pieces, n, settings.loops) for n in range(len(pieces) - 1)]
+    wanted = _loop_candidates(pieces, settings.loops)
+    alignments = _candidate_alignments(pieces, wanted, settings)
+    links = [_tracked_link(pieces, n, settings.loops) for n in range(len(pieces) - 1)]
     for (n, m), laid in alignments.items():
-        if (m, n) in alignments and _agree(pieces, n, m, laid, alignments[m, n], settings.loops):
-            links.append(_link(pieces, n, m, laid, settings.loops))
+        if (m, n) in alignments and _is_consistent(pieces, n, m, laid, alignments[m, n], settings.loops):
+            links.append(_link_for(pieces, n, m, laid, settings.loops))
     return links
 
 
-def _found(
+def _candidate_alignments(
     pieces: list[PlacedPiece], wanted: set[tuple[int, int]], settings: ScanSettings
 ) -> dict[tuple[int, int], Alignment]:
     """Returns the alignments of submaps m with submaps n, by (n, m), for the candidate pairs that align.
@@ -146,7 +148,7 @@ def _found(
     def lay(tracker: CameraTracker, n: int) -> None:
         pieces[n].fuse_into(tracker.volumes)
         for m in beside[n]:
-            laid = _laid(tracker, pieces[m], pieces[n], settings)
+            laid = _align_piece(tracker, pieces[m], pieces[n], settings)
             if laid is not None:
                 alignments[n, m] = laid
 
@@ -156,35 +158,35 @@ def _found(
     return dict(sorted(alignments.items()))
 
 
-def _tracked(pieces: list[PlacedPiece], n: int, s: LoopSettings) -> PoseLink:
+def _tracked_link(pieces: list[PlacedPiece], n: int, s: LoopSettings) -> PoseLink:
     """Returns the link of a submap to the next one, from tracking."""
     relative = inverse(pieces[n].pose) @ pieces[n + 1].pose
     sure = np.diag([s.tracked_metres**-2] * 3 + [s.tracked_radians**-2] * 3)
     return PoseLink(n, n + 1, relative, sure)
 
 
-def _candidates(pieces: list[PlacedPiece], s: LoopSettings) -> set[tuple[int, int]]:
+def _loop_candidates(pieces: list[PlacedPiece], s: LoopSettings) -> set[tuple[int, int]]:
     """Returns the loop candidates: pairs (n, m), n < m, of non-successive submaps that may show the same
     place.
     """
     wanted: set[tuple[int, int]] = set()
     small = [piece.small for piece in pieces]
-    for m in range(_NEXT + 1, len(pieces)):
-        before = pieces[: m - _NEXT]
-        unseen = np.array([1.0 - _shown(pieces[m], other) for other in before])
-        unlike = unlikeness(small[m], small[: m - _NEXT])
+    for m in range(_TRACKED_NEIGHBOURS + 1, len(pieces)):
+        before = pieces[: m - _TRACKED_NEIGHBOURS]
+        unseen = np.array([1.0 - _shared_view_fraction(pieces[m], other) for other in before])
+        unlike = unlikeness(small[m], small[: m - _TRACKED_NEIGHBOURS])
         for measure, most in ((unseen, 1.0 - s.shared), (unlike, s.unlike)):
             wanted |= {(int(n), m) for n in np.argsort(measure)[: s.tried] if measure[n] < most}
     return wanted
 
 
-def _shown(piece: PlacedPiece, other: PlacedPiece) -> float:
+def _shared_view_fraction(piece: PlacedPiece, other: PlacedPiece) -> float:
     """Returns the fraction of a submap's view that another camera sees from about the same side."""
-    if piece.pose[:3, 2] @ other.pose[:3, 2] < _ASIDE:
+    if piece.pose[:3, 2] @ other.pose[:3, 2] < _MIN_AXIS_COSINE:
         return 0.0
     points = piece.view.points
-    rows = np.linspace(0, points.shape[0] - 1, _GRID).astype(int)
-    columns = np.linspace(0, points.shape[1] - 1, _GRID).astype(int)
+    rows = np.linspace(0, points.shape[0] - 1, _GRID_POINTS).astype(int)
+    columns = np.linspace(0, points.shape[1] - 1, _GRID_POINTS).astype(int)
     some = points[np.ix_(rows, columns)].reshape(-1, 3)
     some = some[some[:, 2] > 0]
     other_from_piece = inverse(other.pose) @ piece.pose
@@ -195,21 +197,21 @@ def _shown(piece: PlacedPiece, other: PlacedPiece) -> float:
     lens = other.view.intrinsics
     at = project(local[ahead], lens)
     inside = (at >= 0).all(1) & (at[:, 0] < lens.width) & (at[:, 1] < lens.height)
-    return float(inside.sum()) / _GRID**2
+    return float(inside.sum()) / _GRID_POINTS**2
 
 
-def _laid(
+def _align_piece(
     tracker: CameraTracker, piece: PlacedPiece, onto: PlacedPiece, settings: ScanSettings
 ) -> Alignment | None:
     """Returns the alignment of a submap's anchor image with another submap, or None if it fails."""
     alignment = tracker.align(piece.view, piece.pose)
-    if not _good(alignment, settings):
+    if not _is_good(alignment, settings):
         other = tracker.align(piece.view, onto.pose)
         alignment = max(alignment, other, key=lambda laid: laid.agreeing * laid.overlap)
-    return alignment if _good(alignment, settings) else None
+    return alignment if _is_good(alignment, settings) else None
 
 
-def _good(alignment: Alignment, settings: ScanSettings) -> bool:
+def _is_good(alignment: Alignment, settings: ScanSettings) -> bool:
     """Returns whether an alignment is good enough for a link."""
     s = settings.loops
     return (
@@ -219,7 +221,7 @@ def _good(alignment: Alignment, settings: ScanSettings) -> bool:
     )
 
 
-def _agree(
+def _is_consistent(
     pieces: list[PlacedPiece], n: int, m: int, one: Alignment, other: Alignment, s: LoopSettings
 ) -> bool:
     """Returns whether the alignment of m with n is consistent with that of n with m."""
@@ -228,7 +230,7 @@ def _agree(
     return move < s.agree_metres and turn < s.agree_radians
 
 
-def _link(pieces: list[PlacedPiece], n: int, m: int, laid: Alignment, s: LoopSettings) -> PoseLink:
+def _link_for(pieces: list[PlacedPiece], n: int, m: int, laid: Alignment, s: LoopSettings) -> PoseLink:
     """Returns the link for an alignment."""
     turn = pieces[n].pose[:3, :3].T
     both = np.kron(np.eye(2), turn)
@@ -238,7 +240,7 @@ def _link(pieces: list[PlacedPiece], n: int, m: int, laid: Alignment, s: LoopSet
     return PoseLink(n, m, relative, np.asarray(np.linalg.inv(covariance), np.float64), sure=False)
 
 
-def _bent(poses: Sequence[Float], anchors: list[int], better: list[Float]) -> list[Float]:
+def _corrected_poses(poses: Sequence[Float], anchors: list[int], better: list[Float]) -> list[Float]:
     """Returns all poses, corrected by interpolating the corrections of the anchors before and after them."""
     turned = [new @ inverse(poses[at]) for at, new in zip(anchors, better, strict=True)]
     out = []

@@ -13,15 +13,15 @@ from enliven import rotation
 from enliven.arrays import Float
 from enliven.scanning.rigid import cross_matrix, moved
 
-_STEPS = 30
+_MAX_STEPS = 30
 """Maximum number of Levenberg-Marquardt steps in each round."""
-_SETTLED = 1e-9
+_MIN_COST_DECREASE = 1e-9
 """Minimum relative decrease of the cost for another step to follow."""
-_DAMPING = 1e-6
+_INITIAL_DAMPING = 1e-6
 """Initial damping of each round, relative to the mean of the matrix's diagonal."""
-_ROUNDS = 6
+_TRUST_ROUNDS = 6
 """Rounds in which the trust in inconsistent loops is gradually reduced, from full trust on."""
-_NARROWER = 5.0
+_TOLERANCE_SHRINK = 5.0
 """Shrink factor per round of the tolerated error of a loop (graduated non-convexity)."""
 
 
@@ -68,12 +68,12 @@ def settled(
     if not links or len(poses) < 2:
         return current, belief
     loose = np.array([not link.sure for link in links])
-    for turn in range(_ROUNDS if loose.any() else 1):
-        current = _solved(current, links, belief, felt, level)
-        squares = _squares(current, links)
-        scale = doubt * _NARROWER ** (_ROUNDS - 1 - turn)
+    for turn in range(_TRUST_ROUNDS if loose.any() else 1):
+        current = _solved_poses(current, links, belief, felt, level)
+        squares = _squared_errors(current, links)
+        scale = doubt * _TOLERANCE_SHRINK ** (_TRUST_ROUNDS - 1 - turn)
         belief = np.where(loose, (scale / (scale + squares)) ** 2, 1.0)
-    return _solved(current, links, belief, felt, level), belief
+    return _solved_poses(current, links, belief, felt, level), belief
 
 
 def cost_of(
@@ -86,8 +86,8 @@ def cost_of(
     """Returns half the weighted sum of squares that :func:`settled` minimizes, for given trust in the
     links.
     """
-    total = float(belief @ _squares(poses, links))
-    aim = _aim(poses, ups)
+    total = float(belief @ _squared_errors(poses, links))
+    aim = _up_direction(poses, ups)
     for pose, up in zip(poses, ups, strict=True):
         if up is not None and aim is not None:
             total += float(np.square(pose[:3, :3] @ up - aim).sum()) / level**2
@@ -102,23 +102,23 @@ def residual_of(link: PoseLink, first: Float, second: Float) -> Float:
     return np.concatenate([place, rotation.to_rotation_vector(rotation.from_matrix(off))])
 
 
-def _squares(poses: Sequence[Float], links: Sequence[PoseLink]) -> Float:
+def _squared_errors(poses: Sequence[Float], links: Sequence[PoseLink]) -> Float:
     """Returns (L,) squared Mahalanobis distances of the links."""
     errors = [residual_of(link, poses[link.first], poses[link.second]) for link in links]
     return np.array([e @ link.information @ e for e, link in zip(errors, links, strict=True)])
 
 
-def _aim(poses: Sequence[Float], ups: Sequence[Float | None]) -> Float | None:
+def _up_direction(poses: Sequence[Float], ups: Sequence[Float | None]) -> Float | None:
     """Returns (3,) up in the world, according to the first pose with an accelerometer reading."""
     return next((pose[:3, :3] @ up for pose, up in zip(poses, ups, strict=True) if up is not None), None)
 
 
-def _solved(
+def _solved_poses(
     poses: list[Float], links: Sequence[PoseLink], belief: Float, ups: list[Float | None], level: float
 ) -> list[Float]:
     """Returns the poses after Levenberg-Marquardt steps, for given trust in the links."""
-    damping, cost = _DAMPING, cost_of(poses, links, belief, ups, level)
-    for _ in range(_STEPS):
+    damping, cost = _INITIAL_DAMPING, cost_of(poses, links, belief, ups, level)
+    for _ in range(_MAX_STEPS):
         matrix, gradient = _normal_equations(poses, links, belief, ups, level)
         diagonal = damping * matrix.diagonal().mean()
         step = -splu(matrix + csc_matrix(diagonal * np.eye(len(gradient)))).solve(gradient)
@@ -129,7 +129,7 @@ def _solved(
             continue
         gained = cost - after
         poses, cost, damping = tried, after, damping / 10.0
-        if gained <= _SETTLED * cost + 1e-12:
+        if gained <= _MIN_COST_DECREASE * cost + 1e-12:
             break
     return poses
 
@@ -151,7 +151,7 @@ def _normal_equations(
             for b, slope_b in ((link.first - 1, of_first), (link.second - 1, of_second)):
                 if b >= 0:
                     blocks[a, b] = blocks.get((a, b), 0.0) + slope_a.T @ weight @ slope_b
-    aim = _aim(poses, ups)
+    aim = _up_direction(poses, ups)
     for n, up in enumerate(ups[1:]):
         if up is not None and aim is not None:
             felt = poses[n + 1][:3, :3] @ up

@@ -16,13 +16,13 @@ from enliven.scanning.rigid import apart
 from enliven.scanning.settings import ScanSettings
 from enliven.scanning.tsdf_volume import TsdfVolume
 
-_COARSER = (2.0, 8.0)
+_VOXEL_RATIOS = (2.0, 8.0)
 """Voxel sizes of a submap's volumes, relative to the scan's: truncation bands of 3 and 13 cm at 4 mm, in a
 tenth of the time."""
-_STRIDE = 4
+_PIXEL_STRIDE = 4
 """Half-size pixels between the points that are aligned with a submap: a quarter as many points as in
 tracking."""
-_LOOKS = 3
+_MAX_IMAGES = 3
 """Maximum number of images of a submap that are fused. Each further image adds less."""
 
 
@@ -44,7 +44,9 @@ class SubMap:
     @property
     def looks(self) -> list[int]:
         """The numbers of the images that are fused when other submaps are aligned with this one."""
-        keep = np.unique(np.linspace(0, len(self.numbers) - 1, min(_LOOKS, len(self.numbers))).astype(int))
+        keep = np.unique(
+            np.linspace(0, len(self.numbers) - 1, min(_MAX_IMAGES, len(self.numbers))).astype(int)
+        )
         return [self.numbers[n] for n in keep]
 
 
@@ -108,8 +110,8 @@ def piece_tracker(settings: ScanSettings) -> CameraTracker:
     reaches = (plain.reach, plain.far)
     # With a larger stride, each point carries more independent information, because the noise of neighbouring
     # pixels is correlated.
-    independent = min(t.independent * (_STRIDE / t.fine_stride) ** 2, 1.0)
+    independent = min(t.independent * (_PIXEL_STRIDE / t.fine_stride) ** 2, 1.0)
     return CameraTracker(
-        [TsdfVolume(plain, plain.voxel * n, far) for n, far in zip(_COARSER, reaches, strict=True)],
-        replace(t, fine_stride=_STRIDE, independent=independent),
+        [TsdfVolume(plain, plain.voxel * n, far) for n, far in zip(_VOXEL_RATIOS, reaches, strict=True)],
+        replace(t, fine_stride=_PIXEL_STRIDE, independent=independent),
     )

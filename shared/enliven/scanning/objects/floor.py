@@ -11,15 +11,15 @@ from enliven.arrays import Bool, Float
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.ground_plane import GroundPlane
 
-_BAND = 0.05
+_FLOOR_BAND_M = 0.05
 """Height range about the floor, metres, in which points count as floor if an image is misaligned."""
-_ALONG = 0.96
+_MIN_NORMAL_COSINE = 0.96
 """Minimum cosine (16 degrees) between a floor point's normal and the floor's."""
-_AROUND = 1.2
+_FLOOR_RADIUS_M = 1.2
 """Radius around the object, metres, in which the floor is examined. Depth is noisy farther away."""
 _MIN_FLOOR_POINTS = 200
 """Minimum number of floor points for estimating the floor."""
-_STRIDE = 2
+_PIXEL_STRIDE = 2
 """Half-size pixels from one used point to the next."""
 
 
@@ -35,7 +35,7 @@ def floor_plane(
         own: (h, w) the object's pixels, which are not floor even if the object lies flat.
     """
     turn = world_from_camera[:3, :3]
-    some = (slice(None, None, _STRIDE), slice(None, None, _STRIDE))
+    some = (slice(None, None, _PIXEL_STRIDE), slice(None, None, _PIXEL_STRIDE))
     points = view.points[some] @ turn.T + world_from_camera[:3, 3]
     heights = points @ ground.normal - ground.offset
     across = points - middle
@@ -43,9 +43,9 @@ def floor_plane(
     floor = (
         (view.worth[some] > 0)
         & ~own[some]
-        & (np.abs(heights) < _BAND)
-        & (view.normals[some] @ turn.T @ ground.normal > _ALONG)
-        & (np.square(level).sum(-1) < _AROUND**2)
+        & (np.abs(heights) < _FLOOR_BAND_M)
+        & (view.normals[some] @ turn.T @ ground.normal > _MIN_NORMAL_COSINE)
+        & (np.square(level).sum(-1) < _FLOOR_RADIUS_M**2)
     )
     if np.count_nonzero(floor) < _MIN_FLOOR_POINTS:
         return None

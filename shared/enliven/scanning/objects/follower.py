@@ -21,39 +21,39 @@ from enliven.scanning.objects.rest import ObjectRest
 from enliven.scanning.rigid import inverse
 from enliven.scanning.settings import ScanSettings
 
-_NEAR = 1
+_FINE_VOLUME = 1
 """Index of the volume, with 16 mm voxels, that decides which points lie on a surface."""
-_FAR = 2
+_COARSE_VOLUME = 2
 """Index of the volume, with 64 mm voxels, that decides which points may lie on it."""
-_ABOUT = 0.06
+_TRACKING_RANGE_M = 0.06
 """Distance from the surface, metres, within which a point helps to track the object: its possible motion
 between images."""
-_ABOUT_FAR = 0.2
+_LOST_TRACKING_RANGE_M = 0.2
 """The same distance, metres, if the object was lost: the range of the coarsest voxels about a surface."""
-_LIFTS = 0.06, 0.12, 0.18
+_LIFT_HEIGHTS_M = 0.06, 0.12, 0.18
 """Heights, metres, above the last position at which the object is searched, because its motion is detected
 late."""
-_TURNS = 0.1, -0.1, 0.2, -0.2
+_SEARCH_ROTATIONS = 0.1, -0.1, 0.2, -0.2
 """Rotations about up, radians (6 and 11 degrees), at which the object is searched."""
-_OWN = 0.02
+_OBJECT_DISTANCE_M = 0.02
 """Distance from the surface, metres, within which a point belongs to the object: pixel noise plus pose
 error."""
-_ROOM = 0.015
+_ROOM_DISTANCE_M = 0.015
 """Distance from the room's surface, metres, within which a point belongs to the room."""
-_MARGIN = 0.03
+_EXTENT_MARGIN_M = 0.03
 """Distance, metres, outside the known extent of the object at which a point may still belong to it: a new
 side that comes into view."""
-_GROWN = 2.5
+_MAX_EXTENT_GROWTH = 2.5
 """Maximum growth of the known extent relative to its first size. From one side, half of an object is
 known."""
-_FRESH = 10
+_MIN_MODEL_IMAGES = 10
 """Number of images after which the model of an object that never stood still is good enough to estimate
 its pose uncertainty. With fewer observations, noise looks like slopes that rotate."""
 _MIN_OBJECT_PIXELS = 150
 """Minimum number of half-size pixels for tracking an object: a hand's width at two metres."""
-_TURNED = 0.5
+_MAX_ROTATION = 0.5
 """Maximum rotation between two images, radians. A larger one is a different pose that looks alike."""
-_MOVED = 0.15
+_MAX_DISPLACEMENT_M = 0.15
 """Maximum displacement of the object's centre between two images, metres. A larger one is a different
 place."""
 
@@ -96,11 +96,11 @@ class ObjectFollower:
         self.settings, self._model, self._rest = settings, model, rest
         self._pose = self._likely = object_from_camera
         self._going = np.eye(4)
-        self._most = _GROWN * model.size
+        self._most = _MAX_EXTENT_GROWTH * model.size
         self.history = FrameHistory(settings.loops.history)
         self.poses: list[Float] = []
         self.missed = 0
-        self._fresh = 0 if rest.numbers else _FRESH
+        self._fresh = 0 if rest.numbers else _MIN_MODEL_IMAGES
 
     @property
     def pose(self) -> Float:
@@ -113,19 +113,21 @@ class ObjectFollower:
         Args:
             room_from_camera: (4, 4) approximate camera pose in the room.
         """
-        alignment = self._aligned(view, self._likely, room_from_camera)
-        if alignment is None or not self._holds(alignment):
-            starts = [self._likely, self._pose, *self._begun(room_from_camera)]
-            retries = (self._aligned(view, start, room_from_camera, _FAR) for start in starts)
+        alignment = self._best_pose(view, self._likely, room_from_camera)
+        if alignment is None or not self._is_reliable(alignment):
+            starts = [self._likely, self._pose, *self._lifted_poses(room_from_camera)]
+            retries = (self._best_pose(view, start, room_from_camera, _COARSE_VOLUME) for start in starts)
             candidates = [candidate for candidate in (alignment, *retries) if candidate is not None]
-            alignment = max(candidates, key=lambda one: (self._holds(one), _fit(one)), default=None)
-        sure = alignment is not None and self._holds(alignment)
+            alignment = max(
+                candidates, key=lambda one: (self._is_reliable(one), _fit_score(one)), default=None
+            )
+        sure = alignment is not None and self._is_reliable(alignment)
         pose = alignment.world_from_camera if sure and alignment is not None else self._pose
-        distance = distances_in(self._model.volumes[_FAR], view, pose)
-        own = np.abs(distance) < _ABOUT
-        return ObjectTrackingResult(sure, pose, own & self._above(view, room_from_camera), alignment)
+        distance = distances_in(self._model.volumes[_COARSE_VOLUME], view, pose)
+        own = np.abs(distance) < _TRACKING_RANGE_M
+        return ObjectTrackingResult(sure, pose, own & self._above_ground(view, room_from_camera), alignment)
 
-    def _begun(self, room_from_camera: Float) -> list[Float]:
+    def _lifted_poses(self, room_from_camera: Float) -> list[Float]:
         """Returns (4, 4) candidate camera poses in the frame of an object that was lifted or turned since
         the last image.
         """
@@ -133,13 +135,13 @@ class ObjectFollower:
         up = np.array([0.0, 1.0, 0.0]) if ground is None else ground.normal
         up = self._pose[:3, :3] @ room_from_camera[:3, :3].T @ up
         middle, poses = self._model.middle, list[Float]()
-        for height in _LIFTS:
+        for height in _LIFT_HEIGHTS_M:
             # The pose belongs to the camera in the object's frame. If the object rises, the camera sinks in
             # this frame.
             pose = self._pose.copy()
             pose[:3, 3] -= height * up
             poses.append(pose)
-        for angle in _TURNS:
+        for angle in _SEARCH_ROTATIONS:
             turn, pose = rotation.to_matrix(rotation.from_rotation_vector(angle * up)), self._pose.copy()
             pose[:3, :3] = turn @ pose[:3, :3]
             pose[:3, 3] = middle + turn @ (pose[:3, 3] - middle)
@@ -172,13 +174,13 @@ class ObjectFollower:
 
     def own(self, view: DepthView, room_from_camera: Float) -> tuple[Bool, Bool]:
         """Returns (h, w) the points that are fused, and those of them that were known before."""
-        distance = distances_in(self._model.volumes[_NEAR], view, self._pose)
-        is_known = np.abs(distance) < _OWN
+        distance = distances_in(self._model.volumes[_FINE_VOLUME], view, self._pose)
+        is_known = np.abs(distance) < _OBJECT_DISTANCE_M
         # A point in front of a known surface lies in observed free space, so it belongs to a hand.
-        new = np.isnan(distance) | (distance < -_OWN)
+        new = np.isnan(distance) | (distance < -_OBJECT_DISTANCE_M)
         local = view.points @ self._pose[:3, :3].T + self._pose[:3, 3]
-        may = self._model.reaches(local, _MARGIN) & self._above(view, room_from_camera)
-        own = (is_known | (new & ~self._of_room(view, room_from_camera))) & may & (view.worth > 0)
+        may = self._model.reaches(local, _EXTENT_MARGIN_M) & self._above_ground(view, room_from_camera)
+        own = (is_known | (new & ~self._on_room_surface(view, room_from_camera))) & may & (view.worth > 0)
         return own, own & is_known
 
     def views(self) -> Iterator[tuple[DepthView, Float]]:
@@ -188,23 +190,23 @@ class ObjectFollower:
         scanner = self._rest.scanner
         for number, frame in self.history.frames():
             view, pose = scanner.prepared(frame), self.poses[number]
-            distance = distances_in(self._model.volumes[_NEAR], view, pose)
-            yield only(view, np.abs(distance) < _OWN), pose
+            distance = distances_in(self._model.volumes[_FINE_VOLUME], view, pose)
+            yield only(view, np.abs(distance) < _OBJECT_DISTANCE_M), pose
 
-    def _aligned(
+    def _best_pose(
         self, view: DepthView, start: Float, room_from_camera: Float, coarsest: int = 1
     ) -> Alignment | None:
         """Returns the best pose near a start, using only nearby points; None if there are too few."""
-        near = np.abs(distances_in(self._model.volumes[_FAR], view, start)) < (
-            _ABOUT if coarsest < _FAR else _ABOUT_FAR
+        near = np.abs(distances_in(self._model.volumes[_COARSE_VOLUME], view, start)) < (
+            _TRACKING_RANGE_M if coarsest < _COARSE_VOLUME else _LOST_TRACKING_RANGE_M
         )
-        near &= self._above(view, room_from_camera)
+        near &= self._above_ground(view, room_from_camera)
         if np.count_nonzero(near) < _MIN_OBJECT_PIXELS:
             return None
         tracker = CameraTracker(self._model.volumes, self.settings.tracking)
         return tracker.align(only(view, near), start, coarsest=coarsest)
 
-    def _holds(self, alignment: Alignment) -> bool:
+    def _is_reliable(self, alignment: Alignment) -> bool:
         """Returns whether an alignment determines the object's pose reliably."""
         s = self.settings.tracking
         if alignment.overlap < s.overlap or alignment.agreeing < s.agreeing:
@@ -217,9 +219,12 @@ class ObjectFollower:
         middle = np.append(self._model.middle, 1.0)
         way = inverse(alignment.world_from_camera) @ middle - inverse(self._pose) @ middle
         images = 1 + self.missed
-        return bool(cosine > np.cos(min(_TURNED * images, np.pi)) and np.linalg.norm(way) < _MOVED * images)
+        return bool(
+            cosine > np.cos(min(_MAX_ROTATION * images, np.pi))
+            and np.linalg.norm(way) < _MAX_DISPLACEMENT_M * images
+        )
 
-    def _above(self, view: DepthView, room_from_camera: Float) -> Bool:
+    def _above_ground(self, view: DepthView, room_from_camera: Float) -> Bool:
         """Returns (h, w) whether each point lies above the ground."""
         ground = self._rest.ground
         if ground is None:
@@ -228,14 +233,14 @@ class ObjectFollower:
         height = view.points @ (turn.T @ ground.normal) + (ground.normal @ place - ground.offset)
         return np.asarray((view.worth > 0) & (height > self.settings.cut_out.clearance))
 
-    def _of_room(self, view: DepthView, room_from_camera: Float) -> Bool:
+    def _on_room_surface(self, view: DepthView, room_from_camera: Float) -> Bool:
         """Returns (h, w) whether each point lies on the room's surface, except where the object stood in
         the room.
         """
-        distance = distances_in(self._rest.scanner.volumes[_NEAR], view, room_from_camera)
-        return np.asarray((np.abs(distance) < _ROOM) & ~self._rest.held(view, room_from_camera))
+        distance = distances_in(self._rest.scanner.volumes[_FINE_VOLUME], view, room_from_camera)
+        return np.asarray((np.abs(distance) < _ROOM_DISTANCE_M) & ~self._rest.held(view, room_from_camera))
 
 
-def _fit(alignment: Alignment) -> float:
+def _fit_score(alignment: Alignment) -> float:
     """Returns how well an image fits, to choose among several poses."""
     return alignment.agreeing * alignment.overlap

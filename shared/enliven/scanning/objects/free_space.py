@@ -12,11 +12,11 @@ from enliven.camera import Intrinsics
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.rigid import inverse
 
-_THIN = 4
+_SUBSAMPLING = 4
 """Subsampling factor from half-size pixels to the stored image."""
 _MIN_SENSOR_DISTANCE_M = 0.2
 """Distance from a camera, metres, below which it cannot measure."""
-_LOOKS = 2
+_MIN_IMAGES = 2
 """Minimum number of images that must see through a point, because one may be wrong."""
 
 
@@ -39,12 +39,14 @@ class SeenDepth:
 def seen_depth(view: DepthView, frame_from_camera: Float) -> SeenDepth:
     """Returns the reduced depth of a view. Space in front of a hand is free, too."""
     z = np.where(view.worth > 0, view.points[..., 2], 0.0)
-    height, width = (side // _THIN for side in z.shape)
-    tiles = z[: height * _THIN, : width * _THIN].reshape(height, _THIN, width, _THIN)
+    height, width = (side // _SUBSAMPLING for side in z.shape)
+    tiles = z[: height * _SUBSAMPLING, : width * _SUBSAMPLING].reshape(
+        height, _SUBSAMPLING, width, _SUBSAMPLING
+    )
     # Use the nearest depth of each tile. If any pixel is unknown, the tile is unknown, because an edge runs
     # through it.
     nearest = np.where((tiles > 0).all((1, 3)), tiles.min((1, 3)), 0.0).astype(np.float32)
-    return SeenDepth(nearest, view.intrinsics, 2.0 * _THIN, frame_from_camera)
+    return SeenDepth(nearest, view.intrinsics, 2.0 * _SUBSAMPLING, frame_from_camera)
 
 
 def seen_through(points: Float, views: Sequence[SeenDepth], clearance: float) -> Bool:
@@ -63,4 +65,4 @@ def seen_through(points: Float, views: Sequence[SeenDepth], clearance: float) ->
         inside = (column >= 0) & (row >= 0) & (row < view.depth.shape[0]) & (column < view.depth.shape[1])
         depths = view.depth[row[inside], column[inside]]
         count[ahead[inside][(depths > 0) & (z[inside] < depths - clearance)]] += 1
-    return np.asarray(count >= _LOOKS)
+    return np.asarray(count >= _MIN_IMAGES)

@@ -19,21 +19,21 @@ from enliven.scanning.objects.surface_points import nearest_grid, sampled
 from enliven.scanning.settings import ScanSettings
 from enliven.scanning.tsdf_volume import TsdfVolume
 
-_POINTS = 40_000
+_MAX_POINTS = 40_000
 """Points of the surface with which a rest is aligned: some millimetres apart on a chair."""
 _PART_POINTS = 8000
 """Points of a rest that are aligned with it."""
-_CELL = 0.006
+_CELL_M = 0.006
 """Cell size, metres, of the nearest-point grid."""
-_REACH = 0.05
+_SEARCH_RADIUS_M = 0.05
 """Distance around the surface, metres, in which points find it. The remaining error of a rest is smaller."""
-_STEPS = 20
+_ICP_STEPS = 20
 """Number of ICP steps."""
-_WIDTHS = 0.02, 0.003
+_RESIDUAL_WIDTHS_M = 0.02, 0.003
 """Residuals, in metres, that get a quarter of the full weight, in the first step and in the last."""
-_NEAR = 0.01
+_ON_SURFACE_M = 0.01
 """Distance, metres, within which a point lies on the surface."""
-_CLEANED = 90
+_CLEANING_INTERVAL = 90
 """Images between removals of blocks without a surface."""
 
 
@@ -50,23 +50,25 @@ def joined_object(
         before = surface_of(volume) if number else None
         pose = rest.object_from_room
         if before is not None and len(before.faces):
-            pose = _bettered(rest, pose, before)
+            pose = _refined_pose(rest, pose, before)
         for count, (view, room_from_camera) in enumerate(rest.views(rest.numbers)):
             volume.integrate(view, pose @ room_from_camera)
-            if count % _CLEANED == _CLEANED - 1:
+            if count % _CLEANING_INTERVAL == _CLEANING_INTERVAL - 1:
                 volume.clean()
     for follower in followers:
         for count, (view, pose) in enumerate(follower.views()):
             volume.integrate(view, pose)
-            if count % _CLEANED == _CLEANED - 1:
+            if count % _CLEANING_INTERVAL == _CLEANING_INTERVAL - 1:
                 volume.clean()
     return largest(surface_of(volume))
 
 
-def _bettered(rest: ObjectRest, pose: Float, earlier: Mesh) -> Float:
+def _refined_pose(rest: ObjectRest, pose: Float, earlier: Mesh) -> Float:
     """Returns object_from_room (4, 4) of a rest after its surface was aligned with that of the earlier
     rests.
     """
-    grid = nearest_grid(sampled(largest(earlier), _POINTS), _CELL, _REACH)
-    poses, _ = laid(grid, sampled(rest.parts[0], _PART_POINTS), pose[None], _STEPS, _NEAR, _WIDTHS)
+    grid = nearest_grid(sampled(largest(earlier), _MAX_POINTS), _CELL_M, _SEARCH_RADIUS_M)
+    poses, _ = laid(
+        grid, sampled(rest.parts[0], _PART_POINTS), pose[None], _ICP_STEPS, _ON_SURFACE_M, _RESIDUAL_WIDTHS_M
+    )
     return np.asarray(poses[0])

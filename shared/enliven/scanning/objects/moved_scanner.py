@@ -24,26 +24,28 @@ from enliven.scanning.rigid import inverse
 from enliven.scanning.scanner import ExcludedPixels, Scanner, ScanState, ScanStep
 from enliven.scanning.settings import ScanSettings
 
-_AGAIN = 1.6
+_SEARCH_GROWTH = 1.6
 """Growth factor of a rest's images from one search to the next. Each search takes as long as twenty
 images."""
-_TWICE = 2
+_BAD_IMAGES_TO_END = 2
 """Number of successive badly fitting images that end a settling attempt, because one image may be blurred
 by motion."""
-_LARGER = 1.5
+_MAX_SIZE_RATIO = 1.5
 """Ratio to the known object's size above which a part is something else: a wall, a person."""
-_LARGEST_VOXEL = 0.004
+_MAX_VOXEL_M = 0.004
 """Maximum voxel size, metres, for tracking an object. The coarsest volume has voxels 16 times as large. In
 larger voxels, too little of an object half a metre high is known to find it again."""
-_KNOWN_AFTER = 10
+_MAX_UNKNOWN_IMAGES = 10
 """Maximum number of images before the object is segmented. The object may be turned one second after the
 first image."""
 
 
 def following(settings: ScanSettings) -> ScanSettings:
     """Returns the settings for tracking an object while it moves; voxels are at most 4 mm."""
-    volume = replace(settings.volume, voxel=min(settings.volume.voxel, _LARGEST_VOXEL))
-    moved = replace(settings.moved, followed=True, known_after=min(settings.moved.known_after, _KNOWN_AFTER))
+    volume = replace(settings.volume, voxel=min(settings.volume.voxel, _MAX_VOXEL_M))
+    moved = replace(
+        settings.moved, followed=True, known_after=min(settings.moved.known_after, _MAX_UNKNOWN_IMAGES)
+    )
     return replace(settings, volume=volume, moved=moved)
 
 
@@ -94,23 +96,23 @@ class MovedScanner:
         """
         rest = self._now
         if self._follower is not None:
-            followed = self._follow(frame, up)
+            followed = self._follow_object(frame, up)
             if followed is not None:
                 return followed
         if rest is not None:
-            step = rest.scanner.add(frame, up, self._doubtful(rest, frame))
+            step = rest.scanner.add(frame, up, self._doubtful_pixels(rest, frame))
             if step.state is not ScanState.LOST:
                 if not rest.moved(step):
                     self._trial = None
                     rest.look_again()
-                    self._grow(rest, step)
-                    return self._step(step, ObjectState.RESTING, rest)
-                self._end(rest)
-                if self.settings.moved.followed and self._begin(rest, step):
-                    return self._step(step, ObjectState.LOST, None)
-        return self._try(frame, up)
+                    self._fuse_into_model(rest, step)
+                    return self._step_result(step, ObjectState.RESTING, rest)
+                self._end_rest(rest)
+                if self.settings.moved.followed and self._begin_tracking(rest, step):
+                    return self._step_result(step, ObjectState.LOST, None)
+        return self._try_resting(frame, up)
 
-    def _doubtful(self, rest: ObjectRest, frame: DepthFrame) -> ExcludedPixels | None:
+    def _doubtful_pixels(self, rest: ObjectRest, frame: DepthFrame) -> ExcludedPixels | None:
         """Returns the pixels of an object that may begin to move, so that the camera tracking does not
         follow it.
         """
@@ -118,7 +120,7 @@ class MovedScanner:
             return None
         return ExcludedPixels(doubtful=rest.held(rest.scanner.prepared(frame), rest.scanner.predicted))
 
-    def _begin(self, rest: ObjectRest, step: ScanStep) -> bool:
+    def _begin_tracking(self, rest: ObjectRest, step: ScanStep) -> bool:
         """Starts tracking the object from its last rest pose; returns whether that pose is known."""
         view = rest.scanner.view
         if self.model is None or rest.object_from_room is None or view is None:
@@ -129,7 +131,7 @@ class MovedScanner:
         self.followers.append(self._follower)
         return True
 
-    def _follow(self, frame: DepthFrame, up: Float | None) -> MovedStep | None:
+    def _follow_object(self, frame: DepthFrame, up: Float | None) -> MovedStep | None:
         """Tracks object and room separately in an image; None if the object was lost for too long."""
         follower, room = self._follower, self._room
         assert follower is not None and room is not None
@@ -218,7 +220,7 @@ class MovedScanner:
         """The number of images in which the object was tracked while it moved."""
         return sum(len(follower.poses) for follower in self.followers)
 
-    def _try(self, frame: DepthFrame, up: Float | None) -> MovedStep:
+    def _try_resting(self, frame: DepthFrame, up: Float | None) -> MovedStep:
         """Starts a new scan of a scene that may be still again, and searches for the object in it."""
         trial, s = self._trial, self.settings.moved
         if trial is None:
@@ -227,25 +229,25 @@ class MovedScanner:
         step = trial.scanner.add(frame, up)
         fits = step.alignment is None or step.alignment.agreeing >= s.agreeing
         self._doubts = 0 if fits and step.state is not ScanState.LOST else self._doubts + 1
-        if self._doubts >= _TWICE or trial.moved(step):
+        if self._doubts >= _BAD_IMAGES_TO_END or trial.moved(step):
             if trial.count >= s.known_after:
                 trial.end()
                 self.unplaced.append(trial)
             self._trial = None
-            return self._step(step, ObjectState.LOST, None)
+            return self._step_result(step, ObjectState.LOST, None)
         if trial.count >= self._search:
-            self._search *= _AGAIN
-            if self._place(trial):
+            self._search *= _SEARCH_GROWTH
+            if self._place_rest(trial):
                 if self._now is not None:
-                    self._end(self._now)
+                    self._end_rest(self._now)
                 self._now, self._trial = trial, None
                 if self.model is not None:
                     self.model.take(trial)
-                return self._step(step, ObjectState.RESTING, trial)
+                return self._step_result(step, ObjectState.RESTING, trial)
             self._sought += 1
-        return self._step(step, ObjectState.SETTLING, None)
+        return self._step_result(step, ObjectState.SETTLING, None)
 
-    def _end(self, rest: ObjectRest) -> None:
+    def _end_rest(self, rest: ObjectRest) -> None:
         """Ends a rest. The object's own model starts at the end of the first rest."""
         rest.end()
         self._now = None
@@ -257,7 +259,7 @@ class MovedScanner:
                 rest.look(0)
                 self.model.take(rest)
 
-    def _grow(self, rest: ObjectRest, step: ScanStep) -> None:
+    def _fuse_into_model(self, rest: ObjectRest, step: ScanStep) -> None:
         """Fuses an image into the object's own model."""
         view = rest.scanner.view
         if self.model is not None and view is not None and step.state is ScanState.SCANNING:
@@ -269,20 +271,20 @@ class MovedScanner:
             self.unplaced.append(self._trial)
         self._trial = None
         for rest in self.unplaced[:]:
-            if self._place(rest):
+            if self._place_rest(rest):
                 self.unplaced.remove(rest)
                 if self.model is not None:
                     self.model.take(rest)
 
-    def _place(self, rest: ObjectRest) -> bool:
+    def _place_rest(self, rest: ObjectRest) -> bool:
         """Searches for the object in a rest; returns whether it was found."""
         rest.look(0)
-        model = self._scanned() if rest.parts else None
+        model = self._scanned_object() if rest.parts else None
         if model is None:
             return False
         size = np.linalg.norm(np.ptp(model.surface.points, axis=0))
         for number, part in enumerate(rest.parts):
-            if np.linalg.norm(np.ptp(part.bounds, axis=0)) > _LARGER * size:
+            if np.linalg.norm(np.ptp(part.bounds, axis=0)) > _MAX_SIZE_RATIO * size:
                 continue
             registration = registered(model, rest.scanned(number), self.settings.registration)
             if registration is not None:
@@ -292,7 +294,7 @@ class MovedScanner:
                 return True
         return False
 
-    def _scanned(self) -> ScannedSurface | None:
+    def _scanned_object(self) -> ScannedSurface | None:
         """Returns the known surface of the object from all rests in which it was found; None if there is
         none.
         """
@@ -303,7 +305,7 @@ class MovedScanner:
             self._known = len(self.rests), scanned
         return self._known[1]
 
-    def _step(self, step: ScanStep, state: ObjectState, rest: ObjectRest | None) -> MovedStep:
+    def _step_result(self, step: ScanStep, state: ObjectState, rest: ObjectRest | None) -> MovedStep:
         """Returns the result of a frame."""
         pose = None if rest is None else rest.object_from_room
         sought = self._sought if state is ObjectState.SETTLING else 0

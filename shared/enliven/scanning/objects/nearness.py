@@ -11,7 +11,7 @@ from enliven.scanning.icp import look_up
 from enliven.scanning.threads import in_pieces
 from enliven.scanning.tsdf_volume import TsdfVolume
 
-_ROWS = 16
+_ROWS_PER_PIECE = 16
 """Rows of points that a thread processes at a time."""
 
 
@@ -24,13 +24,19 @@ def distances_in(volume: TsdfVolume, view: DepthView, world_from_camera: Float) 
     """
     distances = np.full(view.worth.shape, np.nan, np.float32)
     in_pieces(
-        _distances, len(distances), _ROWS, view.point_arrays, world_from_camera, volume.field, distances
+        _fill_distances,
+        len(distances),
+        _ROWS_PER_PIECE,
+        view.point_arrays,
+        world_from_camera,
+        volume.field,
+        distances,
     )
     return distances
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _distances(points, pose, field, found, first, last):
+def _fill_distances(points, pose, field, found, first, last):
     """Fills some rows of (h, w) distances; those of points without weight stay unchanged."""
     sample, cache = np.empty(4), np.empty(4, np.int64)
     cache[0], cache[1] = -1, np.int64(1) << 40

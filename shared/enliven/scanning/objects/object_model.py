@@ -10,9 +10,9 @@ from enliven.scanning.objects.rest import ObjectRest
 from enliven.scanning.scanner import empty_volumes
 from enliven.scanning.settings import ScanSettings
 
-_IMAGES = 60
+_MAX_IMAGES = 60
 """Maximum number of images of a rest that are fused: 6 degrees apart on a full circle, 0.5 s in all."""
-_MARGIN = 0.03
+_EXTENT_MARGIN_M = 0.03
 """Distance, metres, outside the known extent at which an image's points may still belong to the object."""
 
 
@@ -61,7 +61,7 @@ class ObjectModel:
         low, high = points.min(0), points.max(0)
         self._box = np.array([np.minimum(self._box[0], low), np.maximum(self._box[1], high)])
         numbers = rest.numbers
-        for view, room_from_camera in rest.views(numbers[:: -(-len(numbers) // _IMAGES)]):
+        for view, room_from_camera in rest.views(numbers[:: -(-len(numbers) // _MAX_IMAGES)]):
             self.fuse(view, pose @ room_from_camera)
 
     def begin(self, rest: ObjectRest) -> None:
@@ -77,16 +77,16 @@ class ObjectModel:
     def add(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> None:
         """Fuses a new image of a rest: the points in the object's box that lie above the floor."""
         if rest.object_from_room is not None and rest.ground is not None:
-            own = self._own(view, rest, room_from_camera)
+            own = self._object_points(view, rest, room_from_camera)
             self.fuse(only(view, own), rest.object_from_room @ room_from_camera)
 
-    def _own(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> Bool:
+    def _object_points(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> Bool:
         """Returns (h, w) whether each point of a view belongs to the object."""
         assert rest.ground is not None and rest.object_from_room is not None
         room = view.points @ room_from_camera[:3, :3].T + room_from_camera[:3, 3]
         own = room @ rest.object_from_room[:3, :3].T + rest.object_from_room[:3, 3]
         above = rest.ground.heights(room) > self.settings.cut_out.clearance
-        return np.asarray((view.worth > 0) & self.reaches(own, _MARGIN) & above)
+        return np.asarray((view.worth > 0) & self.reaches(own, _EXTENT_MARGIN_M) & above)
 
     def grow(self, points: Float) -> None:
         """Extends the bounding box to points (N, 3) that belong to the object."""

@@ -13,9 +13,9 @@ from enliven.scanning.depth_view import DepthView
 from enliven.scanning.ground_plane import GroundPlane
 from enliven.scanning.objects.surface_points import sampled
 
-_CELL = 0.01
+_CELL_M = 0.01
 """Cell size of a region, metres: half the floor's clearance."""
-_DENSE = 60_000
+_SURFACE_POINTS = 60_000
 """Points that mark the cells of a surface: more than one per cell for objects as large as a chair."""
 
 
@@ -37,7 +37,7 @@ class ObjectRegion:
 
     def holds(self, points: Float) -> Bool:
         """Returns (...) whether points (..., 3) lie in the region."""
-        at = np.floor((points - self.origin) / _CELL).astype(int)
+        at = np.floor((points - self.origin) / _CELL_M).astype(int)
         inside: Bool = np.asarray(((at >= 0) & (at < self.near.shape)).all(-1))
         x, y, z = np.moveaxis(np.where(inside[..., None], at, 0), -1, 0)
         return np.asarray(inside & self.near[x, y, z] & (self.ground.heights(points) > self.clearance))
@@ -45,12 +45,12 @@ class ObjectRegion:
 
 def region_about(mesh: Mesh, ground: GroundPlane, clearance: float, width: float) -> ObjectRegion:
     """Returns the space within ``width`` metres of a surface."""
-    points = sampled(mesh, _DENSE).points
-    origin = points.min(0) - width - _CELL
-    shape = np.ceil((points.max(0) + width + _CELL - origin) / _CELL).astype(int) + 1
+    points = sampled(mesh, _SURFACE_POINTS).points
+    origin = points.min(0) - width - _CELL_M
+    shape = np.ceil((points.max(0) + width + _CELL_M - origin) / _CELL_M).astype(int) + 1
     empty = np.ones(shape, bool)
-    empty[tuple(np.floor((points - origin) / _CELL).astype(int).T)] = False
-    near = np.asarray(distance_transform_edt(empty)) * _CELL <= width
+    empty[tuple(np.floor((points - origin) / _CELL_M).astype(int).T)] = False
+    near = np.asarray(distance_transform_edt(empty)) * _CELL_M <= width
     return ObjectRegion(origin, near, ground, clearance)
 
 

@@ -18,22 +18,22 @@ from enliven.scanning.rigid import apart, inverse
 from enliven.scanning.settings import RegistrationSettings
 from enliven.scanning.threads import in_pieces
 
-_GOLDEN = 1.533751168755204288118041
+_SPIRAL_NUMBER = 1.533751168755204288118041
 """Real root of x^4 = x + 4, the second number of super-Fibonacci spirals."""
-_PIECE = 8
+_ROTATIONS_PER_PIECE = 8
 """Rotations that a thread processes at a time."""
-_STEPS = 12
+_ICP_STEPS = 12
 """ICP steps from each rotation. Most have converged after eight."""
 _FINE_STEPS = 20
 """ICP steps for the candidates that are refined."""
-_WIDTHS = 0.15, 0.01
+_RESIDUAL_WIDTHS_M = 0.15, 0.01
 """Residuals, in metres, that get a quarter of the full weight, in the first step and in the last. They
 shrink, so that parts that do not overlap lose influence."""
-_DAMPING = 1e-4
+_DAMPING_PER_WEIGHT = 1e-4
 """Damping of the normal matrix, per weight of the points. Unconstrained directions stay unchanged."""
-_SAME = 0.05, 0.25
+_MAX_DUPLICATE_DIFFERENCE = 0.05, 0.25
 """Maximum difference of two results that count as the same, in metres and radians."""
-_FACING = 0.5
+_MIN_NORMAL_COSINE = 0.5
 """Cosine (60 degrees) between two normals below which points belong to two different sides."""
 
 
@@ -66,7 +66,7 @@ def turns(count: int) -> Float:
     """Returns (count, 3, 3) evenly spread rotations: super-Fibonacci spirals (Alexa, CVPR 2022)."""
     s = np.arange(count) + 0.5
     inner, outer = np.sqrt(s / count), np.sqrt(1.0 - s / count)
-    inner_angle, outer_angle = 2.0 * np.pi * s / np.sqrt(2.0), 2.0 * np.pi * s / _GOLDEN
+    inner_angle, outer_angle = 2.0 * np.pi * s / np.sqrt(2.0), 2.0 * np.pi * s / _SPIRAL_NUMBER
     spiral = np.stack(
         [
             inner * np.sin(inner_angle),
@@ -95,14 +95,14 @@ def registered(
     s = settings or RegistrationSettings()
     grid = nearest_grid(model.surface, s.cell, s.margin)
     some = part.surface.some(s.points)
-    starts = _starts(model.surface, some, s.turns)
-    poses, scores = laid(grid, some, starts, _STEPS, s.near)
-    best = _distinct(poses, scores, s.looked_at)
+    starts = _start_poses(model.surface, some, s.turns)
+    poses, scores = laid(grid, some, starts, _ICP_STEPS, s.near)
+    best = _distinct_poses(poses, scores, s.looked_at)
     more = part.surface.some(s.fine_points)
     poses, agreeing = laid(grid, more, poses[best], _FINE_STEPS, s.near)
-    distinct = _distinct(poses, agreeing, s.looked_at)
+    distinct = _distinct_poses(poses, agreeing, s.looked_at)
     poses, agreeing = poses[distinct], agreeing[distinct]
-    through = np.array([_through(model, part, pose, s) for pose in poses])
+    through = np.array([_seen_through_fraction(model, part, pose, s) for pose in poses])
     scores = agreeing - s.doubt * through
     order = np.argsort(-scores)
     first = order[0]
@@ -115,7 +115,9 @@ def registered(
     )
 
 
-def _through(model: ScannedSurface, part: ScannedSurface, pose: Float, s: RegistrationSettings) -> float:
+def _seen_through_fraction(
+    model: ScannedSurface, part: ScannedSurface, pose: Float, s: RegistrationSettings
+) -> float:
     """Returns the fraction of points in space that the other's images saw through, the larger of both
     directions.
     """
@@ -126,7 +128,7 @@ def _through(model: ScannedSurface, part: ScannedSurface, pose: Float, s: Regist
     return float(max(part_share, seen_through(moved_model.points, part.views, s.clearance).mean()))
 
 
-def _starts(model: SurfacePoints, part: SurfacePoints, count: int) -> Float:
+def _start_poses(model: SurfacePoints, part: SurfacePoints, count: int) -> Float:
     """Returns (count, 4, 4) poses, one for each rotation, that align the centre of a part with the
     model's.
     """
@@ -143,7 +145,7 @@ def laid(
     starts: Float,
     steps: int,
     near: float,
-    widths: tuple[float, float] = _WIDTHS,
+    widths: tuple[float, float] = _RESIDUAL_WIDTHS_M,
 ) -> tuple[Float, Float]:
     """Returns (K, 4, 4) poses of a part aligned with a surface (ICP), and (K,) fractions of its points on it.
 
@@ -154,16 +156,29 @@ def laid(
     """
     poses, shares = starts.copy(), np.zeros(len(starts))
     softs = np.geomspace(*widths, steps)
-    in_pieces(_lay, len(poses), _PIECE, *grid, part.points, part.normals, softs, near, poses, shares)
+    in_pieces(
+        _align_poses,
+        len(poses),
+        _ROTATIONS_PER_PIECE,
+        *grid,
+        part.points,
+        part.normals,
+        softs,
+        near,
+        poses,
+        shares,
+    )
     return poses, shares
 
 
-def _distinct(poses: Float, scores: Float, most: int) -> list[int]:
+def _distinct_poses(poses: Float, scores: Float, most: int) -> list[int]:
     """Returns the indices of the best poses without duplicates, best first."""
     chosen: list[int] = []
     for n in np.argsort(-scores, kind="stable"):
         near = (apart(poses[n], poses[k]) for k in chosen)
-        if not any(move < _SAME[0] and turn < _SAME[1] for move, turn in near):
+        if not any(
+            move < _MAX_DUPLICATE_DIFFERENCE[0] and turn < _MAX_DUPLICATE_DIFFERENCE[1] for move, turn in near
+        ):
             chosen.append(int(n))
             if len(chosen) == most:
                 break
@@ -171,7 +186,9 @@ def _distinct(poses: Float, scores: Float, most: int) -> list[int]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, poses, shares, first, last):
+def _align_poses(
+    origin, cell, nearest, points, normals, part, facing, widths, near, poses, shares, first, last
+):
     """Aligns a part from each of some poses by point-to-plane ICP with Geman-McClure weights."""
     matrix, right, j = np.empty((6, 6)), np.empty(6), np.empty(6)
     for k in range(first, last):
@@ -202,7 +219,7 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
                     + ny * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z)
                     + nz * (pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z)
                 )
-                if cosine < _FACING:
+                if cosine < _MIN_NORMAL_COSINE:
                     continue
                 # Compute the point-to-plane residual, and count the points on the surface.
                 dx, dy, dz = qx - points[at, 0], qy - points[at, 1], qz - points[at, 2]
@@ -225,12 +242,12 @@ def _lay(origin, cell, nearest, points, normals, part, facing, widths, near, pos
             if step == len(widths) or weight == 0.0:
                 break
             for a in range(6):
-                matrix[a, a] += _DAMPING * weight + 1e-12
-            _apply(pose, np.linalg.solve(matrix, right))
+                matrix[a, a] += _DAMPING_PER_WEIGHT * weight + 1e-12
+            _move_pose(pose, np.linalg.solve(matrix, right))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _apply(pose, step):
+def _move_pose(pose, step):
     """Moves a pose (4, 4) in place and rotates it about its own position (Rodrigues); ``step`` is (6,),
     world axes.
     """

@@ -24,35 +24,35 @@ from enliven.scanning.objects.vacated import share_vacated
 from enliven.scanning.scanner import Scanner, ScanState, ScanStep
 from enliven.scanning.settings import ScanSettings
 
-_ABOUT = 0.04
+_COMPARISON_DISTANCE_M = 0.04
 """Distance from an object's surface, metres, within which an image's points are compared with it: voxels
 are 16 mm wide."""
-_OWN = 0.02
+_OBJECT_DISTANCE_M = 0.02
 """Distance from an object's surface, metres, within which an image's points belong to it: the tracking
 error."""
-_TWICE = 2
+_APART_IMAGES = 2
 """Number of successive images in which object and floor must be apart, because one may be wrong."""
-_HANDS_ON = 15
+_EXCLUDED_IMAGES = 15
 """Number of images before a detected motion that are excluded from the rest, because hands already touched
 the object."""
-_PARTS = 3
+_MAX_PARTS = 3
 """Number of parts near the focus that are considered while it is not known which one is the object."""
-_POINTS = 6000
+_REGISTRATION_POINTS = 6000
 """Points of a surface for registration: a few per square centimetre of a chair."""
-_FIRST = 5
+_FLOOR_IMAGES = 5
 """Number of images that establish the floor's position after each search for it."""
-_VIEWS = 16
+_FREE_SPACE_VIEWS = 16
 """Number of images of a rest that are kept as free space observations."""
-_CLEAR = 1.25
+_MIN_CLEARANCE_VOXELS = 1.25
 """Minimum distance, in coarse voxels, of a point in front of the observed depth. The coarse surfaces are
 half a voxel off."""
-_VACATED = 0.08
+_MIN_VACATED_FRACTION = 0.08
 """An object counts as moved once this fraction of its visible points is seen through."""
-_LOOKS = 7
+_CHECKED_IMAGES = 7
 """Number of images of a rest that decide whether the object stood still in it."""
-_FEW = 2000
+_TESTED_POINTS = 2000
 """Points of each part that are tested in each image: 0.3 ms."""
-_FOLLOWS = 0.5
+_MIN_SURFACE_FRACTION = 0.5
 """Minimum fraction of an object's points in known space that lie at its surface. Below it, the object has
 moved."""
 
@@ -110,8 +110,8 @@ class ObjectRest:
         parts = parts_about(mesh, ground, focus, cut)
         if len(parts) < self._choice:
             return
-        self.ground, self.parts = ground, parts[: max(_PARTS, self._choice)]
-        self._stood = [sampled(part, _FEW).points for part in self.parts]
+        self.ground, self.parts = ground, parts[: max(_MAX_PARTS, self._choice)]
+        self._stood = [sampled(part, _TESTED_POINTS).points for part in self.parts]
         number = self._choice - 1
         if self._middle is not None:
             number = int(np.argmin([np.linalg.norm(part.bounds.mean(0) - self._middle) for part in parts]))
@@ -123,7 +123,9 @@ class ObjectRest:
             part = self.parts.pop(number)
             self.parts.insert(0, part)
             self._stood.insert(0, self._stood.pop(number))
-            self._region = region_about(part, self.ground, self.settings.cut_out.clearance, _ABOUT)
+            self._region = region_about(
+                part, self.ground, self.settings.cut_out.clearance, _COMPARISON_DISTANCE_M
+            )
             self._middle = np.mean(part.bounds, axis=0)
             self._floors = []
 
@@ -146,7 +148,7 @@ class ObjectRest:
             return False
         own = shown_in(self._region, view, pose)
         floor, is_apart = floor_plane(view, pose, self.ground, self._middle, own), False
-        if floor is not None and len(self._floors) < _FIRST:
+        if floor is not None and len(self._floors) < _FLOOR_IMAGES:
             # The ground was found in coarse voxels. So measure the reference height of the floor in the first
             # images instead.
             self._floors.append(floor)
@@ -154,15 +156,17 @@ class ObjectRest:
             gap = floor - np.median(self._floors, axis=0)
             is_apart = bool(abs(gap[0]) > s.lifted or np.hypot(gap[1], gap[2]) > s.tilted)
         fit = self.scanner.tracker.judged(only(view, own), pose)
-        is_apart = is_apart or (fit.overlap > self.settings.tracking.overlap and fit.agreeing < _FOLLOWS)
-        is_apart = is_apart or (s.followed and self._left(view, pose))
+        is_apart = is_apart or (
+            fit.overlap > self.settings.tracking.overlap and fit.agreeing < _MIN_SURFACE_FRACTION
+        )
+        is_apart = is_apart or (s.followed and self._has_left(view, pose))
         self._apart = self._apart + 1 if is_apart else 0
-        return self._apart >= _TWICE
+        return self._apart >= _APART_IMAGES
 
-    def _left(self, view: DepthView, pose: Float) -> bool:
+    def _has_left(self, view: DepthView, pose: Float) -> bool:
         """Returns whether a part has left its place at least partly. If so, that part becomes the object."""
-        shares = [share_vacated(points, view, pose, self._clear) for points in self._stood]
-        if not shares or max(shares) < _VACATED:
+        shares = [share_vacated(points, view, pose, self._clearance_m) for points in self._stood]
+        if not shares or max(shares) < _MIN_VACATED_FRACTION:
             return False
         number = int(np.argmax(shares))
         if number:
@@ -177,23 +181,25 @@ class ObjectRest:
         if not self._stood or not numbers:
             return False
         points = self._stood[0]
-        some = numbers[:: max(len(numbers) // _LOOKS, 1)]
+        some = numbers[:: max(len(numbers) // _CHECKED_IMAGES, 1)]
         shares = [
-            share_vacated(points, self.scanner.prepared(frame), self.scanner.poses[number][1], self._clear)
+            share_vacated(
+                points, self.scanner.prepared(frame), self.scanner.poses[number][1], self._clearance_m
+            )
             for number, frame in self.scanner.history.frames(some)
         ]
-        return float(np.median(shares)) < _VACATED
+        return float(np.median(shares)) < _MIN_VACATED_FRACTION
 
     @property
-    def _clear(self) -> float:
+    def _clearance_m(self) -> float:
         """Distance, metres, that a former surface point must lie in front of the observed depth to count
         as gone.
         """
-        return _CLEAR * self.scanner.volumes[1].band.voxel
+        return _MIN_CLEARANCE_VOXELS * self.scanner.volumes[1].band.voxel
 
     def end(self) -> None:
         """Ends the rest and excludes its last images, in which hands touched the object."""
-        self.images = max(self.count - _HANDS_ON, 1)
+        self.images = max(self.count - _EXCLUDED_IMAGES, 1)
 
     @property
     def numbers(self) -> list[int]:
@@ -205,7 +211,7 @@ class ObjectRest:
         """Yields images restricted to the object's points, and their (4, 4) room_from_camera."""
         if self.ground is None or not self.parts:
             return
-        region = region_about(self.parts[0], self.ground, self.settings.cut_out.clearance, _OWN)
+        region = region_about(self.parts[0], self.ground, self.settings.cut_out.clearance, _OBJECT_DISTANCE_M)
         for number, frame in self.scanner.history.frames(numbers):
             view, pose = self.scanner.prepared(frame), self.scanner.poses[number][1]
             yield only(view, shown_in(region, view, pose)), pose
@@ -216,13 +222,13 @@ class ObjectRest:
         """
         if self._scanned is None or self._scanned[0] != self.count:
             numbers = self.scanner.history.numbers
-            chosen = numbers[:: max(len(numbers) // _VIEWS, 1)]
+            chosen = numbers[:: max(len(numbers) // _FREE_SPACE_VIEWS, 1)]
             frames = self.scanner.history.frames(chosen)
             views = [seen_depth(self.scanner.prepared(f), self.scanner.poses[n][1]) for n, f in frames]
-            self._scanned = self.count, ScannedSurface(sampled(self.parts[0], _POINTS), views)
+            self._scanned = self.count, ScannedSurface(sampled(self.parts[0], _REGISTRATION_POINTS), views)
         if not number:
             return self._scanned[1]
-        return ScannedSurface(sampled(self.parts[number], _POINTS), self._scanned[1].views)
+        return ScannedSurface(sampled(self.parts[number], _REGISTRATION_POINTS), self._scanned[1].views)
 
 
 def known_of(rests: Sequence[ObjectRest]) -> ScannedSurface | None:

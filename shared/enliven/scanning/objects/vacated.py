@@ -11,7 +11,7 @@ from enliven.scanning.rigid import inverse
 
 _MIN_SENSOR_DISTANCE_M = 0.2
 """Distance from a camera, metres, below which it cannot measure."""
-_BESIDE = 3
+_DEPTH_WINDOW_PX = 3
 """Window, half-size pixels, over which the nearest depth is used. At an edge, a point may be projected
 next to it."""
 _MIN_POINTS = 50
@@ -31,7 +31,7 @@ def share_vacated(points: Float, view: DepthView, world_from_camera: Float, clea
     x, y, z = local[local[:, 2] > _MIN_SENSOR_DISTANCE_M].T
     # Set unknown depth to 1e9, so that the minimum around a pixel considers only known depth.
     depth = np.where(view.worth > 0, view.points[..., 2], np.float32(1e9))
-    nearest = minimum_filter(depth, _BESIDE, mode="nearest")
+    nearest = minimum_filter(depth, _DEPTH_WINDOW_PX, mode="nearest")
     lens = view.intrinsics
     column = np.floor((lens.fx * x / z + lens.cx + 0.5) / 2).astype(int)
     row = np.floor((lens.fy * y / z + lens.cy + 0.5) / 2).astype(int)
