@@ -15,7 +15,7 @@ from enliven.settings import load_settings, read_toml
 T = TypeVar("T")
 P = ParamSpec("P")
 
-_TABLES = ("mesh", "take", "puppet", "symmetry", "settings", "point", "pose", "layer", "root")
+_TABLE_NAMES = ("mesh", "take", "puppet", "symmetry", "settings", "point", "pose", "layer", "root")
 
 
 class SessionFile:
@@ -30,9 +30,9 @@ class SessionFile:
         self._path = path
         self._found: Mapping[str, Any] = read_toml(path)
         for name in self._found:
-            if name not in _TABLES:
-                near = difflib.get_close_matches(name, _TABLES, n=1)
-                mend = f"Did you mean {near[0]}?" if near else f"Known: {', '.join(_TABLES)}."
+            if name not in _TABLE_NAMES:
+                near = difflib.get_close_matches(name, _TABLE_NAMES, n=1)
+                mend = f"Did you mean {near[0]}?" if near else f"Known: {', '.join(_TABLE_NAMES)}."
                 raise InputError(f"unknown table {name}", where=str(path), mend=mend)
         if "mesh" not in self._found:
             raise InputError("it has no [mesh]", where=str(path), mend='Add [mesh] file = "...".')
@@ -51,11 +51,13 @@ class SessionFile:
 
     def many(self, name: str) -> list[tuple[str, Mapping[str, Any]]]:
         """Returns tables that may occur several times, each with its name for error messages."""
-        return [(f"[[{name}]] {n}", table) for n, table in enumerate(self._listed(self._found, name, ""), 1)]
+        return [
+            (f"[[{name}]] {n}", table) for n, table in enumerate(self._table_list(self._found, name, ""), 1)
+        ]
 
     def inner(self, where: str, table: Mapping[str, Any], name: str, kind: type[T]) -> list[T]:
         """Returns the tables of a kind inside another table."""
-        inner_tables = enumerate(self._listed(table, name, f", {where}"), 1)
+        inner_tables = enumerate(self._table_list(table, name, f", {where}"), 1)
         return [
             self.table(f"{where}, {name} {number}", kind, inner_table) for number, inner_table in inner_tables
         ]
@@ -86,7 +88,7 @@ class SessionFile:
             raise InputError(f"{unknown[0].replace('{', '')} is not set", where=file, mend=mend)
         return self._path.parent / Path(text).expanduser()
 
-    def _listed(self, found: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
+    def _table_list(self, found: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
         """Returns the tables of an array of tables; an empty list if it is missing."""
         value = found.get(name, [])
         if not isinstance(value, list) or not all(isinstance(item, Mapping) for item in value):

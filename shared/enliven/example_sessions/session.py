@@ -121,10 +121,10 @@ class _Reader:
         self._read_settings()
         for where, layer in file.many("layer"):
             layer_table = file.table(where, LayerTable, {k: v for k, v in layer.items() if k not in INSIDE})
-            file.said(where, self._read_layer, layer_table, self._asked(where, layer, INSIDE))
+            file.said(where, self._read_layer, layer_table, self._layer_contents(where, layer, INSIDE))
         for where, root in file.many("root"):
             root_table = file.table(where, RootTable, {k: v for k, v in root.items() if k not in ROOT_INSIDE})
-            file.said(where, self._read_root, root_table, self._asked(where, root, ROOT_INSIDE))
+            file.said(where, self._read_root, root_table, self._layer_contents(where, root, ROOT_INSIDE))
         return Session(self._project, self._name, tuple(self._notes), mesh, self._takes)
 
     def _read_mesh(self, table: MeshTable) -> None:
@@ -133,7 +133,7 @@ class _Reader:
         self._notes += notes
         self._name = own.name or name
         self._project = make_puppet(self._project, mesh, self._name)
-        self._put(self._puppet.with_changes(place=np.array(own.place), turn=np.array(own.turn)))
+        self._store_puppet(self._puppet.with_changes(place=np.array(own.place), turn=np.array(own.turn)))
 
     def _read_take(self, table: TakeTable) -> None:
         path = self._file.beside(table.file)
@@ -157,7 +157,7 @@ class _Reader:
         self._project = change_point(self._project, self._name, point, weight=table.weight)
 
     def _read_pose(self, table: PoseTable) -> None:
-        take = self._take(table.take)
+        take = self._take_named(table.take)
         if (table.time is None) == (table.frame is None):
             raise InputError("it needs a time or a frame", mend="Give time = 3.2 or frame = 96.")
         if table.places is not None and table.moves is not None:
@@ -182,7 +182,7 @@ class _Reader:
 
     def _read_settings(self) -> None:
         settings = self._file.one("settings", SettingsTable)
-        self._put(
+        self._store_puppet(
             self._puppet.with_changes(
                 surface=settings.surface, examples=settings.examples, locomotion=settings.locomotion
             )
@@ -192,7 +192,9 @@ class _Reader:
         attributes = {
             field.name: getattr(table, field.name) for field in fields(table) if field.name != "take"
         }
-        self._project = play_take(self._project, self._name, self._take(table.take), **attributes, **asked)
+        self._project = play_take(
+            self._project, self._name, self._take_named(table.take), **attributes, **asked
+        )
 
     def _read_root(self, table: RootTable, asked: dict[str, Any]) -> None:
         keys, named = asked.pop("keys", ()), [root.take for root in self._puppet.root_layers]
@@ -203,13 +205,13 @@ class _Reader:
                 raise InputError(f"there is a take {name!r} already", mend="Give it another name.")
             self._project = self._project.with_takes(keyed_clip(name, "root", keys))
         elif name not in named:
-            name = self._take(name)
+            name = self._take_named(name)
         values = {field.name: getattr(table, field.name) for field in fields(table) if field.name != "take"}
         values |= {key: np.array(values[key]) for key in ("about", "basis")}
         layer = RootLayer(take=name, **values, **asked)
-        self._put(self._puppet.with_changes(root_layers=(*self._puppet.root_layers, layer)))
+        self._store_puppet(self._puppet.with_changes(root_layers=(*self._puppet.root_layers, layer)))
 
-    def _asked(
+    def _layer_contents(
         self, where: str, layer: Mapping[str, Any], inside: Mapping[str, tuple[str, type]]
     ) -> dict[str, Any]:
         """Returns the clips, keys, constraints and switches in a layer's table."""
@@ -219,7 +221,7 @@ class _Reader:
                 attributes[attribute] = tuple(self._file.inner(where, layer, name, kind))
         return attributes
 
-    def _take(self, name: str) -> str:
+    def _take_named(self, name: str) -> str:
         """Returns the ID of the take with that name; the first take if the name is empty."""
         if not self._takes:
             raise InputError("the session has no take", mend='Add [[take]] file = "..." first.')
@@ -231,5 +233,5 @@ class _Reader:
     def _puppet(self) -> Puppet:
         return self._project.puppets[self._name]
 
-    def _put(self, puppet: Puppet) -> None:
+    def _store_puppet(self, puppet: Puppet) -> None:
         self._project = self._project.with_characters(puppet)

@@ -15,7 +15,7 @@ from enliven.examples import pose_of_state, state_of
 from enliven.recording import Recorder
 from enliven.wire import PoseCodec, character_to_message, pose_to_message
 
-_REVISION = 1
+_CHARACTER_REVISION = 1
 """Revision of the take's only character. The character never changes, so its revision stays at 1."""
 
 
@@ -37,13 +37,13 @@ def write_puppet_take(
         pose_of_state(puppet, state_of(project, puppet, start + time), round(time * 1e9)) for time in times
     ]
     with Recorder(path, sync_seconds=math.inf, overwrite=True) as take:
-        _write(take, "character", character_to_message(character, _REVISION), 0)
+        _write_message(take, "character", character_to_message(character, _CHARACTER_REVISION), 0)
         for sequence, pose in enumerate(poses):
-            message = pose_to_message(pose, codec, revision=_REVISION, sequence=sequence)
-            _write(take, "pose", message, pose.time_ns)
+            message = pose_to_message(pose, codec, revision=_CHARACTER_REVISION, sequence=sequence)
+            _write_message(take, "pose", message, pose.time_ns)
 
 
-def _write(take: Recorder, topic: str, message: Any, time_ns: int) -> None:
+def _write_message(take: Recorder, topic: str, message: Any, time_ns: int) -> None:
     """Writes a wire message together with its JSON schema."""
     kind = type(message)
     schema = msgspec.json.encode(msgspec.json.schema(kind)).decode()

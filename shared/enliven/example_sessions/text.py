@@ -32,7 +32,7 @@ from enliven.files import write_file
 from enliven.formats.project import write_project
 from enliven.settings import refuse_later_toml
 
-_HEAD = """# A mesh, its control points, what poses of a performer mean on it, and what it plays.
+_FILE_HEADER = """# A mesh, its control points, what poses of a performer mean on it, and what it plays.
 # Metres, in the mesh's frame: upright, on the floor. Change what you like; see docs/examples.md.
 """
 
@@ -87,25 +87,25 @@ def session_text(
     Args:
         keys: keys of the takes that rotate and move the whole puppet, by the takes' names.
     """
-    lines = [_HEAD, "[mesh]", *_lines(mesh)]
+    lines = [_FILE_HEADER, "[mesh]", *_changed_lines(mesh)]
     for name, take in takes.items():
-        lines += ["", "[[take]]", *_lines(dataclasses.replace(take, name=name))]
-    lines += ["", "[puppet]", f"name = {_toml(puppet.id)}"]
+        lines += ["", "[[take]]", *_changed_lines(dataclasses.replace(take, name=name))]
+    lines += ["", "[puppet]", f"name = {_as_toml(puppet.id)}"]
     for key in ("place", "turn"):
-        lines.append(f"{key} = {_toml(getattr(puppet, key).tolist())}")
+        lines.append(f"{key} = {_as_toml(getattr(puppet, key).tolist())}")
     for point in puppet.points:
-        lines += ["", "[[point]]", *_lines(point)]
+        lines += ["", "[[point]]", *_changed_lines(point)]
     for pose in puppet.poses:
-        lines += ["", *_pose(pose, puppet)]
+        lines += ["", *_pose_lines(pose, puppet)]
     if puppet.symmetry is not None:
-        lines += ["", "[symmetry]", *_lines(puppet.symmetry)]
+        lines += ["", "[symmetry]", *_changed_lines(puppet.symmetry)]
     for name in ("surface", "examples", "locomotion"):
-        lines += _settings(f"settings.{name}", getattr(puppet, name), getattr(SettingsTable(), name))
+        lines += _settings_lines(f"settings.{name}", getattr(puppet, name), getattr(SettingsTable(), name))
     for layer in puppet.layers:
-        lines += ["", *_layer(layer)]
+        lines += ["", *_layer_lines(layer)]
     unwritten_keys = dict(keys)
     for root in puppet.root_layers:
-        lines += ["", *_root(root, unwritten_keys.pop(root.take, ()))]
+        lines += ["", *_root_layer_lines(root, unwritten_keys.pop(root.take, ()))]
     return "\n".join(lines) + "\n"
 
 
@@ -116,75 +116,79 @@ def takes_of(puppet: Puppet) -> list[str]:
     )
 
 
-def _pose(pose: KeyPose, puppet: Puppet) -> list[str]:
-    lines = ["[[pose]]", f"take = {_toml(pose.take)}", f"time = {_toml(pose.time)}"]
+def _pose_lines(pose: KeyPose, puppet: Puppet) -> list[str]:
+    lines = ["[[pose]]", f"take = {_as_toml(pose.take)}", f"time = {_as_toml(pose.time)}"]
     # If a control point was not moved, write its rest position, which is easier to edit than a displacement
     # of zero.
     still = np.array_equal(pose.places, puppet.rest)
     lines += [f"[pose.{'moves' if still else 'places'}]"] if puppet.points else []
     rows = np.zeros_like(pose.places) if still else pose.places
     for point, place in zip(puppet.points, rows.tolist(), strict=True):
-        lines.append(f"{_toml(point.name)} = {_toml(place)}")
+        lines.append(f"{_as_toml(point.name)} = {_as_toml(place)}")
     return lines
 
 
-def _layer(layer: PuppetLayer) -> list[str]:
+def _layer_lines(layer: PuppetLayer) -> list[str]:
     """Returns the lines of a layer and of the tables inside it. Arrays of tables come last."""
-    lines = ["[[layer]]", *_values(layer, LayerTable)]
+    lines = ["[[layer]]", *_changed_value_lines(layer, LayerTable)]
     inner = {name: getattr(layer, attribute) for name, (attribute, _) in INSIDE.items()}
     # An empty list of switches is written explicitly. If the entry is missing, the switches are detected.
     lines += ["switch = []"] if inner["switch"] == () else []
-    return lines + _inside("layer", inner)
+    return lines + _inner_table_lines("layer", inner)
 
 
-def _root(layer: RootLayer, keys: Sequence[MotionKey]) -> list[str]:
+def _root_layer_lines(layer: RootLayer, keys: Sequence[MotionKey]) -> list[str]:
     """Returns the lines of a root layer. If several layers play the same keys, these are written once."""
     inner = {name: getattr(layer, attribute) for name, (attribute, _) in ROOT_INSIDE.items() if name != "key"}
-    return ["[[root]]", *_values(layer, RootTable), *_inside("root", {"key": keys, **inner})]
+    return [
+        "[[root]]",
+        *_changed_value_lines(layer, RootTable),
+        *_inner_table_lines("root", {"key": keys, **inner}),
+    ]
 
 
-def _values(layer: Any, table: type) -> list[str]:
+def _changed_value_lines(layer: Any, table: type) -> list[str]:
     """Returns the lines of a layer's values that differ from the table's defaults."""
     lines = []
     for field in dataclasses.fields(table):
         value = getattr(layer, field.name)
         value = tuple(value.tolist()) if isinstance(value, np.ndarray) else value
         if value != field.default:
-            lines.append(f"{field.name} = {_toml(value)}")
+            lines.append(f"{field.name} = {_as_toml(value)}")
     return lines
 
 
-def _inside(title: str, tables: Mapping[str, Any]) -> list[str]:
+def _inner_table_lines(title: str, tables: Mapping[str, Any]) -> list[str]:
     """Returns the lines of the tables inside a layer."""
     lines = list[str]()
     for name, items in tables.items():
         for item in items or ():
-            lines += [f"[[{title}.{name}]]", *_lines(item)]
+            lines += [f"[[{title}.{name}]]", *_changed_lines(item)]
     return lines
 
 
-def _lines(values: Any) -> list[str]:
+def _changed_lines(values: Any) -> list[str]:
     """Returns the lines of a dataclass's values that differ from their defaults."""
     lines = []
     for field in dataclasses.fields(values):
         value = getattr(values, field.name)
         if value is not None and value != field.default:
-            lines.append(f"{field.name} = {_toml(value)}")
+            lines.append(f"{field.name} = {_as_toml(value)}")
     return lines
 
 
-def _settings(title: str, values: Any, usual: Any) -> list[str]:
+def _settings_lines(title: str, values: Any, usual: Any) -> list[str]:
     """Returns the lines of settings that differ from their defaults, including nested groups."""
     groups, own = list[str](), list[str]()
     for field in dataclasses.fields(values):
         value, default = getattr(values, field.name), getattr(usual, field.name)
         if dataclasses.is_dataclass(value):
-            groups += _settings(f"{title}.{field.name}", value, default)
+            groups += _settings_lines(f"{title}.{field.name}", value, default)
         elif value != default:
-            own.append(f"{field.name} = {_toml(value)}")
+            own.append(f"{field.name} = {_as_toml(value)}")
     return (["", f"[{title}]", *own] if own else []) + groups
 
 
-def _toml(value: Any) -> str:
+def _as_toml(value: Any) -> str:
     """Returns a value as TOML. Strings, numbers, booleans and arrays have the same form as in JSON."""
     return json.dumps(value, ensure_ascii=False)

@@ -11,7 +11,7 @@ from enliven.examples.puppet_examples import material_of
 from enliven.examples.puppet_solve import seen_by
 from enliven.examples.suggest import distance_to
 
-_SAME = 1e-3
+_SAME_POSE_DISTANCE = 1e-3
 """Maximum distance of the control points of two equal key poses, as a fraction of the mesh's size."""
 
 
@@ -60,6 +60,6 @@ def unposed(puppet: Puppet) -> tuple[str, ...]:
     nothing."""
     if len(puppet.poses) < 2:
         return ()
-    near = _SAME * float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
+    near = _SAME_POSE_DISTANCE * float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
     same = all(np.abs(pose.places - puppet.poses[0].places).max() <= near for pose in puppet.poses)
     return ("All key poses are alike: set the places of the control points.",) if same else ()

@@ -15,7 +15,7 @@ from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.spacetime import Conditions
 
-_OUT = 2
+_AFFECTED_FRAMES = 2
 """Number of shown frames that still affect an acceleration."""
 
 
@@ -51,21 +51,25 @@ class LiveExamples:
         if len(poses) - held <= self.lag:
             self._poses = poses
             return None
-        places = self._solved(poses)
+        places = self._solve_points(poses)
         out = np.concatenate([self._out, places[:, held : held + 1]], axis=1)
         # Drop the oldest frames: no acceleration that is still to be solved depends on them.
-        old = max(out.shape[1] - _OUT, 0)
+        old = max(out.shape[1] - _AFFECTED_FRAMES, 0)
         self._poses, self._out = poses[old:], out[:, old:]
         return np.asarray(self.mapping.in_metres(places[:, held : held + 1])[0])
 
     def finish(self) -> Float:
         """Returns (L, P, 3) metres, the control points that are still due, and resets the state."""
         held = self._out.shape[1]
-        due = self.mapping.in_metres(self._solved(self._poses)[:, held:]) if len(self._poses) else self._poses
+        due = (
+            self.mapping.in_metres(self._solve_points(self._poses)[:, held:])
+            if len(self._poses)
+            else self._poses
+        )
         self._poses, self._out = self._poses[:0], self._out[:, :0]
         return due
 
-    def _solved(self, poses: Float) -> Float:
+    def _solve_points(self, poses: Float) -> Float:
         """Solves (P, F, 3) control points, in sizes of the mesh, for the frames that still affect an
         answer."""
         held = np.zeros((poses.shape[1], len(poses), 3), np.bool_)

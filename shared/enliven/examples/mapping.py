@@ -18,7 +18,7 @@ from enliven.errors import InputError
 from enliven.examples.poses import Examples
 from enliven.examples.spacetime import Conditions, Nearest, Nodes, Solution, conditions_of, solve
 
-_WHERE = "poses"
+_ERROR_PLACE = "poses"
 
 
 class ExampleMap:
@@ -71,13 +71,15 @@ class ExampleMap:
         pairs = len(self.examples.points)
         if poses.ndim != 3 or poses.shape[1:] != (pairs, 3) or len(poses) == 0:
             raise InputError(
-                f"there are {poses.shape} for {pairs} pairs", where=_WHERE, mend="Give (F, P, 3)."
+                f"there are {poses.shape} for {pairs} pairs", where=_ERROR_PLACE, mend="Give (F, P, 3)."
             )
         bad = ~np.isfinite(poses).all((1, 2))
         if bad.any():
             which = ", ".join(map(str, np.flatnonzero(bad)[:8])) + (", ..." if bad.sum() > 8 else "")
             mend = "Leave these frames out, or fill them."
-            raise InputError(f"{int(bad.sum())} frames are not finite: {which}", where=_WHERE, mend=mend)
+            raise InputError(
+                f"{int(bad.sum())} frames are not finite: {which}", where=_ERROR_PLACE, mend=mend
+            )
         return poses
 
     def nodes(self, poses: Float) -> Nodes:

@@ -24,48 +24,48 @@ from enliven.examples.performer import performed
 from enliven.examples.puppet_examples import Weak
 from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_about_y
 
-_MIDDLE = 0.65
+_LIMB_MIDDLE_COST = 0.65
 """Cost, in widths and heights, of following the middle of a limb. The end of a limb costs nothing."""
-_TRUNK = 0.5
+_TRUNK_COST = 0.5
 """Cost of following the trunk, which moves less than a limb."""
-_OTHER = 0.9
+_OTHER_JOINT_COST = 0.9
 """Cost of following any other joint, such as a finger's."""
-_END = 0.4
+_LIMB_END_FRACTION = 0.4
 """Fraction of a limb's length, from its end, that counts as its end."""
-_ACROSS = 0.5
+_WIDTH_WEIGHT = 0.5
 """Weight of width relative to height. Arms held out are wider than legs, which may not hold for those of a
 mesh."""
-_DEPTH = 0.3
+_DEPTH_WEIGHT = 0.3
 """Weight of depth relative to height."""
-_SIDE = 0.3
+_WRONG_SIDE_COST = 0.3
 """Cost of following a side joint from the middle, or a middle joint from a side. The opposite side costs
 twice that."""
-_NARROW = 0.1
+_MAX_POST_HALF_WIDTH = 0.1
 """Maximum half width, in heights, of a mesh that counts as a post without sides."""
-_BASE = 0.1
+_BASE_HEIGHT_FRACTION = 0.1
 """Fraction of the height below which a control point is at the base of a mesh."""
-_DEEPER = 1.5
+_MIN_DEPTH_RATIO = 1.5
 """Ratio of depth to width above which a mesh is compared from the side."""
-_STILL = 0.01
+_MIN_JOINT_MOTION = 0.01
 """A joint is still if it moves less than this fraction of body height relative to the hips."""
-_UPRIGHT = 0.6
+_MIN_UPRIGHT_RATIO = 0.6
 """Minimum ratio of height to length for a mesh without two feet to stand on one. A fish is longer."""
-_NEVER = 1000.0
+_LAST_RESORT_COST = 1000.0
 """Cost of a joint that is chosen only if no other joint is left."""
-_ASIDE = 0.15
+_SIDE_WIDTH_FRACTION = 0.15
 """Fraction of half the width beyond which a position is on a side."""
-_GROUNDED = 0.3
+_WRONG_GROUND_COST = 0.3
 """Cost of a foot joint for a point above the ground, and of another joint for a point on it, if the feet
 move."""
-_QUIET = 0.8
+_STILL_JOINT_COST = 0.8
 """Cost, in widths and heights, of a joint that hardly moves. The joint that moves most costs nothing."""
-_SAME_END = 5.0
+_SAME_END_COST = 5.0
 """Cost of a wrist or a finger relative to the end of the hand, which moves in the same way."""
-_CROSSED = 100.0
+_CROSSED_SIDES_COST = 100.0
 """Cost of a side joint for a point in the middle, and of a middle joint for two mirror images."""
-_KEPT = 16
+_CACHED_TAKES = 16
 """Number of takes in the least-recently-used cache of :func:`joint_motion`."""
-_HAND = 0.35
+_HAND_FRACTION = 0.35
 """Fraction of a limb, from its end, that is its hand or foot."""
 
 
@@ -95,11 +95,11 @@ class JointMotion:
 
 def joint_motion(clip: Clip) -> JointMotion:
     """Returns how much each joint moves in a take, from a cache if possible."""
-    return _motion(Weak(clip))
+    return _take_motion(Weak(clip))
 
 
-@lru_cache(maxsize=_KEPT)
-def _motion(take: Weak[Clip]) -> JointMotion:
+@lru_cache(maxsize=_CACHED_TAKES)
+def _take_motion(take: Weak[Clip]) -> JointMotion:
     clip = take()
     skeleton = clip.skeleton
     poses = performed(clip, skeleton.names).poses
@@ -107,7 +107,9 @@ def _motion(take: Weak[Clip]) -> JointMotion:
     variance = np.var(poses, axis=0).sum(1)
     variance = np.maximum(variance, variance[_mirror_images(anatomy_of(skeleton), len(skeleton))])
     shares = variance / max(float(variance.max()), 1e-12)
-    still = frozenset(name for name, moved in zip(skeleton.names, far, strict=True) if moved <= _STILL * tall)
+    still = frozenset(
+        name for name, moved in zip(skeleton.names, far, strict=True) if moved <= _MIN_JOINT_MOTION * tall
+    )
     return JointMotion(still, dict(zip(skeleton.names, shares.tolist(), strict=True)))
 
 
@@ -140,55 +142,60 @@ def guess_joints(
     deep = np.ptp(rest, axis=0)
     # Mirror images define left and right, even for a fish, which is longer than wide. Without them, the
     # longer horizontal side of the mesh is its side-to-side axis.
-    if partners is None and deep[2] > _DEEPER * deep[0]:
+    if partners is None and deep[2] > _MIN_DEPTH_RATIO * deep[0]:
         rest = turned_about_y(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
     root = skeleton.names[anatomy.trunk[0]]
     level = turned_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
-    level = _arms_out(level, anatomy)
+    level = _with_arms_out(level, anatomy)
     candidates = [
         candidate
-        for candidate in _candidates(anatomy, skeleton)
+        for candidate in _joint_costs(anatomy, skeleton)
         if skeleton.names[candidate.joint] not in taken
     ]
-    candidates = candidates or _candidates(anatomy, skeleton)
+    candidates = candidates or _joint_costs(anatomy, skeleton)
     candidates = [
         candidate for candidate in candidates if skeleton.names[candidate.joint] not in {*still} - {root}
     ] or candidates
     rows_wanted = list(range(len(rest))) if wanted is None else list(wanted)
-    bounds_points, ours = level, _normal(rest, rest[rows_wanted])
+    bounds_points, ours = level, _normalize_points(rest, rest[rows_wanted])
     base = np.zeros(len(ours), np.bool_)
     long = float(np.ptp(rest[:, [0, 2]], axis=0).max())
-    sides = _sides(_normal(rest, rest), partners)
-    if not _on_feet(_normal(rest, rest), sides) and np.ptp(rest[:, 1]) >= _UPRIGHT * long:
+    sides = _point_sides(_normalize_points(rest, rest), partners)
+    if (
+        not _stands_on_feet(_normalize_points(rest, rest), sides)
+        and np.ptp(rest[:, 1]) >= _MIN_UPRIGHT_RATIO * long
+    ):
         # A mesh that stands on a single foot, like a chess piece, has a head and hips, but no legs.
-        upper = _upper(candidates, anatomy, skeleton)
+        upper = _upper_body_candidates(candidates, anatomy, skeleton)
         if len(upper) >= len(ours):
             candidates, bounds_points = upper, level[[candidate.joint for candidate in upper]]
             base[ours[:, 1].argmin()] = True
     joints = [candidate.joint for candidate in candidates]
-    theirs = _normal(bounds_points, level[joints])
-    away = np.abs(ours[:, None] - theirs[None]) @ [_ACROSS, 1.0, _DEPTH]
+    theirs = _normalize_points(bounds_points, level[joints])
+    away = np.abs(ours[:, None] - theirs[None]) @ [_WIDTH_WEIGHT, 1.0, _DEPTH_WEIGHT]
     side_difference = np.abs(sides[rows_wanted][:, None] - [candidate.side for candidate in candidates])
     feet = foot_joints(skeleton)
-    unlike = (ours[:, 1] < _BASE)[:, None] != [skeleton.names[joint] in feet for joint in joints]
+    unlike = (ours[:, 1] < _BASE_HEIGHT_FRACTION)[:, None] != [
+        skeleton.names[joint] in feet for joint in joints
+    ]
     acting = 1.0 if motion is None else max((motion.shares[name] for name in feet), default=0.0)
     cost = (
         away
         + [candidate.cost for candidate in candidates]
-        + _SIDE * side_difference
-        + _GROUNDED * acting * unlike
+        + _WRONG_SIDE_COST * side_difference
+        + _WRONG_GROUND_COST * acting * unlike
     )
     if motion is not None:
-        quiet = [_QUIET * (1.0 - motion.shares[skeleton.names[joint]]) for joint in joints]
+        quiet = [_STILL_JOINT_COST * (1.0 - motion.shares[skeleton.names[joint]]) for joint in joints]
         cost += np.where(base[:, None], 0.0, quiet)
     for column, joint in enumerate(joints):
         if skeleton.names[joint] in still:
-            cost[~base | (ours[:, 1] > _BASE), column] += _NEVER
-    rows, columns = _units(rows_wanted, partners), [(column,) for column in range(len(joints))]
+            cost[~base | (ours[:, 1] > _BASE_HEIGHT_FRACTION), column] += _LAST_RESORT_COST
+    rows, columns = _point_units(rows_wanted, partners), [(column,) for column in range(len(joints))]
     if partners is not None:
         columns = _joint_units(joints, anatomy, skeleton)
-    chosen = _assigned(cost, rows, columns)
+    chosen = _assign_units(cost, rows, columns)
     return tuple(skeleton.names[joints[chosen[row]]] for row in range(len(rows_wanted)))
 
 
@@ -200,7 +207,7 @@ def mirror_joint(skeleton: Skeleton, name: str) -> str:
 def foot_joints(skeleton: Skeleton) -> frozenset[str]:
     """Returns the names of the joints of feet: the last part of each leg and all joints below it."""
     limbs = [limb for pair in anatomy_of(skeleton).legs for limb in pair]
-    return frozenset(skeleton.names[joint] for limb in limbs for joint in _hand(skeleton, limb))
+    return frozenset(skeleton.names[joint] for limb in limbs for joint in _hand_joints(skeleton, limb))
 
 
 def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> list[int]:
@@ -213,7 +220,7 @@ def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int
         partners: (P,) the mirror image of each point, which is kept or dropped together with it.
     """
     anatomy = anatomy_of(skeleton)
-    parts = {joint: limb.chain[-1] for limb in _limbs(anatomy) for joint in _hand(skeleton, limb)}
+    parts = {joint: limb.chain[-1] for limb in _all_limbs(anatomy) for joint in _hand_joints(skeleton, limb)}
     taken, dropped = dict[int, str](), set[int]()
     for own, joint in enumerate(joints):
         part = parts.get(skeleton.index(joint))
@@ -224,7 +231,7 @@ def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int
     return [own for own in range(len(joints)) if own not in dropped]
 
 
-def _assigned(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) -> dict[int, int]:
+def _assign_units(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) -> dict[int, int]:
     """Solves the assignment problem unit by unit. Returns the column of each row of a cost matrix (R, C)."""
     units, ways = np.empty((len(rows), len(columns))), dict[tuple[int, int], tuple[int, ...]]()
     for r, row in enumerate(rows):
@@ -232,7 +239,7 @@ def _assigned(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) -> d
             units[r, c], ways[r, c] = _unit_cost(cost, row, column)
     times = max(-(-len(rows) // len(columns)), 1)
     assignment = scipy.optimize.linear_sum_assignment(
-        np.concatenate([units + 10.0 * _NEVER * k for k in range(times)], axis=1)
+        np.concatenate([units + 10.0 * _LAST_RESORT_COST * k for k in range(times)], axis=1)
     )
     chosen = dict[int, int]()
     for r, c in zip(*assignment, strict=True):
@@ -250,10 +257,10 @@ def _unit_cost(cost: Float, row: _Unit, column: _Unit) -> tuple[float, tuple[int
         return float(cost[row, least].sum()), least
     alone = [(single_column,) * len(row) for single_column in column]
     least = min(alone, key=lambda way: cost[row, way].sum())
-    return float(cost[row, least].sum()) + _CROSSED, least
+    return float(cost[row, least].sum()) + _CROSSED_SIDES_COST, least
 
 
-def _units(wanted: Sequence[int], partners: Sequence[int] | None) -> list[_Unit]:
+def _point_units(wanted: Sequence[int], partners: Sequence[int] | None) -> list[_Unit]:
     """Returns the rows of the wanted control points, in pairs if both mirror images are wanted."""
     row = {point: number for number, point in enumerate(wanted)}
     units = list[_Unit]()
@@ -268,7 +275,7 @@ def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) ->
     """Returns the columns of middle joints one by one, and those of the sides in pairs."""
     column = {joint: number for number, joint in enumerate(joints)}
     images = _mirror_images(anatomy, len(skeleton))
-    aside = {joint for limb in _limbs(anatomy) for joint in skeleton.below(_own(limb)[0])}
+    aside = {joint for limb in _all_limbs(anatomy) for joint in skeleton.below(_own_joints(limb)[0])}
     units = list[_Unit]()
     for joint, number in column.items():
         other = int(images[joint])
@@ -284,36 +291,38 @@ def _mirror_images(anatomy: Anatomy, count: int) -> Int:
     themselves."""
     images = np.arange(count)
     for left, right in anatomy.pairs:
-        for left_joint, right_joint in zip(_own(left)[::-1], _own(right)[::-1], strict=False):
+        for left_joint, right_joint in zip(_own_joints(left)[::-1], _own_joints(right)[::-1], strict=False):
             images[left_joint], images[right_joint] = right_joint, left_joint
     return images
 
 
-def _limbs(anatomy: Anatomy) -> Iterable[SkeletonLimb]:
+def _all_limbs(anatomy: Anatomy) -> Iterable[SkeletonLimb]:
     return (limb for pair in anatomy.pairs for limb in pair)
 
 
-def _hand(skeleton: Skeleton, limb: SkeletonLimb) -> set[int]:
+def _hand_joints(skeleton: Skeleton, limb: SkeletonLimb) -> set[int]:
     """Returns the joints of the last part of a limb: a hand with its fingers, or a foot with its toes."""
     proper = limb.proper
     left = np.cumsum(skeleton.lengths[list(proper[1:])][::-1])[::-1]
-    first = next((j for j, rest in zip(proper[1:], left[1:], strict=False) if rest < _HAND * left[0]), None)
+    first = next(
+        (j for j, rest in zip(proper[1:], left[1:], strict=False) if rest < _HAND_FRACTION * left[0]), None
+    )
     return set(skeleton.below(first)) if first is not None else {limb.chain[-1]}
 
 
-def _own(limb: SkeletonLimb) -> tuple[int, ...]:
+def _own_joints(limb: SkeletonLimb) -> tuple[int, ...]:
     """Returns the joints of a limb without the junction that it starts from."""
     return limb.chain[max(limb.start, 1) :]
 
 
-def _on_feet(points: Float, sides: Float) -> bool:
+def _stands_on_feet(points: Float, sides: Float) -> bool:
     """Returns True if the lowest points (N, 3), in fractions of the size, are on both sides (N,), or if there
     are none."""
-    low = sides[points[:, 1] < _BASE]
+    low = sides[points[:, 1] < _BASE_HEIGHT_FRACTION]
     return not len(low) or {1.0, -1.0} <= set(low.tolist())
 
 
-def _upper(found: list[_Candidate], anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
+def _upper_body_candidates(found: list[_Candidate], anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     """Returns the candidates without legs, with no cost for the hips."""
     legs = {joint for pair in anatomy.legs for limb in pair for joint in skeleton.below(limb.chain[1])}
     upper = [candidate for candidate in found if candidate.joint not in legs]
@@ -323,7 +332,7 @@ def _upper(found: list[_Candidate], anatomy: Anatomy, skeleton: Skeleton) -> lis
     ]
 
 
-def _arms_out(level: Float, anatomy: Anatomy) -> Float:
+def _with_arms_out(level: Float, anatomy: Anatomy) -> Float:
     """Returns (N, 3) joints with the arms held out to the sides. In a hanging arm, the hand would be below
     its elbow."""
     out = level.copy()
@@ -335,16 +344,16 @@ def _arms_out(level: Float, anatomy: Anatomy) -> Float:
     return out
 
 
-def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
+def _joint_costs(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     """Returns every joint once, with the cost of its kind: end of a limb, middle of a limb, trunk, or other.
 
     Joints near the end, such as a wrist before fingers, have a high cost, since the end moves in the same
     way.
     """
-    cost, side = np.full(len(skeleton), _OTHER), np.zeros(len(skeleton), np.int64)
+    cost, side = np.full(len(skeleton), _OTHER_JOINT_COST), np.zeros(len(skeleton), np.int64)
     singles: list[SkeletonLimb] = [limb for limb in (anatomy.head, anatomy.tail) if limb is not None]
     limbs = [limb for pair in anatomy.pairs for limb in pair] + singles
-    cost[list(anatomy.trunk)] = _TRUNK
+    cost[list(anatomy.trunk)] = _TRUNK_COST
     for limb in limbs:
         proper = list(limb.proper)
         lengths_left = np.cumsum(skeleton.lengths[proper[1:]][::-1])[::-1]
@@ -353,11 +362,11 @@ def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
         middle = [
             joint
             for joint, length in zip(proper[1:], lengths_left[1:], strict=False)
-            if length > _END * lengths_left[0]
+            if length > _LIMB_END_FRACTION * lengths_left[0]
         ]
-        cost[middle] = _MIDDLE
+        cost[middle] = _LIMB_MIDDLE_COST
     for limb in limbs:
-        cost[list(_hand(skeleton, limb))] = _SAME_END
+        cost[list(_hand_joints(skeleton, limb))] = _SAME_END_COST
         cost[limb.chain[-1]] = 0.0
     if anatomy.head is None:  # The head is too short to be found as a limb.
         single = np.setdiff1d(np.arange(len(skeleton)), [joint for limb in limbs for joint in limb.chain[1:]])
@@ -367,7 +376,7 @@ def _candidates(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
     return [_Candidate(joint, float(cost[joint]), int(side[joint])) for joint in range(len(skeleton))]
 
 
-def _normal(all_points: Float, points: Float) -> Float:
+def _normalize_points(all_points: Float, points: Float) -> Float:
     """Scales points (N, 3): width to -1..1, height to 0..1, and depth in heights."""
     low, high = all_points.min(0), all_points.max(0)
     tall = max(float(high[1] - low[1]), 1e-9)
@@ -375,15 +384,15 @@ def _normal(all_points: Float, points: Float) -> Float:
     wide = float(high[0] - low[0]) / 2
     # A narrow mesh, such as a post, has no left and right side. Dividing by its width would turn noise into
     # sides.
-    across = 1.0 / wide if wide > _NARROW * tall else 0.0
+    across = 1.0 / wide if wide > _MAX_POST_HALF_WIDTH * tall else 0.0
     return np.asarray((points - [middle[0], low[1], middle[2]]) * [across, 1.0 / tall, 1.0 / tall])
 
 
-def _sides(points: Float, partners: Sequence[int] | None) -> Float:
+def _point_sides(points: Float, partners: Sequence[int] | None) -> Float:
     """Returns (N,) 1 on the left, -1 on the right, 0 in the middle. Known mirror images define the middle
     exactly."""
     if partners is None:
-        aside = np.abs(points[:, 0]) > _ASIDE
+        aside = np.abs(points[:, 0]) > _SIDE_WIDTH_FRACTION
     else:
         aside = np.asarray(partners) != np.arange(len(points))
     return np.asarray(np.sign(points[:, 0]) * aside)

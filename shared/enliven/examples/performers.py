@@ -23,7 +23,7 @@ from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.mapping import Anatomy, anatomy_of, turned_about_y
 
-_SAME = 1e-9
+_SAME_SKELETON_TOLERANCE = 1e-9
 """Maximum difference between the joints of equal skeletons, as a fraction of the skeleton's size."""
 
 
@@ -62,9 +62,9 @@ def cast(reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: st
     Raises:
         InputError: if the skeleton lacks a joint and has none like it; the message lists its joints.
     """
-    if reference is skeleton or _alike(reference, skeleton):
+    if reference is skeleton or _is_same_performer(reference, skeleton):
         for name in joints:
-            _known(skeleton, name, who)
+            _check_joint(skeleton, name, who)
         return Role(tuple(joints), np.ones(len(joints)), 0.0)
     own_joints, notes = list[str](), list[str]()
     parts: tuple[Anatomy, Anatomy] | None = None
@@ -72,29 +72,36 @@ def cast(reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: st
         if name in skeleton.names:
             own_joints.append(name)
             continue
-        _known(reference, name, who)
+        _check_joint(reference, name, who)
         parts = parts or (anatomy_of(reference), anatomy_of(skeleton))
-        counterpart = _counterpart(reference, skeleton, *parts, reference.names.index(name))
+        counterpart = _counterpart_joint(reference, skeleton, *parts, reference.names.index(name))
         if counterpart is None:
-            _known(skeleton, name, who)
+            _check_joint(skeleton, name, who)
         else:
             own_joints.append(skeleton.names[counterpart])
             notes.append(f"{who}: {name!r} is taken to be {own_joints[-1]!r}")
     factors = np.ones(len(joints))
     for k, (name, mine) in enumerate(zip(joints, own_joints, strict=True)):
         if name in reference.names:
-            reference_reach, own_reach = _reach(reference, name), _reach(skeleton, mine)
+            reference_reach, own_reach = (
+                _distance_from_root(reference, name),
+                _distance_from_root(skeleton, mine),
+            )
             factors[k] = reference_reach / own_reach if reference_reach > 0.0 and own_reach > 0.0 else 1.0
     parts = parts or (anatomy_of(reference), anatomy_of(skeleton))
     turn, size = parts[0].facing - parts[1].facing, _size_ratio(reference, skeleton, *parts)
     return Role(tuple(own_joints), factors, turn, tuple(notes), size)
 
 
-def _alike(a: Skeleton, b: Skeleton) -> bool:
+def _is_same_performer(a: Skeleton, b: Skeleton) -> bool:
     """Returns True if two skeletons belong to the same performer."""
     if a.names != b.names or not np.array_equal(a.parents, b.parents):
         return False
-    return bool(np.allclose(a.vectors, b.vectors, rtol=0.0, atol=_SAME * (float(a.lengths.sum()) or 1.0)))
+    return bool(
+        np.allclose(
+            a.vectors, b.vectors, rtol=0.0, atol=_SAME_SKELETON_TOLERANCE * (float(a.lengths.sum()) or 1.0)
+        )
+    )
 
 
 def _size_ratio(reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: Anatomy) -> float:
@@ -114,7 +121,7 @@ def _leg_length(skeleton: Skeleton, anatomy: Anatomy) -> float:
     return float(np.mean(legs)) if legs else 0.0
 
 
-def _known(skeleton: Skeleton, name: str, who: str) -> None:
+def _check_joint(skeleton: Skeleton, name: str, who: str) -> None:
     """Raises an error if a skeleton lacks a joint."""
     if name not in skeleton.names:
         mend = f"Known: {', '.join(skeleton.names)}."
@@ -123,31 +130,31 @@ def _known(skeleton: Skeleton, name: str, who: str) -> None:
         )
 
 
-def _reach(skeleton: Skeleton, name: str) -> float:
+def _distance_from_root(skeleton: Skeleton, name: str) -> float:
     """Returns metres along the bones from the root to a joint."""
     return float(skeleton.lengths[list(skeleton.path(0, skeleton.index(name)))].sum())
 
 
-def _counterpart(
+def _counterpart_joint(
     reference: Skeleton, skeleton: Skeleton, theirs: Anatomy, ours: Anatomy, joint: int
 ) -> int | None:
     """Returns the joint at the same part of the body as ``joint`` in the reference, and equally far along
     it."""
     if joint == 0:
         return 0
-    parts, own = _parts(theirs), _parts(ours)
+    parts, own = _body_chains(theirs), _body_chains(ours)
     at = joint
     while at >= 0:
         for name, chain in parts.items():
             if at in chain[1:] and name in own:
-                shares = _shares(skeleton, own[name])
-                wanted = _shares(reference, chain)[chain.index(at)]
+                shares = _chain_positions(skeleton, own[name])
+                wanted = _chain_positions(reference, chain)[chain.index(at)]
                 return own[name][int(np.abs(shares - wanted).argmin())]
         at = int(reference.parents[at])
     return None
 
 
-def _parts(anatomy: Anatomy) -> dict[tuple[str, int, int], tuple[int, ...]]:
+def _body_chains(anatomy: Anatomy) -> dict[tuple[str, int, int], tuple[int, ...]]:
     """Returns chains of joints by their kind, number and side."""
     parts = {("trunk", 0, 0): anatomy.trunk}
     for kind, pairs in (("arm", anatomy.arms), ("leg", anatomy.legs)):
@@ -160,7 +167,7 @@ def _parts(anatomy: Anatomy) -> dict[tuple[str, int, int], tuple[int, ...]]:
     return parts
 
 
-def _shares(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
+def _chain_positions(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
     """Returns (K,) 0 to 1: the position of each joint along a chain, by length."""
     ways = np.concatenate([[0.0], np.cumsum(skeleton.lengths[list(chain[1:])])])
     return np.asarray(ways / max(float(ways[-1]), 1e-12))

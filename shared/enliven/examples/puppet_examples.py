@@ -119,13 +119,13 @@ def examples_with(
     names = tuple(point.name for point in points)
     reference = reference_among([take.skeleton for take in takes], joints)
     targets = np.stack([pose.places for pose in poses])
-    examples = Examples(joints, names, _shown(takes, poses, joints, reference), targets)
+    examples = Examples(joints, names, _shown_poses(takes, poses, joints, reference), targets)
     if symmetry is None:
         return examples
     at, across = np.array(symmetry.point), np.array(symmetry.normal)
     rest = mesh.vertices[[point.vertex for point in points]]
     partners = partners_of(rest, at, across, names=names)
-    return doubled(examples, partners, rest, across, _left_right(reference, joints, partners))
+    return doubled(examples, partners, rest, across, _left_right_axis(reference, joints, partners))
 
 
 def some_of(examples: Examples, pairs: Sequence[int]) -> Examples:
@@ -136,7 +136,7 @@ def some_of(examples: Examples, pairs: Sequence[int]) -> Examples:
     return Examples(joints, points, sources[kept], targets[kept])
 
 
-def _left_right(reference: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> Float | None:
+def _left_right_axis(reference: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> Float | None:
     """Returns (3,) the performer's left-right axis at rest, horizontal. During a stride, feet are farther
     apart in depth."""
     places = reference.positions[[reference.index(name) for name in joints]]
@@ -182,7 +182,7 @@ def lacks(
         joint_names = reference_among(skeletons, [point.joint for point in points]).names
         sentences += [
             f"Pair {point.name!r} with another joint: the performer of the key poses has no {point.joint!r}"
-            f"{_nearest(point.joint, joint_names)}."
+            f"{_similar_names(point.joint, joint_names)}."
             for point in points
             if point.joint and point.joint not in joint_names
         ]
@@ -199,7 +199,7 @@ def lacks(
     return tuple(sentences)
 
 
-def _nearest(name: str, known: Sequence[str]) -> str:
+def _similar_names(name: str, known: Sequence[str]) -> str:
     """Returns the most similarly spelt names, as part of a sentence."""
     alike = get_close_matches(name, known, n=3, cutoff=0.4)
     return f" (there are {', '.join(alike)})" if alike else ""
@@ -219,7 +219,7 @@ def frame_at(clip: Clip, seconds: float) -> int:
     return frame
 
 
-def _shown(
+def _shown_poses(
     takes: Sequence[Clip], poses: Sequence[KeyPose], joints: tuple[str, ...], reference: Skeleton
 ) -> Float:
     """Returns (n, P, 3) metres, the paired joints in the body frame at key poses, converted to the

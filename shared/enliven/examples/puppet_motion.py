@@ -25,7 +25,7 @@ from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.mapping import turned_about_y
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 
-_KEPT = 64
+_CACHED_MOTIONS = 64
 """Number of motions in the least-recently-used cache, over all puppets, layers and edits."""
 
 
@@ -53,7 +53,7 @@ def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
     Raises:
         InputError: if the puppet or the layer lacks data, or constraints contradict one another.
     """
-    return _kept(material_of(project, puppet, _played(puppet, layer)))
+    return _cached_motion(material_of(project, puppet, _layer_numbered(puppet, layer)))
 
 
 def state_of(project: Project, puppet: Puppet, time: float) -> State:
@@ -107,7 +107,7 @@ def pose_of_state(puppet: Puppet, state: State, time_ns: int = 0) -> Pose:
     return Pose(puppet.id, time_ns, linear, in_world(puppet, state, places).astype(np.float32))
 
 
-def _played(puppet: Puppet, number: int) -> PuppetLayer:
+def _layer_numbered(puppet: Puppet, number: int) -> PuppetLayer:
     if not 0 <= number < len(puppet.layers):
         problem = f"layer {number} does not exist"
         mend = f"It has {len(puppet.layers)}."
@@ -115,6 +115,6 @@ def _played(puppet: Puppet, number: int) -> PuppetLayer:
     return puppet.layers[number]
 
 
-@lru_cache(maxsize=_KEPT)
-def _kept(material: Material) -> PuppetMotion:
+@lru_cache(maxsize=_CACHED_MOTIONS)
+def _cached_motion(material: Material) -> PuppetMotion:
     return solved(material)

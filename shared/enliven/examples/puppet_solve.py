@@ -122,10 +122,10 @@ class _Solve:
     def located(self, places: Float, yaw: Float) -> PlacedMotion:
         """Returns the motion of control points (F, P, 3) in the world, moved only by the mesh's own feet."""
         mixed = self._rest + self._layer.weight * (places - self._rest)
-        if self._by is None:
+        if self._performer_feet is None:
             still = np.zeros((len(places), 3))
-            return PlacedMotion(turned_about_y(mixed, yaw[:, None]), still, _nothing_stands(places), ())
-        placed = self._by.locate(mixed, yaw, self._stands, self._layer.switches)
+            return PlacedMotion(turned_about_y(mixed, yaw[:, None]), still, _no_anchors(places), ())
+        placed = self._performer_feet.locate(mixed, yaw, self._alternating_stance, self._layer.switches)
         # Keep the control points of the feet as high above the soles as in the rest pose.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
         if self._travel.feet:
@@ -134,7 +134,7 @@ class _Solve:
         turned = placed.world - placed.root[:, None]
         middle = turned[:, self._feet].mean(1) - turned[0, self._feet].mean(0)
         root = np.where([True, False, True], -middle, placed.root)
-        return replace(placed, root=root, world=turned + root[:, None], anchors=_nothing_stands(places))
+        return replace(placed, root=root, world=turned + root[:, None], anchors=_no_anchors(places))
 
     @cached_property
     def path(self) -> Complex:
@@ -152,7 +152,7 @@ class _Solve:
         following = PathFollower(size, self._material.locomotion, self.took.step, len(feet))
         how, down = self._material.locomotion.contact, np.zeros((len(placed.root), 0), np.bool_)
         if feet:
-            down = self._stands | (placed.anchors[:, None] == feet)
+            down = self._alternating_stance | (placed.anchors[:, None] == feet)
             down &= (placed.anchors >= 0)[:, None]
         pulls, held, pull = np.empty(len(down), np.complex128), np.empty(down.shape, np.complex128), 0j
         off = self.path - (on_floor(placed.root) - on_floor(placed.root[0]))
@@ -181,7 +181,7 @@ class _Solve:
         if how.plant <= 0.0 or not self._travel.feet:
             return places
         mixed = self._rest + weight * (places - self._rest)
-        still = planted(mixed, yaw, placed, self._feet, self._stands, self.took.step, how)
+        still = planted(mixed, yaw, placed, self._feet, self._alternating_stance, self.took.step, how)
         return places + (still - mixed) / weight
 
     @property
@@ -190,7 +190,7 @@ class _Solve:
         return self._feet if self._travel.feet else []
 
     @cached_property
-    def _by(self) -> PerformerFeet | None:
+    def _performer_feet(self) -> PerformerFeet | None:
         """The performer's feet, or None if no control point is a foot."""
         if not self._feet:
             return None
@@ -200,10 +200,10 @@ class _Solve:
         )
 
     @cached_property
-    def _stands(self) -> Bool:
+    def _alternating_stance(self) -> Bool:
         """(F, K) true for alternating feet that stand."""
-        assert self._by is not None
-        return self._by.stands() & np.isin(self._feet, self._travel.feet)
+        assert self._performer_feet is not None
+        return self._performer_feet.stands() & np.isin(self._feet, self._travel.feet)
 
     def level(self, placed: PlacedMotion) -> tuple[Coupling, ...]:
         """Returns constraints for equal heights of feet when the anchor changes, unless they contradict the
@@ -212,18 +212,18 @@ class _Solve:
             return ()
         wanted = placed.couplings([point.name for point in self._material.points])
         room = self.examples, len(self.took.poses), self.took.step
-        if _agree((*self._asked, *wanted), *room):
+        if _constraints_agree((*self._asked, *wanted), *room):
             return wanted
         kept: tuple[Coupling, ...] = ()
         for coupling in wanted:
-            if _agree((*self._asked, *kept, coupling), *room):
+            if _constraints_agree((*self._asked, *kept, coupling), *room):
                 kept = (*kept, coupling)
         return kept
 
     def motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:
         """Returns the solved motion, with read-only arrays, since all callers share it."""
         still, path = np.zeros((len(places), 3)), from_floor(self.path)
-        way = (still, still, _nothing_stands(places), ())
+        way = (still, still, _no_anchors(places), ())
         if placed:
             way = (placed.root, path, placed.anchors, placed.switches)
         kept = (self.took.step, tuple(self._moved), places, self._rest, self._layer.weight, yaw)
@@ -232,12 +232,14 @@ class _Solve:
         return PuppetMotion(*kept, *way, self.travels, self._role.notes)
 
 
-def _nothing_stands(places: Float) -> Int:
+def _no_anchors(places: Float) -> Int:
     """Returns (F,) anchors for places (F, P, 3) without a standing foot."""
     return np.full(len(places), -1, np.int64)
 
 
-def _agree(constraints: tuple[Constraint, ...], examples: Examples, frames: int, step: float) -> bool:
+def _constraints_agree(
+    constraints: tuple[Constraint, ...], examples: Examples, frames: int, step: float
+) -> bool:
     try:
         conditions_of(constraints, examples, frames, step)
     except InputError:

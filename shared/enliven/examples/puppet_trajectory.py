@@ -57,7 +57,7 @@ class PuppetMotion:
 
     def places_at(self, frame: float) -> Float:
         """Returns (P, 3) metres, interpolated at a fractional frame."""
-        before, after, part = self._between(frame)
+        before, after, part = self._frames_around(frame)
         return np.asarray((1.0 - part) * self.places[before] + part * self.places[after])
 
     def frame_of(self, second: float) -> float:
@@ -73,21 +73,21 @@ class PuppetMotion:
         The ends are seconds of the take; None uses its own ends. The anchor stays in place between frames as
         well as at them.
         """
-        before, after, part = self._between(frame)
+        before, after, part = self._frames_around(frame)
         yaw = float((1.0 - part) * self.yaw[before] + part * self.yaw[after])
         root = (1.0 - part) * self.root[before] + part * self.root[after]
         anchor = int(self.anchors[after])
         if anchor >= 0:
-            place_before, place_after = (self._standing(f, anchor) for f in (before, after))
+            place_before, place_after = (self._world_position(f, anchor) for f in (before, after))
             anchor_place = (1.0 - part) * place_before + part * place_after
             turned = [
-                _turned(place - self.root[f], -self.yaw[f])
+                _turn_about_y(place - self.root[f], -self.yaw[f])
                 for place, f in ((place_before, before), (place_after, after))
             ]
-            root = anchor_place - _turned((1.0 - part) * turned[0] + part * turned[1], yaw)
-        return self._gone(yaw, np.asarray(root), frame, rounds, ends)
+            root = anchor_place - _turn_about_y((1.0 - part) * turned[0] + part * turned[1], yaw)
+        return self._after_rounds(yaw, np.asarray(root), frame, rounds, ends)
 
-    def _gone(
+    def _after_rounds(
         self, yaw: float, root: Float, frame: float, rounds: int, ends: tuple[float, float] | None
     ) -> tuple[float, Float]:
         """Returns the yaw and the root after whole rounds. Each round continues where the previous one ended.
@@ -100,17 +100,17 @@ class PuppetMotion:
             return yaw, root
         a, b = (0, -1) if ends is None else (round(self.frame_of(end)) for end in ends)
         turn = float(self.yaw[b] - self.yaw[a])
-        offset = self.path[b] - _turned(self.path[a], turn)
+        offset = self.path[b] - _turn_about_y(self.path[a], turn)
         half = np.sin(0.5 * turn)
         series = rounds if abs(half) < 1e-9 else np.sin(0.5 * rounds * turn) / half
-        gone = series * _turned(offset, 0.5 * (rounds - 1) * turn)
-        off = self._joined(a, b, turn) - offset
-        done = _eased((frame - a) / max((b % self.frames) - a, 1))
+        gone = series * _turn_about_y(offset, 0.5 * (rounds - 1) * turn)
+        off = self._round_offset(a, b, turn) - offset
+        done = _ease_in_out((frame - a) / max((b % self.frames) - a, 1))
         back = 1.0 - done if rounds > 0 else -done
-        off = back * _turned(off, (rounds - 1 if rounds > 0 else rounds) * turn)
-        return yaw + rounds * turn, _turned(root, rounds * turn) + gone + off
+        off = back * _turn_about_y(off, (rounds - 1 if rounds > 0 else rounds) * turn)
+        return yaw + rounds * turn, _turn_about_y(root, rounds * turn) + gone + off
 
-    def _joined(self, a: int, b: int, turn: float) -> Float:
+    def _round_offset(self, a: int, b: int, turn: float) -> Float:
         """Returns (3,) the offset of a round that begins at frame ``a`` where the last one ended at ``b``.
 
         The anchor of the last frame stays in place, or the root in flight. Heights stay.
@@ -118,24 +118,24 @@ class PuppetMotion:
         anchor = int(self.anchors[b])
         last, first = self.root[b], self.root[a]
         if anchor >= 0:
-            last, first = self._standing(b, anchor), self._standing(a, anchor)
-        return np.asarray((last - _turned(first, turn)) * [1.0, 0.0, 1.0])
+            last, first = self._world_position(b, anchor), self._world_position(a, anchor)
+        return np.asarray((last - _turn_about_y(first, turn)) * [1.0, 0.0, 1.0])
 
-    def _standing(self, frame: int, point: int) -> Float:
+    def _world_position(self, frame: int, point: int) -> Float:
         """Returns (3,) metres, the world position of a control point at a frame, from this layer alone."""
         mixed = self.rest[point] + self.weight * (self.places[frame, point] - self.rest[point])
-        return np.asarray(_turned(mixed, self.yaw[frame]) + self.root[frame])
+        return np.asarray(_turn_about_y(mixed, self.yaw[frame]) + self.root[frame])
 
-    def _between(self, frame: float) -> tuple[int, int, float]:
+    def _frames_around(self, frame: float) -> tuple[int, int, float]:
         before = min(int(frame), self.frames - 1)
         return before, min(before + 1, self.frames - 1), frame - before
 
 
-def _turned(vector: Float, angle: float) -> Float:
+def _turn_about_y(vector: Float, angle: float) -> Float:
     return np.asarray(turned_about_y(vector, np.asarray(angle)))
 
 
-def _eased(part: float) -> float:
+def _ease_in_out(part: float) -> float:
     """Returns 0 to 1 while ``part`` goes from 0 to 1, slowly at both ends."""
     part = min(max(part, 0.0), 1.0)
     return part * part * (3.0 - 2.0 * part)

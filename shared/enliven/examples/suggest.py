@@ -63,16 +63,16 @@ def suggest_poses(poses: Float, settings: SuggestSettings | None = None) -> Sugg
             f"{len(poses)} poses were given; at least two are needed, and all must be finite",
             where="key poses",
         )
-    frames = [int(_distance(poses, np.median(poses, axis=0)).argmin())]
-    away, gaps = _distance(poses, poses[frames[0]]), list[float]()
-    away[_slips(poses, settings.slip * float(np.median(away)))] = 0.0
+    frames = [int(_pose_distance(poses, np.median(poses, axis=0)).argmin())]
+    away, gaps = _pose_distance(poses, poses[frames[0]]), list[float]()
+    away[_is_outlier(poses, settings.slip * float(np.median(away)))] = 0.0
     while True:
         farthest = int(away.argmax())
         gaps.append(float(away[farthest]))
         if gaps[-1] <= 1e-6 * gaps[0] or len(frames) == settings.most:
             break
         frames.append(farthest)
-        away = np.minimum(away, _distance(poses, poses[farthest]))
+        away = np.minimum(away, _pose_distance(poses, poses[farthest]))
     if len(frames) < 2:
         raise InputError("the performer never moves", where="key poses", mend="Choose another part of it.")
     few = [k + 1 for k, gap in enumerate(gaps) if gap <= settings.enough * gaps[0]]
@@ -93,11 +93,13 @@ def further_poses(poses: Float, known: Float, settings: SuggestSettings | None =
     poses = np.array(poses, np.float64)
     alone = suggest_poses(poses, settings)
     away = distance_to(poses, known)
-    away[_slips(poses, settings.slip * float(np.median(_distance(poses, poses[alone.frames[0]]))))] = 0.0
+    away[
+        _is_outlier(poses, settings.slip * float(np.median(_pose_distance(poses, poses[alone.frames[0]]))))
+    ] = 0.0
     frames, gaps = list[int](), [float(away.max())]
     while gaps[-1] > 1e-6 * alone.gaps[0] and len(frames) + len(known) < settings.most:
         frames.append(int(away.argmax()))
-        away = np.minimum(away, _distance(poses, poses[frames[-1]]))
+        away = np.minimum(away, _pose_distance(poses, poses[frames[-1]]))
         gaps.append(float(away.max()))
     few = [k for k, gap in enumerate(gaps) if gap <= settings.enough * alone.gaps[0]]
     return SuggestedPoses(tuple(frames), tuple(gaps), few[0] if few else len(frames))
@@ -106,10 +108,10 @@ def further_poses(poses: Float, known: Float, settings: SuggestSettings | None =
 def distance_to(poses: Float, known: Float) -> Float:
     """Returns (F,) root-mean-square distances over joints from poses (F, P, 3) to the nearest of (n, P, 3),
     in metres."""
-    return np.asarray(np.min([_distance(poses, pose) for pose in known], axis=0))
+    return np.asarray(np.min([_pose_distance(poses, pose) for pose in known], axis=0))
 
 
-def _slips(poses: Float, far: float) -> Bool:
+def _is_outlier(poses: Float, far: float) -> Bool:
     """Returns (F,) true for frames far from both neighbours (tracking outliers).
 
     If that holds for at least half of the frames, it returns False for all.
@@ -119,6 +121,6 @@ def _slips(poses: Float, far: float) -> Bool:
     return alone if alone.mean() < 0.5 else np.zeros(len(poses), np.bool_)
 
 
-def _distance(poses: Float, pose: Float) -> Float:
+def _pose_distance(poses: Float, pose: Float) -> Float:
     """Returns (F,) metres, the root-mean-square distance over the joints."""
     return np.asarray(np.sqrt(((poses - pose) ** 2).sum(2).mean(1)))

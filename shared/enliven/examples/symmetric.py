@@ -14,7 +14,7 @@ from enliven.arrays import Float, Int
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
 
-_SAME = 1e-3
+_SELF_MIRROR_TOLERANCE = 1e-3
 """A pose equals its own mirror image if it differs by less than this fraction of its size."""
 
 
@@ -81,19 +81,19 @@ def doubled(
     order = np.asarray(partners)
     if sorted(order) != list(range(len(examples.points))) or (order[order] != np.arange(len(order))).any():
         raise InputError(f"partners {tuple(partners)} are not each other's", where="symmetry")
-    axis = _left_right(examples, order) if across is None else np.asarray(across, np.float64)
+    axis = _left_right_axis(examples, order) if across is None else np.asarray(across, np.float64)
     sources = reflected(examples.sources[:, order], np.zeros(3), axis)
     targets = mirrored_places(examples.targets, np.asarray(rest, np.float64), list(order), normal)
     all_sources, all_targets = list(examples.sources), list(examples.targets)
     for source, target in zip(sources, targets, strict=True):
         distances = [np.sqrt(((source - earlier) ** 2).sum(1).mean()) for earlier in all_sources]
-        if min(distances) > _SAME * examples.source_size:
+        if min(distances) > _SELF_MIRROR_TOLERANCE * examples.source_size:
             all_sources.append(source)
             all_targets.append(target)
     return Examples(examples.joints, examples.points, np.array(all_sources), np.array(all_targets))
 
 
-def _left_right(examples: Examples, order: Int) -> Float:
+def _left_right_axis(examples: Examples, order: Int) -> Float:
     """Computes a horizontal unit vector (3,) from right joints to left ones, over all examples."""
     between = examples.sources - examples.sources[:, order]
     left = np.arange(len(order)) < order

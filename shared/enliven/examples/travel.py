@@ -33,18 +33,18 @@ from enliven.examples.puppet_examples import (
 from enliven.examples.spacetime import PlacedMotion, find_switches, locate, on_floor, standing_feet
 from enliven.mapping import facing_of, turned_about_y
 
-_KEPT = 64
+_CACHED_TRAVELS = 64
 """Number of puppets and edits in the least-recently-used cache."""
-_ALTERNATES = 0.05
+_MIN_STEP_LENGTH = 0.05
 """Minimum movement between two feet in the key poses that counts as a step, in sizes of the puppet."""
-_GROUND = 0.02
+_MAX_GROUND_HEIGHT = 0.02
 """Maximum height of a foot on the ground above the lowest foot, in sizes of the puppet."""
-_RATE = 30.0
+_SAMPLES_PER_SECOND = 30.0
 """Frames per second at which steps are measured. A stride takes half a second or more."""
-_SPAN = 1.0
+_COMPARED_PATH_S = 1.0
 """Seconds over which the paths of puppet and performer are compared. They contain a stride, so steps average
 out."""
-_COHERENT = (0.7, 0.9)
+_EXPLAINED_VARIANCE_RANGE = (0.7, 0.9)
 """Range of explained variance of the puppet's path. Below it only the sizes determine the stride, and above
 it only the steps. The performer's path explains over 0.9 in walks, and below 0.7 if the performer stays in
 place."""
@@ -99,7 +99,7 @@ def travel_with(material: Material) -> PuppetTravel:
         InputError: if the puppet lacks data.
     """
     layer = PuppetLayer("", mirrored=material.layer.mirrored)
-    return _travel(replace(material, layer=layer, take=(*material.shown, material.take)[0]))
+    return _cached_travel(replace(material, layer=layer, take=(*material.shown, material.take)[0]))
 
 
 def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
@@ -113,13 +113,13 @@ def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
     """
     places = targets[:, list(feet)]
     size = float(np.linalg.norm(np.ptp(targets.reshape(-1, 3), axis=0))) if len(feet) else 0.0
-    grounded = (places[..., 1] <= places[..., 1].min(1, initial=np.inf, keepdims=True) + _GROUND * size).any(
-        0
-    )
+    grounded = (
+        places[..., 1] <= places[..., 1].min(1, initial=np.inf, keepdims=True) + _MAX_GROUND_HEIGHT * size
+    ).any(0)
     alternating = set[int]()
     for a, b in combinations(np.flatnonzero(grounded).tolist(), 2):
         spread = np.ptp(places[:, a] - places[:, b], axis=0).max()
-        if spread > _ALTERNATES * size:
+        if spread > _MIN_STEP_LENGTH * size:
             alternating |= {feet[a], feet[b]}
     return tuple(sorted(alternating))
 
@@ -184,8 +184,8 @@ def stepping(
     return PerformerFeet(took.world[:, rows], tuple(feet), legs, took.step, how)
 
 
-@lru_cache(maxsize=_KEPT)
-def _travel(material: Material) -> PuppetTravel:
+@lru_cache(maxsize=_CACHED_TRAVELS)
+def _cached_travel(material: Material) -> PuppetTravel:
     mesh, points, shown = material.mesh(), material.points, [load_clip() for load_clip in material.shown]
     examples = examples_with(material.puppet, mesh, points, material.poses, shown, material.symmetry)
     reference = reference_among([clip.skeleton for clip in shown], examples.joints)
@@ -193,10 +193,12 @@ def _travel(material: Material) -> PuppetTravel:
     feet = alternating_feet(examples.targets, [k for k, point in enumerate(points) if point.foot])
     if not feet:
         return PuppetTravel((), complex(size))
-    return PuppetTravel(feet, _stride(material, examples, reference, list(dict.fromkeys(shown)), feet, size))
+    return PuppetTravel(
+        feet, _fitted_stride(material, examples, reference, list(dict.fromkeys(shown)), feet, size)
+    )
 
 
-def _stride(
+def _fitted_stride(
     material: Material,
     examples: Examples,
     reference: Skeleton,
@@ -216,28 +218,35 @@ def _stride(
     shared, own, theirs = 0j, 0.0, 0.0
     for clip in takes:
         role = cast(reference, clip.skeleton, examples.joints, clip.id)
-        took = _thinned(seen_as(clip, role))
+        took = _resample_take(seen_as(clip, role))
         yaw = (-1.0 if mirrored else 1.0) * (took.yaw - took.yaw[0])
         stepper = stepping(clip.skeleton, role, took, feet, material.locomotion)
         placed = stepper.locate(mapping.solve(took.poses, took.step), yaw, stepper.stands())
         way = role.size * way_of(took, facing_of(clip.skeleton), mirrored)
-        went, gone = (_gone_in_a_span(path, took.step) for path in (on_floor(placed.root), way))
+        went, gone = (_path_displacements(path, took.step) for path in (on_floor(placed.root), way))
         shared += complex(np.vdot(gone, went))
         own, theirs = own + float(np.vdot(went, went).real), theirs + float(np.vdot(gone, gone).real)
     explained = abs(shared) ** 2 / max(own * theirs, 1e-12)
-    sure = float(np.clip((explained - _COHERENT[0]) / (_COHERENT[1] - _COHERENT[0]), 0.0, 1.0))
+    sure = float(
+        np.clip(
+            (explained - _EXPLAINED_VARIANCE_RANGE[0])
+            / (_EXPLAINED_VARIANCE_RANGE[1] - _EXPLAINED_VARIANCE_RANGE[0]),
+            0.0,
+            1.0,
+        )
+    )
     return size + sure * (shared / max(theirs, 1e-12) - size)
 
 
-def _gone_in_a_span(way: Complex, step: float) -> Complex:
-    """Returns (N,) the displacements of a path (F,) within :data:`_SPAN`, one from each frame."""
-    apart = max(min(round(_SPAN / step), len(way) - 1), 1)
+def _path_displacements(way: Complex, step: float) -> Complex:
+    """Returns (N,) the displacements of a path (F,) within :data:`_COMPARED_PATH_S`, one from each frame."""
+    apart = max(min(round(_COMPARED_PATH_S / step), len(way) - 1), 1)
     return np.asarray(way[apart:] - way[:-apart])
 
 
-def _thinned(took: PerformerClip) -> PerformerClip:
-    """Returns the take resampled to about :data:`_RATE` frames per second."""
-    every = max(round(1.0 / (_RATE * took.step)), 1)
+def _resample_take(took: PerformerClip) -> PerformerClip:
+    """Returns the take resampled to about :data:`_SAMPLES_PER_SECOND` frames per second."""
+    every = max(round(1.0 / (_SAMPLES_PER_SECOND * took.step)), 1)
     return PerformerClip(
         took.poses[::every], took.world[::every], took.root[::every], took.yaw[::every], took.step * every
     )

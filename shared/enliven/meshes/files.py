@@ -19,9 +19,9 @@ from enliven.meshes.tokens import DamagedMeshError
 
 READABLE = (".obj", ".off", ".ply", ".stl", *GLTF_SUFFIXES, ".mesh", ".pcd")
 WRITABLE = (".obj", ".off", ".ply", ".stl", ".glb")
-_REASON_LETTERS = 200
+_MAX_REASON_LETTERS = 200
 """Maximum length of a reader's reason in a message."""
-_TABLES = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
+_TABLE_READERS = {".off": read_off, ".mesh": read_medit, ".stl": read_stl}
 """Readers of formats that contain vertices and faces only."""
 
 
@@ -50,7 +50,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
             where=str(path),
             mend=known_formats,
         )
-    mesh, read_notes = _unrepaired(path, suffix, known_formats)
+    mesh, read_notes = _read_unrepaired(path, suffix, known_formats)
     try:
         mesh, notes = repair(mesh)
         notes = [*read_notes, *notes]
@@ -78,7 +78,7 @@ def load_upright(path: Path | str, up: Axis | None = None) -> LoadedMesh:
     return LoadedMesh(upright(mesh, up or "y"), notes)
 
 
-def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
+def _read_unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
     """Returns the mesh without repairs, and notes of its reader.
 
     Args:
@@ -94,22 +94,22 @@ def _unrepaired(path: Path, suffix: str, known: str) -> tuple[Mesh, list[str]]:
     if not data:
         raise InputError("the file is empty", where=str(path), mend="Export the mesh again.")
     try:
-        return _read(path, suffix, data)
+        return _read_format(path, suffix, data)
     except InputError as error:
         raise InputError(error.what, where=str(path), mend="Export the mesh again.") from None
     except Exception as error:  # Third-party readers may raise any exception for damaged data.
         # Show only messages that were written for users.
         reason = str(error) if isinstance(error, DamagedMeshError) else plain_reason(error, "it is damaged")
-        problem = f"it cannot be read as {suffix[1:]}: {reason[:_REASON_LETTERS]}"
+        problem = f"it cannot be read as {suffix[1:]}: {reason[:_MAX_REASON_LETTERS]}"
         raise InputError(
             problem, where=str(path), mend="Check that it is complete and that its ending is right. " + known
         ) from None
 
 
-def _read(path: Path, suffix: str, data: bytes) -> tuple[Mesh, list[str]]:
+def _read_format(path: Path, suffix: str, data: bytes) -> tuple[Mesh, list[str]]:
     """Returns the mesh without repairs, and notes of its reader."""
-    if suffix in _TABLES:
-        vertices, faces, notes = _TABLES[suffix](data)
+    if suffix in _TABLE_READERS:
+        vertices, faces, notes = _TABLE_READERS[suffix](data)
         return Mesh(vertices, faces, path.stem), notes
     if suffix == ".obj":
         return read_obj(data, ReferencedFiles(path), path.stem)

@@ -68,7 +68,7 @@ def normals_of(vertices, faces, wanted):
         vx, vy, vz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         if count + 3 > of.shape[0]:
-            touching, of = _twice(touching, of)
+            touching, of = _double_capacity(touching, of)
         length = np.sqrt(nx * nx + ny * ny + nz * nz)
         per = 1.0 / length if length > 0 else 1.0
         for c in range(3):
@@ -97,7 +97,7 @@ def normals_of(vertices, faces, wanted):
 
 
 @njit(cache=True, nogil=True)
-def _twice(rows, of):
+def _double_capacity(rows, of):
     """Returns both arrays with doubled capacity."""
     more, longer = np.empty((2 * rows.shape[0], rows.shape[1])), np.empty(2 * of.shape[0], of.dtype)
     copy_rows(more[: rows.shape[0]], rows)
@@ -118,7 +118,7 @@ def corner_sums(faces, vectors, count):
 
 
 @njit(cache=True, nogil=True)
-def _mix(bits):
+def _mix_bits(bits):
     """Mixes 64 bits (hash finaliser): every input bit affects every output bit."""
     bits ^= bits >> np.uint64(33)
     bits *= np.uint64(0xFF51AFD7ED558CCD)
@@ -157,7 +157,7 @@ def _first_equal(rows):
     table = np.full(size, -1, np.int32)
     first = np.empty(count, np.int64)
     for i in range(count):
-        slot = np.int64(_mix(rows[i, 0] + _mix(rows[i, 1] + _mix(rows[i, 2]))) & mask)
+        slot = np.int64(_mix_bits(rows[i, 0] + _mix_bits(rows[i, 1] + _mix_bits(rows[i, 2]))) & mask)
         while True:
             j = table[slot]
             if j < 0:

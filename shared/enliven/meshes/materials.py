@@ -16,7 +16,7 @@ import numpy as np
 from enliven.arrays import AnyArray, Bool, Float, Float32, Int, Int32, UInt8
 from enliven.errors import InputError
 
-_AGAIN = "Export the model again."
+_EXPORT_ADVICE = "Export the model again."
 """The advice for a damaged material."""
 
 
@@ -34,9 +34,9 @@ class Texture:
 
     def __post_init__(self) -> None:
         if not self.kind:
-            raise InputError("a texture is neither PNG nor JPEG", where="materials", mend=_AGAIN)
+            raise InputError("a texture is neither PNG nor JPEG", where="materials", mend=_EXPORT_ADVICE)
         if self.sampler:
-            _object(self.sampler)
+            _material_object(self.sampler)
 
     @property
     def kind(self) -> str:
@@ -73,7 +73,7 @@ class MeshMaterials:
             object.__setattr__(self, "tints", np.ascontiguousarray(self.tints, np.float32))
         faces, problem = len(self.of), ""
         for material in self.definitions:
-            named = textures_in(_object(material))
+            named = textures_in(_material_object(material))
             if named and not 0 <= min(named) <= max(named) < len(self.textures):
                 problem = f"a material names texture {max(named)} of {len(self.textures)}"
         if self.uvs.ndim != 4 or self.uvs.shape[:2] != (faces, 3) or self.uvs.shape[3] != 2:
@@ -85,7 +85,7 @@ class MeshMaterials:
         elif not (np.isfinite(self.uvs).all() and (self.tints is None or np.isfinite(self.tints).all())):
             problem = "a corner's place in a texture, or its tint, is not finite"
         if problem:
-            raise InputError(problem, where="materials", mend=_AGAIN)
+            raise InputError(problem, where="materials", mend=_EXPORT_ADVICE)
 
     def taken(self, faces: Int | Bool) -> MeshMaterials:
         """Returns the materials of some faces, by number or by mask."""
@@ -160,18 +160,18 @@ def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> Mesh
 def textures_in(material: Any) -> list[int]:
     """Returns the numbers of all textures that a material refers to, also in extensions."""
     numbers = list[int]()
-    _walk(material, lambda number: numbers.append(number) or number)
+    _replace_texture_numbers(material, lambda number: numbers.append(number) or number)
     return numbers
 
 
 def renumbered(material: str, number: Callable[[int], int]) -> str:
     """Returns the JSON of a material with each texture's number changed."""
-    value = _object(material)
-    _walk(value, number)
+    value = _material_object(material)
+    _replace_texture_numbers(value, number)
     return json.dumps(value, sort_keys=True, allow_nan=False)
 
 
-def _walk(value: Any, number: Callable[[int], int]) -> None:
+def _replace_texture_numbers(value: Any, number: Callable[[int], int]) -> None:
     """Replaces every texture number in a JSON value by the result of ``number``."""
     for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
         if isinstance(key, str) and key.endswith("Texture") and isinstance(inner, dict):
@@ -180,22 +180,22 @@ def _walk(value: Any, number: Callable[[int], int]) -> None:
                 raise InputError(f"a material's {key} names no texture", where="materials")
             inner["index"] = number(at)
         if isinstance(inner, (dict, list)):
-            _walk(inner, number)
+            _replace_texture_numbers(inner, number)
 
 
-def _refused(constant: str) -> None:
+def _refuse_constant(constant: str) -> None:
     """Refuses NaN and infinities, which JSON does not have."""
     raise ValueError(f"{constant} is not a number")
 
 
-def _object(material: str) -> dict[str, Any]:
+def _material_object(material: str) -> dict[str, Any]:
     """Returns the object of a material's JSON."""
     try:
-        value = json.loads(material, parse_constant=_refused)
+        value = json.loads(material, parse_constant=_refuse_constant)
     except (ValueError, RecursionError):
         value = None
     if not isinstance(value, dict):
-        raise InputError("a material is not a JSON object", where="materials", mend=_AGAIN)
+        raise InputError("a material is not a JSON object", where="materials", mend=_EXPORT_ADVICE)
     return value
 
 

@@ -22,14 +22,14 @@ _UP_ROTATIONS: dict[Axis, Float] = {
 }
 
 
-_STANDS_WITHIN = 0.02
+_MAX_STANDING_OFFSET = 0.02
 """Fraction of a mesh's extent. If the lowest point is this near to zero, the mesh was modelled to stand on
 zero."""
-_LONG = 4.0
+_LYING_RATIO = 4.0
 """Ratio of length to height. A longer mesh may lie on its side: a crocodile has more, a horse 1.5."""
 
 
-_BLANK = 204
+_UNCOLOURED_SRGB = 204
 """sRGB of the vertices of a mesh without colours that is joined with a coloured one."""
 Paint = tuple[UInt8 | None, Float32 | None]
 """(V, 3) sRGB and (V,) stiffness of vertices. None for missing paint."""
@@ -107,7 +107,7 @@ class Mesh:
         """(V, 4) the vertex paint in a form that can be interpolated: sRGB, and the logarithm of the
         stiffness."""
         rows = np.zeros((len(self.vertices), 4))
-        rows[:, :3] = _BLANK if self.colours is None else self.colours
+        rows[:, :3] = _UNCOLOURED_SRGB if self.colours is None else self.colours
         rows[:, 3] = 0.0 if self.stiffness is None else np.log(self.stiffness, dtype=np.float64)
         return rows
 
@@ -207,10 +207,10 @@ def guess_up(mesh: Mesh) -> tuple[Axis, str]:
     """Guesses the axis that points up from the lowest points. Adds a sentence if it may be another."""
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     size = high - low
-    stands = (np.abs(low) <= _STANDS_WITHIN * size) & (size > 0)
+    stands = (np.abs(low) <= _MAX_STANDING_OFFSET * size) & (size > 0)
     if stands[2] and not stands[1]:
         return "z", "it stands on z = 0, so it is turned with z up; --up y leaves it unchanged"
-    if max(size[0], size[2]) > _LONG * size[1]:
+    if max(size[0], size[2]) > _LYING_RATIO * size[1]:
         times = max(size[0], size[2]) / max(size[1], 1e-9)
         return "y", f"it is {times:.0f} times as long as high with y up; if it lies on its side, say --up z"
     return "y", ""

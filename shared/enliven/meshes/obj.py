@@ -26,9 +26,9 @@ from enliven.meshes.tokens import (
     word_starts,
 )
 
-_GREY = 200
+_DEFAULT_GREY = 200
 """sRGB of faces without a material in a file with materials."""
-_SPACES = (ord(" "), ord("\t"))
+_SPACE_BYTES = (ord(" "), ord("\t"))
 
 
 class _WrongLine(Exception):
@@ -52,7 +52,7 @@ class _Lines(NamedTuple):
 
         A blank as second letter means the end of the word.
         """
-        wanted = _SPACES if second == " " else (ord(second),)
+        wanted = _SPACE_BYTES if second == " " else (ord(second),)
         return np.asarray((self.letters[:, 0] == ord(letter)) & np.isin(self.letters[:, 1], wanted))
 
 
@@ -98,21 +98,21 @@ def read_obj(data: bytes, beside: ReferencedFiles, name: str = "mesh") -> tuple[
     try:
         # Join continued lines without changing their length, so that offsets still point to lines of the
         # file.
-        return _read(text.replace(b"\\\n", b"  "), beside, name)
+        return _read_mesh(text.replace(b"\\\n", b"  "), beside, name)
     except _WrongLine as error:
         raise DamagedMeshError(f"line {text.count(bytes([10]), 0, error.offset) + 1}: {error}") from None
 
 
-def _read(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, list[str]]:
+def _read_mesh(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, list[str]]:
     faces = _read_faces(text)
-    corners, sizes = _joined(faces.corners, (0, 3)), _joined(faces.sizes, (0,))
+    corners, sizes = _concatenate_parts(faces.corners, (0, 3)), _concatenate_parts(faces.sizes, (0,))
     if not (sizes > 2).any():
         raise InputError("it has no faces")
     wrong = np.flatnonzero(corners[:, 0] >= faces.vertex_count)
     if len(wrong):
         polygon = np.searchsorted(np.cumsum(sizes), wrong[0], "right")
         problem = f"a face names vertex {corners[wrong[0], 0] + 1} of {faces.vertex_count}"
-        raise _WrongLine(int(_joined(faces.offsets, (0,))[polygon]), problem)
+        raise _WrongLine(int(_concatenate_parts(faces.offsets, (0,))[polygon]), problem)
     is_used = np.zeros(faces.vertex_count, bool)
     is_used[corners[:, 0]] = True
     vertices, colours = _read_vertices(text, is_used, faces.vertices_in_block)
@@ -122,10 +122,10 @@ def _read(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, list[s
         loose = faces.vertex_count - len(vertices)
         notes.append(f"dropped {loose} of {faces.vertex_count} vertices that no face uses")
     palette = _read_palette(faces, beside, notes)
-    materials = _joined(faces.materials, (0,))
+    materials = _concatenate_parts(faces.materials, (0,))
     _, places = triangulate(vertices, corners[:, 0], sizes)
     kinds = np.column_stack([corners, np.repeat(materials, sizes)])
-    split, source, kind = _split(kinds)
+    split, source, kind = _split_vertices(kinds)
     vertices = vertices[source]
     if palette is not None:
         colours = palette[kind]
@@ -134,7 +134,7 @@ def _read(text: bytes, beside: ReferencedFiles, name: str) -> tuple[Mesh, list[s
     return Mesh(vertices, split[places].astype(np.int32), name, colours), notes
 
 
-def _joined(parts: list[Int], empty: tuple[int, ...]) -> Int:
+def _concatenate_parts(parts: list[Int], empty: tuple[int, ...]) -> Int:
     return np.concatenate(parts) if parts else np.empty(empty, np.int64)
 
 
@@ -144,14 +144,14 @@ def _lines_in(block: bytes) -> _Lines:
     ends = np.flatnonzero(letters == ord("\n"))
     starts = np.concatenate([[0], ends[:-1] + 1])
     first = starts
-    if np.isin(letters[starts], _SPACES).any():
-        solid = np.flatnonzero(~np.isin(letters, _SPACES))
+    if np.isin(letters[starts], _SPACE_BYTES).any():
+        solid = np.flatnonzero(~np.isin(letters, _SPACE_BYTES))
         first = solid[np.searchsorted(solid, starts)]
     pairs = np.stack([letters[first], letters[np.minimum(first + 1, len(letters) - 1)]], 1)
     return _Lines(starts, ends + 1 - starts, first, pairs)
 
 
-def _numbered(block: bytes, lines: _Lines, are: Bool) -> bytes:
+def _number_lines(block: bytes, lines: _Lines, are: Bool) -> bytes:
     """Returns some lines of a block without their first letter and comments. Their number stays."""
     letters = np.frombuffer(block, np.uint8).copy()
     letters[lines.first[are]] = ord(" ")
@@ -173,7 +173,7 @@ def _read_faces(text: bytes) -> _Faces:
         if not are_faces.any():
             continue
         at = offset + lines.starts[are_faces]
-        corners, sizes = _polygons(_numbered(block, lines, are_faces), at, before[are_faces])
+        corners, sizes = _read_polygons(_number_lines(block, lines, are_faces), at, before[are_faces])
         faces.corners.append(corners)
         faces.sizes.append(sizes)
         faces.materials.append(materials[are_faces])
@@ -200,7 +200,7 @@ def _materials_of(block: bytes, lines: _Lines, faces: _Faces) -> Int:
     return np.repeat(np.array(values, np.int64), lengths)
 
 
-def _polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
+def _read_polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
     """Returns (C, 3) corners and (P,) sizes of the face lines in ``chunk``.
 
     Args:
@@ -251,7 +251,7 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
         lines = _lines_in(complete)
         are = lines.are("v")
         are[are] = used
-        chunk = _numbered(complete, lines, are)
+        chunk = _number_lines(complete, lines, are)
         offsets = offset + lines.starts[are]
         starts = word_starts(chunk)
         counts = np.bincount(lines_of(chunk, starts), minlength=len(offsets))
@@ -280,7 +280,7 @@ def _bytes_of(colours: Float) -> UInt8 | None:
     if not is_coloured.any():
         return None
     scale = 255.0 if colours[is_coloured].max() <= 1.0 else 1.0
-    shown = np.where(is_coloured[:, None], colours * scale, _GREY)
+    shown = np.where(is_coloured[:, None], colours * scale, _DEFAULT_GREY)
     return np.clip(np.rint(shown), 0, 255).astype(np.uint8)
 
 
@@ -295,7 +295,7 @@ def _read_palette(faces: _Faces, beside: ReferencedFiles, notes: list[str]) -> U
             colours_by_name.update(_read_materials(decode_text(beside.file(decode_text(library)))))
         except InputError as error:
             notes.append(f"its materials are not read: {error.what}")
-    palette = np.full((len(faces.names) + 1, 3), _GREY, np.uint8)
+    palette = np.full((len(faces.names) + 1, 3), _DEFAULT_GREY, np.uint8)
     has_colour = False
     for name, number in faces.names.items():
         colour = colours_by_name.get(decode_text(name))
@@ -326,7 +326,7 @@ def _read_materials(text: str) -> dict[str, tuple[float, float, float]]:
     return colours
 
 
-def _split(kinds: Int) -> tuple[Int, Int, Int]:
+def _split_vertices(kinds: Int) -> tuple[Int, Int, Int]:
     """Splits vertices with differing corners.
 
     Vertices of the last material come first, then each material's in the order of the file. Stored sessions

@@ -7,7 +7,7 @@ import warnings
 
 from PIL import Image
 
-_KINDS = ("PNG", "JPEG", "WEBP")
+_TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP")
 """Allowed image formats of a texture. Pillow's other decoders start programs or are not hardened against
 hostile bytes."""
 
@@ -20,4 +20,4 @@ def opened_picture(data: bytes) -> Image.Image:
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-        return Image.open(io.BytesIO(data), formats=_KINDS)
+        return Image.open(io.BytesIO(data), formats=_TEXTURE_FORMATS)

@@ -14,7 +14,7 @@ from enliven.meshes.mesh import Mesh
 from enliven.meshes.polygons import triangulate
 from enliven.meshes.tokens import DamagedMeshError, numbers_in
 
-_TYPES = {
+_NUMPY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
     "double": "f8", "float64": "f8",
@@ -26,8 +26,8 @@ _MAX_HEAD_BYTES = 1 << 16
 """Maximum bytes of a header, with all its comments."""
 _MAX_SIDES = 1 << 16
 """Maximum corners of one polygon: an outline of a scan has some thousands."""
-_END = re.compile(rb"^[ \t]*end_header[ \t]*(?:\r\n|\n|\r)", re.MULTILINE | re.IGNORECASE)
-_CORNERS = ("vertex_indices", "vertex_index", "vertex_indexes")
+_HEADER_END = re.compile(rb"^[ \t]*end_header[ \t]*(?:\r\n|\n|\r)", re.MULTILINE | re.IGNORECASE)
+_CORNER_PROPERTIES = ("vertex_indices", "vertex_index", "vertex_indexes")
 
 
 @dataclass
@@ -66,7 +66,7 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
     if not all(axis in vertex for axis in "xyz"):
         raise DamagedMeshError("its header has no vertices with x, y and z")
     vertices = np.stack([vertex[axis] for axis in "xyz"], 1).astype(np.float64)
-    key = next((word for word in _CORNERS if word in face), "")
+    key = next((word for word in _CORNER_PROPERTIES if word in face), "")
     corners = face[key].astype(np.int64) if key else np.empty(0, np.int64)
     sizes = face[f"{key} count"] if key else np.empty(0, np.int64)
     if len(corners) and not 0 <= corners.min() <= corners.max() < len(vertices):
@@ -76,7 +76,7 @@ def read_ply(data: bytes, name: str = "mesh") -> tuple[Mesh, list[str]]:
             f"face {polygon} names vertex {corners[at]}, and there are 0..{len(vertices) - 1}"
         )
     faces, _ = triangulate(vertices, corners, sizes)
-    return Mesh(vertices, faces, name, _colours(vertex)), notes
+    return Mesh(vertices, faces, name, _vertex_colours(vertex)), notes
 
 
 def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
@@ -84,7 +84,7 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
     data = data.removeprefix(b"\xef\xbb\xbf")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = text_bytes(data)
-    end = _END.search(data, 0, _MAX_HEAD_BYTES)
+    end = _HEADER_END.search(data, 0, _MAX_HEAD_BYTES)
     if not data[:16].lstrip().lower().startswith(b"ply") or end is None:
         raise DamagedMeshError("it has no header of a PLY file")
     kind, elements = "", list[_Element]()
@@ -98,10 +98,10 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
                 pass
             case ["element", word, count] if count.isdecimal() and int(count) <= len(data):
                 elements.append(_Element(word, int(count)))
-            case ["property", "list", count, of, word] if elements and {count, of} <= _TYPES.keys():
-                elements[-1].properties.append((word, _TYPES[of], _TYPES[count]))
-            case ["property", of, word] if elements and of in _TYPES:
-                elements[-1].properties.append((word, _TYPES[of], ""))
+            case ["property", "list", count, of, word] if elements and {count, of} <= _NUMPY_TYPES.keys():
+                elements[-1].properties.append((word, _NUMPY_TYPES[of], _NUMPY_TYPES[count]))
+            case ["property", of, word] if elements and of in _NUMPY_TYPES:
+                elements[-1].properties.append((word, _NUMPY_TYPES[of], ""))
             case ["property" | "element" | "format", *_]:
                 raise DamagedMeshError(f"its header says {line.strip()[:80]!r}, and it has {len(data)} bytes")
             case _:
@@ -111,7 +111,7 @@ def _read_head(data: bytes) -> tuple[str, list[_Element], bytes]:
     return kind, elements, data[end.end() :]
 
 
-def _short(element: _Element) -> DamagedMeshError:
+def _early_end_error(element: _Element) -> DamagedMeshError:
     return DamagedMeshError(f"it ends early: its header states {element.count} rows of {element.name!r}")
 
 
@@ -125,10 +125,10 @@ def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, 
         if not element.has_lists:
             rows = numbers[at : at + element.count * width]
             if len(rows) < element.count * width:
-                raise _short(element)
+                raise _early_end_error(element)
             columns = rows.reshape(-1, width).T if width else rows.reshape(0, 0)
             properties = zip(element.properties, columns, strict=True)
-            tables[element.name] = {word: _of_type(column, of) for (word, of, _), column in properties}
+            tables[element.name] = {word: _typed_column(column, of) for (word, of, _), column in properties}
             at += element.count * width
             continue
         tables[element.name], at = _walk_ascii(element, numbers, at)
@@ -137,7 +137,7 @@ def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, 
     return tables
 
 
-def _of_type(column: Float, of: str) -> AnyArray:
+def _typed_column(column: Float, of: str) -> AnyArray:
     """Returns (N,) the numbers of a column, as integers if its type is integer."""
     return column if of[0] == "f" else np.rint(np.nan_to_num(column)).astype(np.int64)
 
@@ -160,20 +160,20 @@ def _walk_ascii(element: _Element, numbers: Float, at: int) -> tuple[dict[str, A
     for _ in range(element.count):
         for word, _, count in element.properties:
             if at >= len(numbers):
-                raise _short(element)
+                raise _early_end_error(element)
             many = 1
             if count:
-                many = _sides(float(numbers[at]))
+                many = _list_length(float(numbers[at]))
                 counts.setdefault(word, []).append(many)
                 at += 1
             if at + many > len(numbers):
-                raise _short(element)
+                raise _early_end_error(element)
             parts.setdefault(word, []).append(numbers[at : at + many])
             at += many
-    return _columns(parts, counts), at
+    return _joined_columns(parts, counts), at
 
 
-def _sides(count: float) -> int:
+def _list_length(count: float) -> int:
     """Returns the length of a list.
 
     Raises:
@@ -184,7 +184,7 @@ def _sides(count: float) -> int:
     return int(count)
 
 
-def _columns(parts: dict[str, list[AnyArray]], counts: dict[str, list[int]]) -> dict[str, AnyArray]:
+def _joined_columns(parts: dict[str, list[AnyArray]], counts: dict[str, list[int]]) -> dict[str, AnyArray]:
     columns = {word: np.concatenate(rows) for word, rows in parts.items()}
     return columns | {f"{word} count": np.array(many, np.int64) for word, many in counts.items()}
 
@@ -200,7 +200,7 @@ def _binary_tables(elements: list[_Element], body: bytes, kind: str) -> dict[str
             continue
         row = np.dtype([(f"{k}", order + of) for k, (_, of, _) in enumerate(element.properties)])
         if at + element.count * row.itemsize > len(body):
-            raise _short(element)
+            raise _early_end_error(element)
         table = np.frombuffer(body, row, element.count, at) if row.itemsize else np.empty(0, row)
         at += element.count * row.itemsize
         tables[element.name] = {word: table[f"{k}"] for k, (word, _, _) in enumerate(element.properties)}
@@ -247,12 +247,12 @@ def _walk_rows(element: _Element, body: bytes, at: int, order: str) -> tuple[dic
             places[k].append(at)
             at += many * size
         if at > len(body):
-            raise _short(element)
+            raise _early_end_error(element)
     columns: dict[str, AnyArray] = {}
     raw = np.frombuffer(body, np.uint8)
     for k, (word, of, count) in enumerate(element.properties):
         lengths = np.array(counts[k], np.int64) if count else np.ones(element.count, np.int64)
-        _sides(float(lengths.max(initial=0)))
+        _list_length(float(lengths.max(initial=0)))
         within = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
         first = np.repeat(np.array(places[k], np.int64), lengths) + within * sizes[k][1]
         values = raw[first[:, None] + np.arange(sizes[k][1])]
@@ -272,8 +272,8 @@ def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dty
         if count:
             size = np.dtype(count).itemsize
             if at + size > len(body):
-                raise _short(element)
-            length = _sides(float(np.frombuffer(body, order + count, 1, at)[0]))
+                raise _early_end_error(element)
+            length = _list_length(float(np.frombuffer(body, order + count, 1, at)[0]))
             fields.append((f"n{k}", order + count))
             at += size
         fields.append((f"{k}", order + of, (length,)))
@@ -282,7 +282,7 @@ def _row_at(element: _Element, body: bytes, at: int, order: str) -> tuple[np.dty
     return np.dtype(fields), many
 
 
-def _colours(vertex: dict[str, AnyArray]) -> UInt8 | None:
+def _vertex_colours(vertex: dict[str, AnyArray]) -> UInt8 | None:
     """Returns (V, 3) sRGB bytes of the vertices, or None.
 
     Floating-point colours are in 0..1 unless one is above 1.

@@ -8,7 +8,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.rotation import unit
 
-_STRAIGHT = 1e-9
+_MAX_STRAIGHT_SINE = 1e-9
 """Sine of a turn below which three corners count as collinear: rounding of float32 coordinates is larger
 than the error of the cross product."""
 
@@ -63,7 +63,7 @@ def _are_convex(points: Float) -> Bool:
     lengths = np.linalg.norm(edges, axis=2) * np.linalg.norm(following, axis=2)
     # A star polygon turns left at every corner too, but its angles add up to more than one revolution.
     angles = np.arctan2(turns, (edges * following).sum(2)).sum(1)
-    return np.asarray((turns > _STRAIGHT * lengths).all(1) & (angles < 3 * np.pi))
+    return np.asarray((turns > _MAX_STRAIGHT_SINE * lengths).all(1) & (angles < 3 * np.pi))
 
 
 def _cut_ears(points: Float, fan: Int) -> Int:

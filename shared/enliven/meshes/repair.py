@@ -39,7 +39,7 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     if loose:
         notes.append(f"dropped {loose} of {count} vertices that no face uses")
         mesh = submesh(mesh, np.ones(len(mesh.faces), bool))
-    _describe(mesh, notes)
+    _describe_oddities(mesh, notes)
     return mesh, notes
 
 
@@ -84,7 +84,7 @@ def _repeated_faces(mesh: Mesh) -> Bool:
     return repeated
 
 
-def _describe(mesh: Mesh, notes: list[str]) -> None:
+def _describe_oddities(mesh: Mesh, notes: list[str]) -> None:
     """Reports unusual properties that are kept."""
     welded, _ = weld(mesh)
     doubles = len(mesh.vertices) - len(welded.vertices)

@@ -22,13 +22,13 @@ _MAX_EDGE_IN_SPACINGS = 4.0
 _MIN_FACING_COSINE = 0.13
 """Minimum cosine between a triangle's normal and the ray to the sensor: steeper ones are depth steps, not
 surfaces."""
-_HIDING = 4.0
+_OCCLUSION_SPACINGS = 4.0
 """Minimum depth difference of an occluded point to the occluding one, as a multiple of the point spacing."""
-_LEAST_PART = 0.01
+_MIN_PART_FRACTION = 0.01
 """Minimum fraction of all triangles in a piece. Smaller pieces are specks."""
-_MOST_COLUMNS = 1024
+_MAX_COLUMNS = 1024
 """Maximum numbers per point in a file."""
-_MOST_PIXELS = 1 << 24
+_MAX_PIXELS = 1 << 24
 """Maximum pixels of the image of the points: 4096 x 4096, 40 m wide at one pixel per spacing."""
 _MAX_DISTANCE_M = 1e6
 """Metres from the sensor. Farther points are invalid."""
@@ -50,20 +50,20 @@ def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, nam
     middle = points.mean(0) if len(points) else np.zeros(3)
     depth = float(np.linalg.norm(middle))
     if len(points) < 3 or depth < 1e-6:
-        raise _too_few(len(points), name)
+        raise _too_few_points_error(len(points), name)
     forward = middle / depth
     right = np.cross(forward, [0.0, 1.0, 0.0] if abs(forward[1]) < 0.9 else [1.0, 0.0, 0.0])
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(forward, right), forward])
     seen = points @ axes.T
-    seen = _thinned(_in_front(seen[seen[:, 2] > 0.05 * depth], spacing), spacing)
+    seen = _thin_points(_unoccluded_points(seen[seen[:, 2] > 0.05 * depth], spacing), spacing)
     if len(seen) < 3:
-        raise _too_few(len(seen), name)
+        raise _too_few_points_error(len(seen), name)
     faces = np.asarray(scipy.spatial.Delaunay(seen[:, :2] / seen[:, 2:]).simplices, np.int64)
     faces = faces[_is_surface(seen, faces, spacing)]
     if len(faces) == 0:
-        raise _too_few(0, name)
-    mesh = Mesh(seen @ axes + viewpoint, _facing(seen, faces).astype(np.int32), name)
+        raise _too_few_points_error(0, name)
+    mesh = Mesh(seen @ axes + viewpoint, _facing_triangles(seen, faces).astype(np.int32), name)
     return _without_specks(mesh)
 
 
@@ -84,7 +84,7 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
         names, sizes = header["FIELDS"], [int(s) for s in header["SIZE"]]
         counts = [int(c) for c in header.get("COUNT", ["1"] * len(names))]
         count, columns = int(header["POINTS"][0]), [names.index(axis) for axis in "xyz"]
-        if count < 0 or min(sizes + counts, default=0) < 0 or sum(counts) > _MOST_COLUMNS:
+        if count < 0 or min(sizes + counts, default=0) < 0 or sum(counts) > _MAX_COLUMNS:
             raise ValueError("a negative or a huge count")
         viewpoint = np.array(header.get("VIEWPOINT", ["0"] * 3)[:3], np.float64)
         if kind == "ascii":
@@ -104,18 +104,18 @@ def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
     return np.stack([table[f"{a}"] for a in columns], -1).astype(np.float64), viewpoint
 
 
-def _too_few(count: int, name: str) -> InputError:
+def _too_few_points_error(count: int, name: str) -> InputError:
     return InputError(f"{count} points are too few for a surface", where=name, mend="Give a denser scan.")
 
 
-def _in_front(seen: Float, spacing: float) -> Float:
+def _unoccluded_points(seen: Float, spacing: float) -> Float:
     """Returns the points that no nearer point occludes, in an image with one pixel per ``spacing``."""
     if len(seen) == 0:
         return seen
     pixel = spacing / float(np.median(seen[:, 2]))
     pixels = np.floor(seen[:, :2] / seen[:, 2:] / pixel).astype(np.int64)
     pixels -= pixels.min(0) - 1
-    if np.prod(pixels.max(0) + 2.0) > _MOST_PIXELS:
+    if np.prod(pixels.max(0) + 2.0) > _MAX_PIXELS:
         problem = (
             f"its points are spread over {pixels.max(0)[0]} x {pixels.max(0)[1]} spacings of {spacing:g} m"
         )
@@ -125,10 +125,10 @@ def _in_front(seen: Float, spacing: float) -> Float:
     nearest = np.full(pixels.max(0) + 2, np.inf)
     np.minimum.at(nearest, (pixels[:, 0], pixels[:, 1]), seen[:, 2])
     nearest = scipy.ndimage.minimum_filter(nearest, 3)
-    return np.asarray(seen[seen[:, 2] < nearest[pixels[:, 0], pixels[:, 1]] + _HIDING * spacing])
+    return np.asarray(seen[seen[:, 2] < nearest[pixels[:, 0], pixels[:, 1]] + _OCCLUSION_SPACINGS * spacing])
 
 
-def _thinned(seen: Float, spacing: float) -> Float:
+def _thin_points(seen: Float, spacing: float) -> Float:
     """Returns one point for each occupied cube of ``spacing``: the mean of its points."""
     cells = np.floor(seen / spacing).astype(np.int64)
     _, of, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
@@ -148,7 +148,7 @@ def _is_surface(seen: Float, faces: Int, spacing: float) -> Bool:
     return np.asarray((edges < _MAX_EDGE_IN_SPACINGS * max(near, spacing)) & (facing > _MIN_FACING_COSINE))
 
 
-def _facing(seen: Float, faces: Int) -> Int:
+def _facing_triangles(seen: Float, faces: Int) -> Int:
     """Returns (F, 3) the triangles, counter-clockwise as the sensor sees them."""
     a, b, c = (seen[faces[:, k]] for k in range(3))
     away = np.einsum("fi,fi->f", np.cross(b - a, c - a), a) > 0
@@ -161,4 +161,4 @@ def _without_specks(mesh: Mesh) -> Mesh:
     links = (np.ones(2 * len(faces)), (faces[:, [0, 1]].reshape(-1), faces[:, [1, 2]].reshape(-1)))
     _, part = connected_components(coo_matrix(links, (count, count)), directed=False)
     sizes = np.bincount(part[faces[:, 0]])
-    return submesh(mesh, sizes[part[faces[:, 0]]] >= _LEAST_PART * len(faces))
+    return submesh(mesh, sizes[part[faces[:, 0]]] >= _MIN_PART_FRACTION * len(faces))

@@ -10,13 +10,13 @@ from enliven.arrays import Float, Int32
 from enliven.files import text_bytes
 from enliven.meshes.tokens import DamagedMeshError, blocks, numbers_in
 
-_HEAD = 84
+_BINARY_HEADER_BYTES = 84
 """Offset of the first triangle in a binary file, in bytes: 80 arbitrary bytes and the count, uint32."""
-_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_SEARCHED = 4096
+_TRIANGLE_DTYPE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_SEARCHED_BYTES = 4096
 """Number of bytes at the beginning and at the end of a file that are searched for the words of an ASCII
 file."""
-_VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+_VERTEX_LINE = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
 def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
@@ -25,21 +25,25 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
     Raises:
         DamagedMeshError: if the file is shorter than its header declares, or is neither binary nor ASCII.
     """
-    triangle_count = int.from_bytes(data[80:_HEAD], "little") if len(data) >= _HEAD else 0
-    expected = _HEAD + triangle_count * _TRIANGLE.itemsize
+    triangle_count = (
+        int.from_bytes(data[80:_BINARY_HEADER_BYTES], "little") if len(data) >= _BINARY_HEADER_BYTES else 0
+    )
+    expected = _BINARY_HEADER_BYTES + triangle_count * _TRIANGLE_DTYPE.itemsize
     text = None if len(data) == expected else _text_of(data)
     notes = list[str]()
     if text is not None:
-        corners = _ascii(text)
-    elif len(data) < _HEAD:
-        raise DamagedMeshError(f"it has {len(data)} bytes, and its header alone has {_HEAD}")
+        corners = _read_ascii(text)
+    elif len(data) < _BINARY_HEADER_BYTES:
+        raise DamagedMeshError(f"it has {len(data)} bytes, and its header alone has {_BINARY_HEADER_BYTES}")
     elif len(data) < expected or triangle_count == 0:
         raise DamagedMeshError(
             f"its header says {triangle_count} triangles, which are {expected} bytes; it has {len(data)}"
         )
     else:
         corners = (
-            np.frombuffer(data, _TRIANGLE, triangle_count, _HEAD)["corners"].reshape(-1, 3).astype(np.float64)
+            np.frombuffer(data, _TRIANGLE_DTYPE, triangle_count, _BINARY_HEADER_BYTES)["corners"]
+            .reshape(-1, 3)
+            .astype(np.float64)
         )
         if len(data) > expected:
             notes.append(f"ignored {len(data) - expected} bytes after its last triangle")
@@ -49,15 +53,17 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
 def _text_of(data: bytes) -> bytes | None:
     """Returns the text of an ASCII file, None for a binary one, which may also start with "solid"."""
     text = text_bytes(data) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else data.removeprefix(b"\xef\xbb\xbf")
-    head = text[:_SEARCHED].lstrip()
-    return text if head[:5].lower() == b"solid" and _VERTEX.search(text) else None
+    head = text[:_SEARCHED_BYTES].lstrip()
+    return text if head[:5].lower() == b"solid" and _VERTEX_LINE.search(text) else None
 
 
-def _ascii(text: bytes) -> Float:
+def _read_ascii(text: bytes) -> Float:
     """Returns (3F, 3) the numbers after each word "vertex"."""
-    parts = [_numbers(_VERTEX.findall(block)) for _, block in blocks(text, b"endloop")]
+    parts = [_corner_numbers(_VERTEX_LINE.findall(block)) for _, block in blocks(text, b"endloop")]
     corners = np.concatenate([part for part in parts if len(part)])
-    last = max(text.rfind(b"endsolid"), text.rfind(b"ENDSOLID"), text.lower().rfind(b"endsolid", -_SEARCHED))
+    last = max(
+        text.rfind(b"endsolid"), text.rfind(b"ENDSOLID"), text.lower().rfind(b"endsolid", -_SEARCHED_BYTES)
+    )
     if last < max(text.rfind(b"vertex"), text.rfind(b"VERTEX")):
         raise DamagedMeshError("it ends early: the last line is not endsolid")
     if len(corners) % 3:
@@ -65,6 +71,6 @@ def _ascii(text: bytes) -> Float:
     return corners
 
 
-def _numbers(words: list[tuple[bytes, bytes, bytes]]) -> Float:
+def _corner_numbers(words: list[tuple[bytes, bytes, bytes]]) -> Float:
     """Returns (N, 3) the numbers of corners."""
     return numbers_in(b" ".join(word for corner in words for word in corner)).reshape(-1, 3)

@@ -12,7 +12,7 @@ from enliven.files import decode_text, text_bytes
 from enliven.meshes.polygons import triangulate
 from enliven.meshes.tokens import DamagedMeshError, lines_of, numbers_in, without_comments, word_starts
 
-_OFF = re.compile(
+_OFF_HEADER = re.compile(
     rb"\s*(?:(?P<kind>[STCN4]{0,5}OFF)\b\s*)?(?P<binary>BINARY\b)?"
     rb"(?:(?P<vertices>[+-]?\d{1,12})"
     rb"(?:[^\S\n]+(?P<faces>[+-]?\d{1,12})(?:[^\S\n]+[+-]?\d{1,12})?|\s+(?P<lower>[+-]?\d{1,12})\s+[+-]?\d{1,12})"
@@ -39,7 +39,7 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
         DamagedMeshError: if the file contradicts its header.
     """
     text = without_comments(text_bytes(data)) + b"\n"
-    head = _OFF.match(text)
+    head = _OFF_HEADER.match(text)
     kind = (head["kind"] or b"").upper() if head else b""
     if head is None or not (kind or head["vertices"]):
         raise DamagedMeshError("the first word is not OFF")
@@ -121,13 +121,13 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
     rows = numbers[: count * (first + 1)]
     if first > 0 and len(rows) == count * (first + 1) and (rows[:: first + 1] == first).all():
         corners = rows.reshape(count, -1)[:, 1:].reshape(-1)
-        if _wrong_corner(corners, vertex_count) is None:
+        if _invalid_corner(corners, vertex_count) is None:
             return corners, np.full(count, first), len(numbers) - len(rows)
     problem = ""
     lines = lines_of(body, word_starts(body))
     for words, after in (
         (numbers.tolist(), None),
-        ([_whole(word) for word in body.split()], np.searchsorted(lines, lines, "right").tolist()),
+        ([_integer_of(word) for word in body.split()], np.searchsorted(lines, lines, "right").tolist()),
     ):
         corners, sizes, at = list[int](), list[int](), 0
         while len(sizes) < count:
@@ -137,7 +137,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
             corners += words[at + 1 : at + 1 + size]
             sizes.append(size)
             at = at + 1 + size if after is None else after[at + size]
-        wrong = _wrong_corner(np.array(corners, np.int64), vertex_count)
+        wrong = _invalid_corner(np.array(corners, np.int64), vertex_count)
         if len(sizes) == count and wrong is None:
             return np.array(corners, np.int64), np.array(sizes, np.int64), len(words) - at
         problem = f"face {len(sizes)} is cut short or wrong"
@@ -146,13 +146,13 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
     return problem
 
 
-def _wrong_corner(corners: Int, vertex_count: int) -> int | None:
+def _invalid_corner(corners: Int, vertex_count: int) -> int | None:
     """Returns an invalid vertex number, None if all are valid."""
     wrong = corners[(corners < 0) | (corners >= vertex_count)]
     return int(wrong[0]) if len(wrong) else None
 
 
-def _whole(word: bytes) -> int:
+def _integer_of(word: bytes) -> int:
     """Returns an integer, or -1 for another word, such as a colour with a fraction."""
     return int(word) if word.isdigit() and len(word) < 10 else -1
 
@@ -188,12 +188,12 @@ def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
             raise DamagedMeshError(f"a quadrilateral names a vertex outside of 1..{len(vertices)}")
         triangles.append(triangulate(vertices, quads.reshape(-1), np.full(len(quads), 4))[0].astype(np.int64))
     if not sum(map(len, triangles)) and "Tetrahedra" in tables:
-        triangles = [_boundary(tables["Tetrahedra"].astype(np.int64) - 1)]
+        triangles = [_boundary_triangles(tables["Tetrahedra"].astype(np.int64) - 1)]
     faces = np.concatenate(triangles) if triangles else np.empty((0, 3))
     return tables["Vertices"], faces.astype(np.int32), []
 
 
-def _boundary(tetrahedra: Int) -> Int:
+def _boundary_triangles(tetrahedra: Int) -> Int:
     """Returns (F, 3) the triangles that belong to only one tetrahedron of (T, 4), facing outwards."""
     faces = tetrahedra[:, _TETRAHEDRON_FACES].reshape(-1, 3)
     _, first, count = np.unique(np.sort(faces, 1), axis=0, return_index=True, return_counts=True)

@@ -14,7 +14,7 @@ from enliven.arrays import AnyArray, Int
 BLOCK_BYTES = 1 << 20
 """Size of the block of text that is searched at a time, in bytes. The masks of a block take about ten times
 as much memory."""
-_SHOWN_BYTES = 40
+_MAX_SHOWN_BYTES = 40
 """Maximum bytes of a wrong word that a message shows."""
 _COMMENT = re.compile(rb"#[^\n]*")
 
@@ -85,13 +85,13 @@ def numbers_in(text: bytes, dtype: Any = np.float64) -> AnyArray:
         except (DeprecationWarning, ValueError):
             pass
         warnings.simplefilter("ignore", DeprecationWarning)
-        at = _first_wrong(text, dtype)
-    word = text[at : at + _SHOWN_BYTES].split(None, 1)[0].decode("utf-8", "replace")
+        at = _first_non_number(text, dtype)
+    word = text[at : at + _MAX_SHOWN_BYTES].split(None, 1)[0].decode("utf-8", "replace")
     kind = "whole number" if np.dtype(dtype).kind == "i" else "number"
     raise WrongWordError(text.count(b"\n", 0, at), f"{word!r} is not a {kind}")
 
 
-def _first_wrong(text: bytes, dtype: Any) -> int:
+def _first_non_number(text: bytes, dtype: Any) -> int:
     """Returns the offset of the first word that is not a number, by bisection."""
     starts = word_starts(text)
     low, high = 0, len(starts)

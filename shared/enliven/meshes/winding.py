@@ -19,7 +19,7 @@ sheets back to back have 0."""
 _MAX_NESTED_PARTS = 2048
 """Maximum number of closed parts that are tested for nesting, which takes quadratic time. A model of more
 parts is a heap of objects, which rarely has cavities."""
-_MAX_AROUND = 32
+_MAX_SURROUNDING_PARTS = 32
 """Maximum number of enclosing parts that are tested for one part, the largest first."""
 
 
@@ -55,7 +55,9 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     pair = np.flatnonzero(edges.counts == 2)
     first_side, second_side = edges.starts[pair], edges.starts[pair] + 1
     agree = edges.forward[first_side] != edges.forward[second_side]
-    part, flip, is_twisted = _consistent(len(faces), edges.faces[first_side], edges.faces[second_side], agree)
+    part, flip, is_twisted = _consistent_parts(
+        len(faces), edges.faces[first_side], edges.faces[second_side], agree
+    )
     areas = face_areas(vertices, faces)
     count = int(part.max()) + 1
     flip &= ~is_twisted[part]
@@ -64,7 +66,7 @@ def repair_winding(mesh: Mesh) -> tuple[Mesh, list[str]]:
     turned = np.bincount(part, areas * flip, count) > 0.5 * np.bincount(part, areas, count)
     flip ^= turned[part]
     closed = _closed_parts(edges, part, count) & ~is_twisted
-    volumes, sizes = _volumes(vertices, faces, flip, part, count), np.bincount(part, areas / 2, count)
+    volumes, sizes = _part_volumes(vertices, faces, flip, part, count), np.bincount(part, areas / 2, count)
     inward = closed & (volumes < -_MIN_VOLUME_RATIO * sizes**1.5)
     if inward.any():
         inward = _follow_outer(vertices, faces, part, closed, inward)
@@ -92,7 +94,7 @@ def _edges_of(faces: Int32, vertex_count: int) -> _Edges:
 
 
 @njit(cache=True, nogil=True)
-def _parted(count, ones, twos, agree):
+def _orientation_roots(count, ones, twos, agree):
     """Returns each face's root, flags of opposite orientation to it, and the twisted roots.
 
     Edges join faces ``ones`` and ``twos`` (E,). A union-find tree stores for each face whether its winding is
@@ -130,9 +132,9 @@ def _parted(count, ones, twos, agree):
     return parent, against, twisted
 
 
-def _consistent(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
+def _consistent_parts(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
     """Returns (F,) part of each face, (F,) whether it is opposite to the first face, (P,) one-sided parts."""
-    root, against, twisted = _parted(count, ones, twos, agree)
+    root, against, twisted = _orientation_roots(count, ones, twos, agree)
     roots, part = np.unique(root, return_inverse=True)
     return part.reshape(-1), against, twisted[roots]
 
@@ -146,7 +148,7 @@ def _closed_parts(edges: _Edges, part: Int, count: int) -> Bool:
     return closed
 
 
-def _volumes(vertices: Float, faces: Int32, flip: Bool, part: Int, count: int) -> Float:
+def _part_volumes(vertices: Float, faces: Int32, flip: Bool, part: Int, count: int) -> Float:
     """Returns (P,) the signed volume of each part, positive if it faces outwards.
 
     Meaningless for open parts.
@@ -170,7 +172,7 @@ def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward
     for k in by_size:
         around = (lows < lows[k]).all(1) & (highs > highs[k]).all(1)
         # If several parts enclose this one, the largest decides, because its own winding was decided first.
-        for outer in by_size[around[by_size]][:_MAX_AROUND]:
+        for outer in by_size[around[by_size]][:_MAX_SURROUNDING_PARTS]:
             if _is_inside(corners[k][0, 0], corners[outer]):
                 turn[numbers[k]] = turn[numbers[outer]]
                 break

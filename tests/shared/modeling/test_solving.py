@@ -38,7 +38,7 @@ from enliven.modeling.edits import (
 )
 from enliven.modeling.mesh import PlaneCut
 from enliven.modeling.possessed import possess_mesh, solve_again, stale, unsolved
-from enliven.modeling.possessed.solving import _bare
+from enliven.modeling.possessed.solving import _rest_character
 from enliven.possession import EmbeddedActor, settings_of
 from enliven.possession.replaying import replay
 
@@ -96,7 +96,7 @@ def held_misses(project, name, number=0):
     """
     shape = project.graph(name)
     part = shape.parts[number]
-    (bare, _), take, actors = _bare(shape, number), project.bodies[part.possession.take], []
+    (bare, _), take, actors = _rest_character(shape, number), project.bodies[part.possession.take], []
 
     class Watched(EmbeddedActor):
         def __init__(self, *given):

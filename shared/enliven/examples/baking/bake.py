@@ -26,13 +26,13 @@ from enliven.meshes import Mesh, weld
 
 Frames = Callable[[], Iterable[Float]]
 """Returns an iterator over the frames (V, 3) metres, from the first to the last, at each call."""
-_CHUNK = 16
+_CHUNK_FRAMES = 16
 """Number of frames that are processed together."""
-_AGAIN = 3
+_MAX_REFITS = 3
 """Maximum number of times that frames with too large errors are added to the fit."""
-_MOST_MISSED = 16
+_MAX_FRAMES_ADDED = 16
 """Maximum number of frames added at once, the worst first. Each one costs time in every round."""
-_LAST = 5
+_FINAL_ROUNDS = 5
 """Number of final rounds with maps that a glTF node can represent: rotation, and scale along fixed axes."""
 
 
@@ -80,12 +80,12 @@ def bake_surface(
     welded, of = weld(mesh)
     first = np.unique(of, return_index=True)[1]
     chosen = farthest(traits.reshape(len(traits), -1), settings.frames)
-    wanted = _gathered(frames, chosen, first)
+    wanted = _gather_frames(frames, chosen, first)
     fit = _Fit(welded, wanted, [int(of[v]) for v in held], settings, shear)
-    for _ in range(_AGAIN):
+    for _ in range(_MAX_REFITS):
         fit.run()
         missed = WorstFrames(settings.worst * fit.size)
-        linear, places, error = _measured(fit, frames, len(traits), first, missed)
+        linear, places, error = _measure_fit(fit, frames, len(traits), first, missed)
         if not missed.frames or not fit.room:
             break
         fit.take(missed.frames)
@@ -126,7 +126,7 @@ class WorstFrames:
     def record(self, worst: float, frame: Float) -> None:
         """Records a frame with a maximum vertex error of ``worst`` metres."""
         if worst > self.most:
-            self._kept = sorted([*self._kept, (worst, frame)], key=lambda kept: -kept[0])[:_MOST_MISSED]
+            self._kept = sorted([*self._kept, (worst, frame)], key=lambda kept: -kept[0])[:_MAX_FRAMES_ADDED]
 
 
 class _Fit:
@@ -149,7 +149,7 @@ class _Fit:
         self._starts = self._net.lengths.indptr.astype(np.int64)
         count = min(settings.nodes, len(mesh.vertices))
         self.seeds = Seeds(self._net, list(dict.fromkeys(held))[:count], min(settings.first, count))
-        self._begin()
+        self._assign_seeds()
 
     def run(self) -> None:
         """Fits, and adds transforms until the tolerance or the maximum number is reached.
@@ -160,21 +160,21 @@ class _Fit:
         settings = self._settings
         most = min(settings.nodes, len(self._rest))
         while True:
-            self._alternate(settings.rounds)
-            share = self._share()
+            self._alternate_fits(settings.rounds)
+            share = self._error_ratios()
             if share.max() <= 1.0 and not self._shear:
                 self._bound = True
                 self._better_maps()
-                self._alternate(_LAST)
-                share, self._bound = self._share(), False
+                self._alternate_fits(_FINAL_ROUNDS)
+                share, self._bound = self._error_ratios(), False
             room = most - len(self.pivots)
             if share.max() <= 1.0 or not self.seeds.grow(share, min(room, max(len(self.pivots) // 2, 4))):
                 break
-            self._begin()
+            self._assign_seeds()
         if not self._shear and self.maps.axes is None:
             self._bound = True
             self._better_maps()
-            self._alternate(_LAST)
+            self._alternate_fits(_FINAL_ROUNDS)
 
     @property
     def room(self) -> bool:
@@ -186,12 +186,12 @@ class _Fit:
         self._wanted = np.concatenate([self._wanted, np.stack(frames, 1)], 1)
         self._better_maps()
 
-    def _alternate(self, rounds: int) -> None:
+    def _alternate_fits(self, rounds: int) -> None:
         for _ in range(rounds):
             self._better_weights()
             self._better_maps()
 
-    def _share(self) -> Float:
+    def _error_ratios(self) -> Float:
         """Returns (V,) each vertex's error divided by the tolerance: above 1 if it exceeds the tolerance."""
         settings, frames = self._settings, self._wanted.shape[1]
         squares, worst, _ = self.errors(self._found, self._wanted)
@@ -200,7 +200,7 @@ class _Fit:
         own = whole * np.sqrt(squares / max(squares.mean(), 1e-300)) if whole > 1.0 else 0.0 * squares
         return np.asarray(np.maximum(own, np.sqrt(worst) / max(settings.worst * self.size, 1e-300)))
 
-    def _begin(self) -> None:
+    def _assign_seeds(self) -> None:
         """Assigns each vertex to the nearest seed along the surface."""
         self.pivots = np.ascontiguousarray(self._rest[self.seeds.vertices])
         self._candidates = self.seeds.nearest(self._settings.candidates)
@@ -232,7 +232,7 @@ class _Fit:
         return squares, worst, add_errors(*parts, maps, wanted, squares, worst)
 
 
-def _gathered(frames: Frames, chosen: Int, first: Int) -> Float:
+def _gather_frames(frames: Frames, chosen: Int, first: Int) -> Float:
     """Collects (V, C, 3) the chosen frames."""
     wanted = np.empty((len(first), len(chosen), 3))
     column = {int(frame): k for k, frame in enumerate(chosen)}
@@ -244,25 +244,25 @@ def _gathered(frames: Frames, chosen: Int, first: Int) -> Float:
     return wanted
 
 
-def _chunks(frames: Frames, first: Int) -> Iterator[Float]:
+def _frame_chunks(frames: Frames, first: Int) -> Iterator[Float]:
     """Yields the frames in chunks (V, C, 3)."""
     kept: list[Float] = []
     for vertices in frames():
         kept.append(vertices[first])
-        if len(kept) == _CHUNK:
+        if len(kept) == _CHUNK_FRAMES:
             yield np.stack(kept, 1)
             kept = []
     if kept:
         yield np.stack(kept, 1)
 
 
-def _measured(
+def _measure_fit(
     fit: _Fit, frames: Frames, count: int, first: Int, missed: WorstFrames
 ) -> tuple[Float, Float, BakeError]:
     """Computes the transforms of all frames, and the error of the surface."""
     linear, places = np.empty((count, len(fit.pivots), 3, 3)), np.empty((count, len(fit.pivots), 3))
     total, worst, frame, vertex, at = 0.0, 0.0, 0, 0, 0
-    for wanted in _chunks(frames, first):
+    for wanted in _frame_chunks(frames, first):
         maps = fit.maps.of(wanted)
         squares, most, of_frame = fit.errors(maps, wanted)
         total += float(squares.sum())

@@ -18,16 +18,16 @@ from enliven.arrays import Float, Int32
 from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, nearest_rotation, rotation_matrix
 
-_PLACE = 1e-6
+_PIVOT_WEIGHT = 1e-6
 """Weight that keeps a pivot at the position given by its rotation if the surface does not determine it."""
-_GLOBAL = 1e-3
+_GLOBAL_ROTATION_WEIGHT = 1e-3
 """Weight of the whole surface's rotation in that of each transform. It resolves the ambiguity if its own
 surface is a line."""
-_SWEEPS = 4
+_TRANSFORM_SWEEPS = 4
 """Number of passes over all transforms, each solved with the others fixed."""
-_LEAST = 0.1
+_MIN_SCALE = 0.1
 """Minimum scale along an axis. A smaller one would flatten the part, and its inverse would lose precision."""
-_MOST = 10.0
+_MAX_SCALE = 10.0
 """Maximum scale along an axis, the inverse of the minimum."""
 
 
@@ -56,7 +56,7 @@ class Maps:
         # A transform with few vertices would stretch wildly to fit them. So its regularization grows with the
         # mean of its own spread and a typical spread.
         self._pull[:, :3] = (rigid * (spread + typical) / 2)[:, None]
-        self._pull[:, 3] = _PLACE * mass + 1e-9 * max(float(mass.mean()), 1e-30)
+        self._pull[:, 3] = _PIVOT_WEIGHT * mass + 1e-9 * max(float(mass.mean()), 1e-30)
         flat[np.diag_indices(4 * count)] += self._pull.ravel()
         self._factor = factor_of(flat)
         self._sums = first_moments(*self._parts)
@@ -67,7 +67,7 @@ class Maps:
         frames = vertices.shape[1]
         moments = moments_of(*self._parts, np.ascontiguousarray(vertices).reshape(len(vertices), -1))
         right = np.ascontiguousarray(moments.reshape(-1, 4, frames, 3).transpose(2, 0, 1, 3))
-        turns, places = self._rigid(right)
+        turns, places = self._fit_rigid_motions(right)
         right[:, :, :3] += self._pull[None, :, :3, None] * turns
         right[:, :, 3] += self._pull[None, :, 3, None] * places
         count = right.shape[1]
@@ -79,14 +79,14 @@ class Maps:
         )
         maps = np.ascontiguousarray(solution).reshape(frames, count, 4, 3)
         if self.axes is not None:
-            separable(self._gram, right, self.axes, _SWEEPS, maps)
+            separable(self._gram, right, self.axes, _TRANSFORM_SWEEPS, maps)
         return maps
 
     def find_axes(self, maps: Float) -> None:
         """Sets the axes to the directions of largest stretch of maps (F, K, 4, 3), over all frames."""
         self.axes = stretch_axes(maps[:, :, :3].transpose(0, 1, 3, 2))
 
-    def _rigid(self, right: Float) -> tuple[Float, Float]:
+    def _fit_rigid_motions(self, right: Float) -> tuple[Float, Float]:
         """Fits rigid motions to each transform's own vertices.
 
         Returns:
@@ -99,7 +99,7 @@ class Maps:
         size = np.abs(moment).sum((2, 3), keepdims=True)
         size = np.maximum(size, 1e-9 * size.max(1, keepdims=True))
         shared = whole / np.maximum(np.abs(whole).sum((2, 3), keepdims=True), 1e-300)
-        turns = nearest_rotation(moment + _GLOBAL * size * shared)
+        turns = nearest_rotation(moment + _GLOBAL_ROTATION_WEIGHT * size * shared)
         return turns, went - np.einsum("ka,fkab->fkb", middle, turns)
 
 
@@ -208,11 +208,11 @@ def separable(gram, right, axes, sweeps, maps):
                                 g = gram[k, a, m, b]
                                 for e in range(3):
                                     left[a, e] -= g * maps[f, m, b, e]
-                _block(gram[k, :, k, :], left, axes[k], sweep == 0, maps[f, k])
+                _solve_transform(gram[k, :, k, :], left, axes[k], sweep == 0, maps[f, k])
 
 
 @njit(cache=True, nogil=True)
-def _block(own, left, axes, fresh, found):
+def _solve_transform(own, left, axes, fresh, found):
     """Computes the best R Q diag(s) Q' and position of one transform, into ``found`` (4, 3)."""
     mass = own[3, 3]
     # Find N = A H by eliminating the position. Rows are world axes, and columns are the scale axes.
@@ -226,13 +226,13 @@ def _block(own, left, axes, fresh, found):
     turned = np.ascontiguousarray(found[:3].T) @ axes
     scale = np.empty(3)
     for a in range(3):
-        scale[a] = min(max(np.sqrt((turned[:, a] ** 2).sum()), _LEAST), _MOST)
+        scale[a] = min(max(np.sqrt((turned[:, a] ** 2).sum()), _MIN_SCALE), _MAX_SCALE)
     turn = np.empty((3, 3))
     for _ in range(3 if fresh else 2):
         rotation_matrix(nearest_quaternion(flat * scale), turn)
         for a in range(3):
             along = turn[0, a] * flat[0, a] + turn[1, a] * flat[1, a] + turn[2, a] * flat[2, a]
-            scale[a] = min(max(along / max(spread[a, a], 1e-300), _LEAST), _MOST)
+            scale[a] = min(max(along / max(spread[a, a], 1e-300), _MIN_SCALE), _MAX_SCALE)
     linear = (turn * scale) @ axes.T
     for a in range(3):
         for e in range(3):

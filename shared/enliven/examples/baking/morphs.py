@@ -17,9 +17,9 @@ from enliven.examples.baking.bake import Frames, WorstFrames, farthest
 from enliven.examples.baking.settings import BakeError, BakeSettings
 from enliven.meshes import Mesh
 
-_AGAIN = 4
+_MAX_REFITS = 4
 """Maximum number of times that frames with too large errors are added to the chosen ones."""
-_RIDGE = 1e-4
+_NORMAL_REGULARIZATION = 1e-4
 """Regularization of the changes of normals, relative to the targets' own size."""
 
 
@@ -47,46 +47,46 @@ def bake_morphs(
     settings = settings or BakeSettings()
     size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     chosen = farthest(traits.reshape(len(traits), -1), settings.frames)
-    moved, normals = _gathered(mesh, frames, chosen.tolist())
-    for _ in range(_AGAIN):
-        shapes, spread = _components(moved, settings.targets)
-        count = _needed(moved, shapes, settings, size)
+    moved, normals = _gather_displacements(mesh, frames, chosen.tolist())
+    for _ in range(_MAX_REFITS):
+        shapes, spread = _principal_components(moved, settings.targets)
+        count = _needed_shapes(moved, shapes, settings, size)
         shapes, spread = shapes[:count], spread[:count]
         missed = WorstFrames(settings.worst * size)
-        weights, error = _measured(mesh, frames, len(traits), shapes, size, missed)
+        weights, error = _measure_weights(mesh, frames, len(traits), shapes, size, missed)
         if not missed.frames or count == settings.targets:
             break
-        more = [_seen(mesh, vertices) for vertices in missed.frames]
+        more = [_displacements_of(mesh, vertices) for vertices in missed.frames]
         moved = np.concatenate([moved, [vertices for vertices, _ in more]])
         normals = np.concatenate([normals, [vertex_normals for _, vertex_normals in more]])
     moved_weights = moved @ shapes.T / spread
-    square = moved_weights.T @ moved_weights + _RIDGE * len(moved_weights) * np.eye(count)
+    square = moved_weights.T @ moved_weights + _NORMAL_REGULARIZATION * len(moved_weights) * np.eye(count)
     bent = np.asarray(np.linalg.solve(square, moved_weights.T @ normals), np.float64)
     each = (count, len(mesh.vertices), 3)
     targets = (shapes * spread[:, None]).reshape(each)
     return BakedMorphs(targets, bent.reshape(each), weights / spread, error)
 
 
-def _gathered(mesh: Mesh, frames: Frames, chosen: list[int]) -> tuple[Float, Float]:
+def _gather_displacements(mesh: Mesh, frames: Frames, chosen: list[int]) -> tuple[Float, Float]:
     """Returns (C, 3 V) the vertices' displacements from rest in the chosen frames, and the changes of their
     normals."""
     moved, normals = np.empty((len(chosen), mesh.vertices.size)), np.empty((len(chosen), mesh.vertices.size))
     row = {frame: k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):
         if number in row:
-            moved[row[number]], normals[row[number]] = _seen(mesh, vertices)
+            moved[row[number]], normals[row[number]] = _displacements_of(mesh, vertices)
         if number == chosen[-1]:
             break
     return moved, normals
 
 
-def _seen(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
+def _displacements_of(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
     """Returns (3 V,) displacements of vertices (V, 3) from rest, and the changes of their normals."""
     turned = Mesh(vertices, mesh.faces, mesh.name).vertex_normals() - mesh.vertex_normals()
     return (vertices - mesh.vertices).ravel(), turned.ravel()
 
 
-def _components(moved: Float, most: int) -> tuple[Float, Float]:
+def _principal_components(moved: Float, most: int) -> tuple[Float, Float]:
     """Returns (N, 3 V) the principal components of (C, 3 V), the largest first, and (N,) their standard
     deviations."""
     values, vectors = np.linalg.eigh(moved @ moved.T)
@@ -102,7 +102,7 @@ def _components(moved: Float, most: int) -> tuple[Float, Float]:
     return shapes, np.where(spread > 0, spread, 1.0)
 
 
-def _needed(moved: Float, shapes: Float, settings: BakeSettings, size: float) -> int:
+def _needed_shapes(moved: Float, shapes: Float, settings: BakeSettings, size: float) -> int:
     """Returns the number of shapes that suffice for frames ``moved`` (C, 3 V), or all if none suffices."""
     left = moved.copy()
     for count, shape in enumerate(shapes, 1):
@@ -113,7 +113,7 @@ def _needed(moved: Float, shapes: Float, settings: BakeSettings, size: float) ->
     return len(shapes)
 
 
-def _measured(
+def _measure_weights(
     mesh: Mesh, frames: Frames, count: int, shapes: Float, size: float, missed: WorstFrames
 ) -> tuple[Float, BakeError]:
     """Returns (F, N) weights of all frames, and the error of the surface."""

@@ -50,7 +50,7 @@ class Seeds:
         self._net = net
         first = list(dict.fromkeys(held)) or [0]
         self.vertices, self.away = first, net.away(first)
-        while len(self.vertices) < count and self._add(int(np.argmax(self.away.min(0)))):
+        while len(self.vertices) < count and self._add_vertex(int(np.argmax(self.away.min(0)))):
             pass
 
     def grow(self, scores: Float, count: int) -> int:
@@ -67,7 +67,7 @@ class Seeds:
         while len(self.vertices) < before + count and left.max(initial=0.0) > 0.0:
             chosen = int(np.argmax(left))
             reach = 0.5 * float(self.away[:, chosen].min())
-            self._add(chosen)
+            self._add_vertex(chosen)
             left[self.away[-1] <= reach] = 0.0
         return len(self.vertices) - before
 
@@ -85,7 +85,7 @@ class Seeds:
         pairs = np.sort(owner[self._net.edges], 1)
         return np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).astype(np.int32).reshape(-1, 2)
 
-    def _add(self, vertex: int) -> bool:
+    def _add_vertex(self, vertex: int) -> bool:
         if vertex in self.vertices:
             return False
         self.vertices.append(vertex)

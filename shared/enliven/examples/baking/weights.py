@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.kernels import njit
 
-_MOST = 4
+_MAX_TRANSFORMS_PER_VERTEX = 4
 """Maximum number of transforms per vertex. One joint set in glTF, and the viewer's shader, have four."""
 
 
@@ -46,24 +46,24 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
             candidate_count += 1
         for c in range(candidate_count):
             k = candidates[v, c]
-            _away(rest[v] - pivots[k], maps[k], wanted[v], away[c])
+            _transform_differences(rest[v] - pivots[k], maps[k], wanted[v], away[c])
             for d in range(c + 1):
-                gram[c, d] = gram[d, c] = _dot(away[c], away[d])
+                gram[c, d] = gram[d, c] = _dot_product(away[c], away[d])
         # Collect the old weights of the candidates, and the cost of changing them.
-        _neighbours(v, candidates, candidate_count, near, starts, old_indices, old_weights, pull)
+        _mean_neighbour_weights(v, candidates, candidate_count, near, starts, old_indices, old_weights, pull)
         for c in range(candidate_count):
             trial[c] = 0.0
-            for s in range(_MOST):
+            for s in range(_MAX_TRANSFORMS_PER_VERTEX):
                 if old_weights[v, s] > 0.0 and old_indices[v, s] == candidates[v, c]:
                     trial[c] += old_weights[v, s]
-        before = _cost(gram, trial, pull, smooth, candidate_count)
+        before = _weights_cost(gram, trial, pull, smooth, candidate_count)
         old_sum = 0.0
         for c in range(candidate_count):
             old_sum += trial[c]
         # Solve. Keep the old weights if there is no solution, or no better one.
         if not solve_bounded(gram, pull, smooth, candidate_count, free, room, trial):
             continue
-        if abs(old_sum - 1.0) < 1e-6 and _cost(gram, trial, pull, smooth, candidate_count) >= before:
+        if abs(old_sum - 1.0) < 1e-6 and _weights_cost(gram, trial, pull, smooth, candidate_count) >= before:
             continue
         # Store the positive weights, and clear the remaining slots.
         slot = 0
@@ -71,12 +71,12 @@ def fit_weights(rest, wanted, pivots, maps, candidates, near, starts, smooth, in
             if trial[c] > 0.0:
                 indices[v, slot], weights[v, slot] = candidates[v, c], trial[c]
                 slot += 1
-        for s in range(slot, _MOST):
+        for s in range(slot, _MAX_TRANSFORMS_PER_VERTEX):
             indices[v, s], weights[v, s] = 0, 0.0
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _away(at, own, wanted, out):
+def _transform_differences(at, own, wanted, out):
     """Computes into ``out`` (3 F) the differences between ``at`` (3,) moved by a transform (4, 3 F) and
     ``wanted``."""
     x, y, z = at
@@ -85,7 +85,7 @@ def _away(at, own, wanted, out):
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _dot(a, b):
+def _dot_product(a, b):
     total = 0.0
     for j in range(len(a)):
         total += a[j] * b[j]
@@ -107,13 +107,13 @@ def solve_bounded(gram, pull, smooth, there, free, room, found):
     least = 1e-10 * scale / there + 1e-300
     left = there
     while True:
-        if not _equal(gram, pull, smooth, least, there, free, room, found):
+        if not _solve_sum_one(gram, pull, smooth, least, there, free, room, found):
             return False
         lowest = -1
         for c in range(there):
             if free[c] and (lowest < 0 or found[c] < found[lowest]):
                 lowest = c
-        if found[lowest] < 0.0 or left > _MOST:
+        if found[lowest] < 0.0 or left > _MAX_TRANSFORMS_PER_VERTEX:
             free[lowest] = False
             left -= 1
         else:
@@ -121,7 +121,7 @@ def solve_bounded(gram, pull, smooth, there, free, room, found):
 
 
 @njit(cache=True, nogil=True)
-def _equal(gram, pull, smooth, least, there, free, room, found):
+def _solve_sum_one(gram, pull, smooth, least, there, free, room, found):
     """Solves for the free weights with sum one, and sets the others to 0, with two right-hand sides."""
     # Collect the free weights, and build their matrix with two right-hand sides: pull, and ones.
     n = 0
@@ -172,7 +172,7 @@ def _equal(gram, pull, smooth, least, there, free, room, found):
 
 
 @njit(cache=True, nogil=True)
-def _cost(gram, found, pull, smooth, there):
+def _weights_cost(gram, found, pull, smooth, there):
     total = 0.0
     for c in range(there):
         total += smooth * (found[c] - pull[c]) ** 2
@@ -182,7 +182,7 @@ def _cost(gram, found, pull, smooth, there):
 
 
 @njit(cache=True, nogil=True)
-def _neighbours(v, candidates, there, near, starts, indices, weights, pull):
+def _mean_neighbour_weights(v, candidates, there, near, starts, indices, weights, pull):
     """Computes into ``pull`` the mean weights of the neighbours, for the candidates of vertex v."""
     for c in range(there):
         pull[c] = 0.0
@@ -191,7 +191,7 @@ def _neighbours(v, candidates, there, near, starts, indices, weights, pull):
         return
     for e in range(starts[v], starts[v + 1]):
         u = near[e]
-        for s in range(_MOST):
+        for s in range(_MAX_TRANSFORMS_PER_VERTEX):
             if weights[u, s] > 0.0:
                 for c in range(there):
                     if candidates[v, c] == indices[u, s]:

@@ -26,7 +26,7 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
         for foot in feet:
             lowest = min(lowest, turned[f, foot, 1])
         before = anchors[f - 1] if f > 0 else -1
-        anchor = _anchor(turned[f], feet, stands[f], before, lowest + grip)
+        anchor = _choose_anchor(turned[f], feet, stands[f], before, lowest + grip)
         anchors[f] = anchor
         if f > 0:
             # Between the previous frame and this one, keep the new anchor fixed, even if another point was
@@ -37,7 +37,7 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
 
 
 @njit(cache=True, nogil=True)
-def _anchor(places, feet, stands, before, highest):
+def _choose_anchor(places, feet, stands, before, highest):
     """Chooses the anchor after ``before`` (-1: none).
 
     The anchor stays while the performer stands on it. Then it is the lowest standing foot. If ``stands`` is

@@ -73,18 +73,18 @@ def factor(give, weight, inverse, one, two):
             for i in range(3):
                 for j in range(3):
                     after[i, j] = s * give[r, i, j]
-            _product(after, inverse[r - 2], two[r])
-            _take(d, two[r], after)
+            _multiply(after, inverse[r - 2], two[r])
+            _subtract_product(d, two[r], after)
         if r > 0:
             for i in range(3):
                 for j in range(3):
                     middle[i, j] = -2.0 * s * (give[r, i, j] + give[r + 1, i, j])
             if r > 1:
                 # Subtract L(r, r-2) D(r-2) L(r-1, r-2)' from the block. ``after`` holds L(r, r-2) D(r-2).
-                _take(middle, after, one[r - 1])
-            _product(middle, inverse[r - 1], one[r])
-            _take(d, one[r], middle)
-        _inverted(d, inverse[r])
+                _subtract_product(middle, after, one[r - 1])
+            _multiply(middle, inverse[r - 1], one[r])
+            _subtract_product(d, one[r], middle)
+        _invert_symmetric(d, inverse[r])
 
 
 @njit(cache=True, nogil=True)
@@ -118,7 +118,7 @@ def substitute(inverse, one, two, out):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _product(a, b, out):
+def _multiply(a, b, out):
     """Computes ``out`` = a b."""
     for i in range(3):
         for j in range(3):
@@ -126,7 +126,7 @@ def _product(a, b, out):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _take(out, a, b):
+def _subtract_product(out, a, b):
     """Computes ``out`` -= a b'."""
     for i in range(3):
         for j in range(3):
@@ -134,7 +134,7 @@ def _take(out, a, b):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _inverted(d, out):
+def _invert_symmetric(d, out):
     """Computes ``out`` = d^-1 of a symmetric d with eigenvalues of one or more."""
     a, b, c = d[0, 0], 0.5 * (d[0, 1] + d[1, 0]), 0.5 * (d[0, 2] + d[2, 0])
     e, f, g = d[1, 1], 0.5 * (d[1, 2] + d[2, 1]), d[2, 2]

@@ -19,7 +19,7 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.kernels import njit
 
-_AT_ONCE = 6
+_JOINT_CHANGE_ROUNDS = 6
 """Number of rounds in which all wrong weights are changed at once, before changing them one by one."""
 
 
@@ -136,7 +136,7 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):
                         slope += matrix[f, e, k] * w[k]
                     fits &= state[f, e] * slope <= 1e-12 * matrix[f, e, e]
         if not fits:
-            _renew(node, known, f, qx, qy, qz, low, high, work)
+            _renew_weights(node, known, f, qx, qy, qz, low, high, work)
             changed += 1
         marks[f] = not fits
         cx = base[f, 0] - give[f, 0, 0] * qx - give[f, 0, 1] * qy - give[f, 0, 2] * qz
@@ -150,21 +150,21 @@ def answers(node, known, pull, a, b, low, high, work, places, marks):
 
 
 @njit(cache=True, nogil=True)
-def _renew(node, known, f, qx, qy, qz, low, high, work):
+def _renew_weights(node, known, f, qx, qy, qz, low, high, work):
     """Finds the set of weights of node f at bounds, and the resulting linear terms."""
     matrix, right, reach, _, _, state = node
     _, g, _, _, trial = work
     for e in range(len(g)):
         g[e] = right[f, e] - reach[f, e, 0] * qx - reach[f, e, 1] * qy - reach[f, e, 2] * qz
         trial[e] = 0 if state[f, 0] == 2 else state[f, e]
-    _pivot(matrix, f, work, low, high)
+    _pivot_states(matrix, f, work, low, high)
     for e in range(len(g)):
         state[f, e] = trial[e]
-    _linear(node, known, f, qx, qy, qz, work)
+    _linear_terms(node, known, f, qx, qy, qz, work)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _wrong(matrix, f, g, state, w, low, high):
+def _first_wrong_weight(matrix, f, g, state, w, low, high):
     """Returns the first weight that is out of bounds, or at a bound that it should leave, or -1 for none."""
     for e in range(len(w)):
         if _is_wrong(matrix, f, g, state, w, low, high, e):
@@ -183,16 +183,16 @@ def _is_wrong(matrix, f, g, state, w, low, high, e):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _pivot(matrix, f, work, low, high):
+def _pivot_states(matrix, f, work, low, high):
     """Finds the states and weights for g = b - C q, starting at the trial states."""
     w, g, _, _, state = work
     most = len(w)
-    for turn in range(_AT_ONCE + 50 * 2 ** min(most, 12)):
-        _fill(matrix, f, work, _factor(matrix, f, work), low, high)
-        first = _wrong(matrix, f, g, state, w, low, high)
+    for turn in range(_JOINT_CHANGE_ROUNDS + 50 * 2 ** min(most, 12)):
+        _fill_weights(matrix, f, work, _factor_free_part(matrix, f, work), low, high)
+        first = _first_wrong_weight(matrix, f, g, state, w, low, high)
         if first < 0:
             return
-        last = most if turn < _AT_ONCE else first + 1
+        last = most if turn < _JOINT_CHANGE_ROUNDS else first + 1
         # Judge all weights by the same values, which do not change within this loop.
         for e in range(first, last):
             if _is_wrong(matrix, f, g, state, w, low, high, e):
@@ -200,7 +200,7 @@ def _pivot(matrix, f, work, low, high):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _factor(matrix, f, work):
+def _factor_free_part(matrix, f, work):
     """Computes the Cholesky factor of the free weights' part, with its diagonal inverted. Returns their
     number."""
     _, _, free, factor, state = work
@@ -219,7 +219,7 @@ def _factor(matrix, f, work):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _fill(matrix, f, work, count, low, high):
+def _fill_weights(matrix, f, work, count, low, high):
     """Computes the weights: those at bounds take their bounds, and the free ones solve for g."""
     w, g, free, factor, state = work
     for e in range(len(w)):
@@ -242,7 +242,7 @@ def _fill(matrix, f, work, count, low, high):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _linear(node, known, f, qx, qy, qz, work):
+def _linear_terms(node, known, f, qx, qy, qz, work):
     """Computes the linear terms of a node. Its states, weights at a pull and factor are in ``work``."""
     matrix, right, reach, offset, slack, _ = node
     still, swing, base, give, least = known

@@ -22,9 +22,9 @@ from enliven.document import Constraint, Position, Velocity
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
 
-_AGREES = 1e-9
+_AGREEMENT_TOLERANCE = 1e-9
 """Constraints agree if they differ by less than this fraction of the mesh's size."""
-_WHERE = "constraints"
+_ERROR_PLACE = "constraints"
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +55,12 @@ def conditions_of(
             another. The message names them.
     """
     middle, size = examples.targets.mean(0), examples.target_size
-    links = [link for constraint in constraints for link in _links(constraint, examples, frames, step)]
+    links = [
+        link for constraint in constraints for link in _coordinate_links(constraint, examples, frames, step)
+    ]
     forest, rows = _Forest(), []
     for constraint, a, b, value in links:
-        added = forest.join(a, b, value, constraint, _AGREES * size)
+        added = forest.join(a, b, value, constraint, _AGREEMENT_TOLERANCE * size)
         if added and b is not None:
             rows.append((a, b, value))
     held, values = np.zeros((len(middle), frames, 3), np.bool_), np.zeros((len(middle), frames, 3))
@@ -79,10 +81,10 @@ _Node = tuple[int, int, int]
 _Link = tuple[Constraint, _Node, _Node | None, float]
 
 
-def _links(one: Constraint, examples: Examples, frames: int, step: float) -> Iterator[_Link]:
+def _coordinate_links(one: Constraint, examples: Examples, frames: int, step: float) -> Iterator[_Link]:
     """Splits a constraint into single coordinates: (constraint, a, b, value) for a - b = value, or a =
     value."""
-    _check(one, frames)
+    _check_constraint(one, frames)
     p, f = examples.point(one.point), one.frame
     for axis in ("xyz".index(letter) for letter in one.axes):
         if isinstance(one, Position):
@@ -92,22 +94,24 @@ def _links(one: Constraint, examples: Examples, frames: int, step: float) -> Ite
         else:
             other = examples.point(one.other)
             if other == p:
-                raise InputError(f"{one} couples a point with itself", where=_WHERE)
+                raise InputError(f"{one} couples a point with itself", where=_ERROR_PLACE)
             yield one, (p, f, axis), (other, f, axis), float(one.apart[axis])
 
 
-def _check(one: Constraint, frames: int) -> None:
+def _check_constraint(one: Constraint, frames: int) -> None:
     first = 1 if isinstance(one, Velocity) else 0
     if not first <= one.frame < frames:
         mend = f"Frames are {first}..{frames - 1}."
-        raise InputError(f"{one} is outside of the motion's frames", where=_WHERE, mend=mend)
+        raise InputError(f"{one} is outside of the motion's frames", where=_ERROR_PLACE, mend=mend)
     if not one.axes or set(one.axes) - set("xyz"):
-        raise InputError(f"{one} has axes {one.axes!r}", where=_WHERE, mend='Give "x", "y", "z" or several.')
+        raise InputError(
+            f"{one} has axes {one.axes!r}", where=_ERROR_PLACE, mend='Give "x", "y", "z" or several.'
+        )
     numbers = (
         one.place if isinstance(one, Position) else one.velocity if isinstance(one, Velocity) else one.apart
     )
     if len(numbers) != 3 or not np.isfinite(numbers).all():
-        raise InputError(f"{one} is {numbers}", where=_WHERE, mend="Give three finite numbers.")
+        raise InputError(f"{one} is {numbers}", where=_ERROR_PLACE, mend="Give three finite numbers.")
 
 
 class _Forest:
@@ -123,12 +127,14 @@ class _Forest:
 
     def join(self, a: _Node | None, b: _Node | None, value: float, why: Constraint, close: float) -> bool:
         """Adds a - b = value. Returns False if it is known already."""
-        (root_a, of_a), (root_b, of_b) = self._root(a), self._root(b)
+        (root_a, of_a), (root_b, of_b) = self._root_of(a), self._root_of(b)
         if root_a == root_b:
             if abs(of_a - of_b - value) > close:
-                contradicted = ", ".join(str(constraint) for constraint in self._way(a, b)[:4])
+                contradicted = ", ".join(
+                    str(constraint) for constraint in self._connecting_constraints(a, b)[:4]
+                )
                 mend = "Remove or change one of them."
-                raise InputError(f"{why} contradicts {contradicted}", where=_WHERE, mend=mend)
+                raise InputError(f"{why} contradicts {contradicted}", where=_ERROR_PLACE, mend=mend)
             return False
         # If one of the roots is the ground (None), keep the ground as the root, so that values remain
         # absolute. ``of_x`` is x minus its root.
@@ -142,10 +148,10 @@ class _Forest:
 
     def value(self, node: _Node) -> float | None:
         """Returns the value of a coordinate, or None if it is unknown."""
-        root, value = self._root(node)
+        root, value = self._root_of(node)
         return value if root is None else None
 
-    def _root(self, node: _Node | None) -> tuple[_Node | None, float]:
+    def _root_of(self, node: _Node | None) -> tuple[_Node | None, float]:
         """Returns the root of a coordinate, and the coordinate minus its root. Compresses the path."""
         self._above.setdefault(node, (node, 0.0))
         way, root = [], node
@@ -158,7 +164,7 @@ class _Forest:
             self._above[passed] = (root, total)
         return root, total
 
-    def _way(self, a: _Node | None, b: _Node | None) -> list[Constraint]:
+    def _connecting_constraints(self, a: _Node | None, b: _Node | None) -> list[Constraint]:
         """Returns the constraints that connect a to b."""
         came: dict[_Node | None, tuple[_Node | None, Constraint] | None] = {a: None}
         waiting = [a]

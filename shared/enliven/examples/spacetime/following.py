@@ -21,17 +21,17 @@ import numpy as np
 from enliven.arrays import Complex, Float
 from enliven.document import LocomotionSettings
 
-_STEPPING_S = 0.5
+_STEPPING_PULL_S = 0.5
 """Time constant, in seconds, of the pull on a mesh that steps: about a stride, so that it is not visible."""
-_GLIDING_S = 0.02
+_GLIDING_PULL_S = 0.02
 """Time constant, in seconds, of the pull on a mesh that does not step: short, so that it does not lag
 behind."""
-_MAX_HELD = 0.1
+_MAX_FOOT_DISPLACEMENT = 0.1
 """Maximum displacement of a standing foot, as a fraction of the mesh's size. More would visibly stretch its
 leg."""
-_MAX_OFF = 2.0
+_MAX_PATH_LEASHES = 2.0
 """Maximum distance from the path, in leashes. Larger distances are corrected even if standing feet slide."""
-_SLIDING_S = 0.2
+_SLIDING_PULL_S = 0.2
 """Time constant, in seconds, of that correction: short, but without a jump."""
 
 
@@ -49,10 +49,10 @@ class PathFollower:
     """
 
     def __init__(self, size: float, settings: LocomotionSettings, step: float, feet: int = 0) -> None:
-        self._leash, self._most = settings.leash * size, _MAX_HELD * size
-        self._share = _share_of(step, _STEPPING_S if feet else _GLIDING_S)
-        self._slide = _share_of(step, _SLIDING_S)
-        self._back = _share_of(step, settings.contact.blend / 2.0)
+        self._leash, self._most = settings.leash * size, _MAX_FOOT_DISPLACEMENT * size
+        self._share = _decay_fraction(step, _STEPPING_PULL_S if feet else _GLIDING_PULL_S)
+        self._slide = _decay_fraction(step, _SLIDING_PULL_S)
+        self._back = _decay_fraction(step, settings.contact.blend / 2.0)
         self.held = [0j] * feet
 
     def next(self, off: complex, stands: Sequence[bool] = ()) -> complex:
@@ -62,8 +62,8 @@ class PathFollower:
             off: displacement from the mesh's position to its position on the path, metres.
             stands: for each foot whether it stands.
         """
-        slowly = self._share * _beyond(off, self._leash)
-        at_once = self._slide * _beyond(off, _MAX_OFF * self._leash)
+        slowly = self._share * _part_beyond_circle(off, self._leash)
+        at_once = self._slide * _part_beyond_circle(off, _MAX_PATH_LEASHES * self._leash)
         pull = max(slowly, at_once, key=abs)
         if any(
             down and abs(held - pull) > max(self._most, abs(held))
@@ -73,15 +73,17 @@ class PathFollower:
             # waits until the foot is lifted.
             pull = at_once
         for k, down in enumerate(stands):
-            self.held[k] = self._limited(self.held[k] - pull) if down else self.held[k] * (1.0 - self._back)
+            self.held[k] = (
+                self._limit_held(self.held[k] - pull) if down else self.held[k] * (1.0 - self._back)
+            )
         return pull
 
-    def _limited(self, held: complex) -> complex:
+    def _limit_held(self, held: complex) -> complex:
         far = abs(held)
         return held * (self._most / far) if far > self._most else held
 
 
-def _beyond(off: complex, radius: float) -> complex:
+def _part_beyond_circle(off: complex, radius: float) -> complex:
     """Returns the part of a displacement outside a circle."""
     far = abs(off)
     return (far - radius) / far * off if far > radius else 0j
@@ -98,7 +100,7 @@ def from_floor(places: Complex | complex) -> Float:
     return np.stack([at.real, np.zeros(at.shape), at.imag], axis=-1)
 
 
-def _share_of(step: float, constant: float) -> float:
+def _decay_fraction(step: float, constant: float) -> float:
     """Returns the fraction of a difference that decays in ``step`` seconds, for a time constant in
     seconds."""
     return 1.0 - math.exp(-step / constant) if constant > 0.0 else 1.0

@@ -64,7 +64,7 @@ def find_switches(
     if len(feet) < 3:
         return (Switch(0, "contact"),)
     touches = np.asarray(standing_feet(feet, step, size, settings).any(1))
-    return switches_of(_without_short(touches, settings.contact.shortest / step))
+    return switches_of(_without_short_phases(touches, settings.contact.shortest / step))
 
 
 def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSettings | None = None) -> Bool:
@@ -123,7 +123,7 @@ def locate(
     """
     settings = settings or LocomotionSettings()
     turned = turned_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])
-    touches = _touches(switches, len(turned))
+    touches = _touches_floor(switches, len(turned))
     if len(feet) == 0:
         raise InputError(
             "it has no feet", where="locomotion", mend="Name the control points that it stands on."
@@ -164,7 +164,7 @@ class _Way:
         if start >= until:
             return
         before = max(start - 1, 0)
-        velocity = self._velocity(before)
+        velocity = self._root_velocity(before)
         times = (np.arange(start, until) - before) * self._step
         fall = 0.5 * self._settings.gravity * times**2
         if self._settings.landing == "timed" and until < len(self.root):
@@ -173,10 +173,10 @@ class _Way:
             velocity[1] = (self._lowest[until] - self.root[before, 1] + drop) / whole
         self.root[start:until] = self.root[before] + velocity * times[:, None]
         self.root[start:until, 1] -= fall
-        self._land(start, until)
+        self._land_early(start, until)
         self._done = until
 
-    def _land(self, start: int, until: int) -> None:
+    def _land_early(self, start: int, until: int) -> None:
         """Handles an early landing: if the mesh reaches the floor before the performer, it stands there from
         then on."""
         under = np.flatnonzero(self.root[start:until, 1] < self._lowest[start:until])
@@ -188,7 +188,7 @@ class _Way:
             self._done = start + int(under[0])
             self.stand(self._done, until - 1)
 
-    def _velocity(self, frame: int) -> Float:
+    def _root_velocity(self, frame: int) -> Float:
         """Returns (3,) the velocity of the root in contact in metres per second, averaged up to ``frame``."""
         earlier = frame
         longest = max(int(round(self._settings.throw / self._step)), 1)
@@ -211,7 +211,7 @@ def check_switches(switches: Sequence[Switch], frames: int) -> None:
         raise InputError(f"switches at frames {at}", where="locomotion", mend=mend)
 
 
-def _touches(switches: Sequence[Switch], frames: int) -> Bool:
+def _touches_floor(switches: Sequence[Switch], frames: int) -> Bool:
     """Returns (F,) true where the floor is touched."""
     check_switches(switches, frames)
     at = [switch.frame for switch in switches]
@@ -221,7 +221,7 @@ def _touches(switches: Sequence[Switch], frames: int) -> Bool:
     return out
 
 
-def _without_short(touches: Bool, shortest: float) -> Bool:
+def _without_short_phases(touches: Bool, shortest: float) -> Bool:
     """Removes flights and then contacts that are shorter than ``shortest`` frames."""
     out = touches.copy()
     for kind in (False, True):

@@ -24,7 +24,7 @@ from enliven.examples.poses import Examples
 from enliven.examples.spacetime.bounded import Nodes
 from enliven.kernels import njit
 
-_LEAVING = 1e-6
+_MIN_EXCLUDED_DISTANCE = 1e-6
 """Minimum relative distance to the first excluded example. It limits t_e for an example that is about to
 leave."""
 
@@ -87,7 +87,7 @@ def energies(seen, known, goals, whole, affine, far, pose, matrix, right, reach)
         for e in range(count):
             dx, dy, dz = known[e, 0] - seen[f, 0], known[e, 1] - seen[f, 1], known[e, 2] - seen[f, 2]
             distance[e] = dx * dx + dy * dy + dz * dz + pose * whole[f, e]
-        _first(distance, order, min(most + 1, count))
+        _partial_sort(distance, order, min(most + 1, count))
         edge = distance[order[most]] if most < count else np.inf
         for a in range(most):
             e = order[a]
@@ -98,12 +98,12 @@ def energies(seen, known, goals, whole, affine, far, pose, matrix, right, reach)
                 product = away[a, 0] * away[b, 0] + away[a, 1] * away[b, 1] + away[a, 2] * away[b, 2]
                 matrix[f, a, b] = product + affine
                 matrix[f, b, a] = product + affine
-            matrix[f, a, a] += far * distance[e] / max(1.0 - distance[e] / edge, _LEAVING)
+            matrix[f, a, a] += far * distance[e] / max(1.0 - distance[e] / edge, _MIN_EXCLUDED_DISTANCE)
             right[f, a] = affine
 
 
 @njit(cache=True, nogil=True)
-def _first(distance, order, wanted):
+def _partial_sort(distance, order, wanted):
     """Writes the indices of the ``wanted`` smallest values of ``distance`` to the start of ``order``,
     ascending."""
     held = 0

@@ -16,15 +16,15 @@ from enliven.examples.spacetime.banded import factor, substitute
 from enliven.examples.spacetime.bounded import answers, workspace
 from enliven.kernels import copy_rows, njit
 
-_AROUND = 16
+_WINDOW_MARGIN_ROWS = 16
 """Rows of a window before and after a changed piece."""
-_MOST_ROUNDS = 60
+_MAX_ROUNDS = 60
 """Maximum number of Newton steps over all frames. They end as soon as no frame changes its quadratic
 piece."""
-_MOST_STEPS = np.int64(40)
+_MAX_STEPS = np.int64(40)
 """Maximum number of Newton steps in a window. As a plain int it would be a Numba type of its own (a
 literal)."""
-_HALVINGS = 20
+_MAX_HALVINGS = 20
 """Maximum number of halvings of a step, which leave a millionth of it."""
 
 
@@ -54,34 +54,34 @@ def solve_point(node, known, weight, low, high, places):
     marks = np.zeros(frames, np.bool_)
     work = workspace(node[1].shape[1])
     how, start, once = (weight, low, high), np.int64(0), np.int64(1)
-    _, value = _value(node, known, y, start, rows, how, work, places, marks, band)
+    _, value = _evaluate_rows(node, known, y, start, rows, how, work, places, marks, band)
     factored = 0
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         copy_rows(saved, y)
-        _step(node, known, y, goal, start, rows, how, band)
+        _newton_step(node, known, y, goal, start, rows, how, band)
         copy_rows(y, goal)
-        changed, new = _value(node, known, y, start, rows, how, work, places, marks, band)
+        changed, new = _evaluate_rows(node, known, y, start, rows, how, work, places, marks, band)
         factored += rows
         if changed == 0:
             break
-        factored += _windows(node, known, y, goal, how, work, places, marks, band)
-        _, new = _value(node, known, y, start, rows, how, work, places, marks, band)
-        if new > value + _close(value):
+        factored += _solve_windows(node, known, y, goal, how, work, places, marks, band)
+        _, new = _evaluate_rows(node, known, y, start, rows, how, work, places, marks, band)
+        if new > value + _rounding_tolerance(value):
             copy_rows(y, saved)
-            _, value = _value(node, known, y, start, rows, how, work, places, marks, band)
-            new, steps = _range(node, known, y, goal, start, rows, how, work, places, marks, band, once)
+            _, value = _evaluate_rows(node, known, y, start, rows, how, work, places, marks, band)
+            new, steps = _solve_rows(node, known, y, goal, start, rows, how, work, places, marks, band, once)
             factored += steps * rows
         value = new
     return factored
 
 
 @njit(cache=True, nogil=True)
-def _close(value):
+def _rounding_tolerance(value):
     return 1e-13 * (abs(value) + 1.0)
 
 
 @njit(cache=True, nogil=True)
-def _windows(node, known, y, goal, how, work, places, marks, band):
+def _solve_windows(node, known, y, goal, how, work, places, marks, band):
     """Solves the rows around each marked frame separately. Returns the number of factored rows."""
     rows, factored = len(y), 0
     wanted = marks.copy()
@@ -89,49 +89,51 @@ def _windows(node, known, y, goal, how, work, places, marks, band):
     for f in range(len(wanted)):
         if not wanted[f] or f < done:
             continue
-        start, end = max(f - 2 - _AROUND, 0), min(f + 1 + _AROUND, rows)
+        start, end = max(f - 2 - _WINDOW_MARGIN_ROWS, 0), min(f + 1 + _WINDOW_MARGIN_ROWS, rows)
         # Merge windows that overlap or touch.
         ahead = f + 1
-        while ahead < len(wanted) and ahead - 2 - _AROUND <= end:
+        while ahead < len(wanted) and ahead - 2 - _WINDOW_MARGIN_ROWS <= end:
             if wanted[ahead]:
-                end = min(ahead + 1 + _AROUND, rows)
+                end = min(ahead + 1 + _WINDOW_MARGIN_ROWS, rows)
             ahead += 1
         # A window with all rows would repeat the next whole step, so it is skipped.
         if end - start < rows:
-            _, steps = _range(node, known, y, goal, start, end, how, work, places, marks, band, _MOST_STEPS)
+            _, steps = _solve_rows(
+                node, known, y, goal, start, end, how, work, places, marks, band, _MAX_STEPS
+            )
             factored += steps * (end - start)
         done = max(end, f + 1)
     return factored
 
 
 @njit(cache=True, nogil=True)
-def _range(node, known, y, goal, a, b, how, work, places, marks, band, most):
+def _solve_rows(node, known, y, goal, a, b, how, work, places, marks, band, most):
     """Runs damped Newton steps on rows a..b, with the others fixed. Returns the dual of their frames, and the
     step count."""
-    _, value = _value(node, known, y, a, b, how, work, places, marks, band)
+    _, value = _evaluate_rows(node, known, y, a, b, how, work, places, marks, band)
     before = np.empty((b - a, 3))
     for step in range(most):
-        _step(node, known, y, goal, a, b, how, band)
+        _newton_step(node, known, y, goal, a, b, how, band)
         copy_rows(before, y[a:b])
         copy_rows(y[a:b], goal[a:b])
-        changed, new = _value(node, known, y, a, b, how, work, places, marks, band)
+        changed, new = _evaluate_rows(node, known, y, a, b, how, work, places, marks, band)
         if changed == 0:
             return new, step + 1
         share = 1.0
-        for _ in range(_HALVINGS):
-            if new <= value + _close(value):
+        for _ in range(_MAX_HALVINGS):
+            if new <= value + _rounding_tolerance(value):
                 break
             share *= 0.5
             for r in range(a, b):
                 for i in range(3):
                     y[r, i] = before[r - a, i] + share * (goal[r, i] - before[r - a, i])
-            _, new = _value(node, known, y, a, b, how, work, places, marks, band)
+            _, new = _evaluate_rows(node, known, y, a, b, how, work, places, marks, band)
         value = new
     return value, most
 
 
 @njit(cache=True, nogil=True)
-def _value(node, known, y, a, b, how, work, places, marks, band):
+def _evaluate_rows(node, known, y, a, b, how, work, places, marks, band):
     """Evaluates the nodes at the frames that rows a..b affect. Returns the number of changed ones, and the
     dual (minimized)."""
     weight, low, high = how
@@ -153,7 +155,7 @@ def _value(node, known, y, a, b, how, work, places, marks, band):
 
 
 @njit(cache=True, nogil=True)
-def _step(node, known, y, goal, a, b, how, band):
+def _newton_step(node, known, y, goal, a, b, how, band):
     """Computes ``goal`` of rows a..b: the minimum for the current quadratic pieces, with the other rows
     fixed."""
     weight = how[0]

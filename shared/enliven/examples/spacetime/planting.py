@@ -47,7 +47,7 @@ def planted(
         runs = runs_of(stands[:, k] & (placed.anchors >= 0))
         if not runs:
             continue
-        stood = np.array([_stood(way[a : b + 1], placed.anchors[a : b + 1] == foot) for a, b in runs])
+        stood = np.array([_lock_position(way[a : b + 1], placed.anchors[a : b + 1] == foot) for a, b in runs])
         starts, ends = (np.array([run[end] for run in runs]) * step for end in (0, 1))
         hold(times, starts, ends, stood, settings.contact.blend, weights, goals)
         back = settings.plant * weights[:, None] * (goals - way) * [1.0, 0.0, 1.0]
@@ -55,7 +55,7 @@ def planted(
     return out
 
 
-def _stood(way: Float, anchor: Bool) -> Float:
+def _lock_position(way: Float, anchor: Bool) -> Float:
     """Returns (3,) the position to lock a foot with path (N, 3): where it becomes the anchor, else the
     mean."""
     return np.asarray(way[anchor.argmax()] if anchor.any() else way.mean(0))

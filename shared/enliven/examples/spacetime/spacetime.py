@@ -25,7 +25,7 @@ from enliven.examples.spacetime.constraints import Conditions
 from enliven.examples.spacetime.newton import solve_point
 from enliven.kernels import njit
 
-_MOST_STEPS = 60
+_MAX_NEWTON_STEPS = 60
 """Maximum number of Newton steps. The last one changes no quadratic piece and is exact."""
 _MIN_STEP_FRACTION = 1e-6
 """Minimum fraction of a Newton step in the line search."""
@@ -69,7 +69,7 @@ def solve(
     def one(group: list[int]) -> int:
         nodes = nodes_of(group, spare.pop() if spare and len(group) == 1 else None)
         held, values = conditions.held[group], conditions.values[group]
-        _hold(held, values, nodes.matrix, nodes.right, nodes.reach, nodes.offset, nodes.slack)
+        _eliminate_held(held, values, nodes.matrix, nodes.right, nodes.reach, nodes.offset, nodes.slack)
         mine = np.isin(conditions.first[:, 0], group) if len(conditions.first) else np.zeros(0, np.bool_)
         if not mine.any():
             factored = solve_point(*nodes.arrays_of(0), weight, *bounds, places[group[0]])
@@ -83,7 +83,7 @@ def solve(
         places[group] = system.solve()
         return system.work
 
-    groups = _groups(len(places), conditions)
+    groups = _coupled_groups(len(places), conditions)
     if only is not None:
         groups = [group for group in groups if set(group) & set(only)]
     work = sum(workers.map(one, groups) if workers else map(one, groups))
@@ -91,7 +91,7 @@ def solve(
 
 
 @njit(cache=True, nogil=True)
-def _hold(held, values, matrix, right, reach, offset, slack):
+def _eliminate_held(held, values, matrix, right, reach, offset, slack):
     """Kernel: eliminates the coordinates that are ``held`` (P, F, 3) at ``values``, in place.
 
     The difference between a held coordinate and C w is r, at its cost. It becomes part of the weights'
@@ -114,7 +114,7 @@ def _hold(held, values, matrix, right, reach, offset, slack):
                 offset[p, f, axis], slack[p, f, axis] = value, 0.0
 
 
-def _groups(points: int, conditions: Conditions) -> list[list[int]]:
+def _coupled_groups(points: int, conditions: Conditions) -> list[list[int]]:
     """Returns groups of points that are connected by couplings."""
     group = list(range(points))
     for a, b in zip(conditions.first[:, 0], conditions.second[:, 0], strict=True):
@@ -145,10 +145,10 @@ class _System:
         y = np.zeros((self._points, max(self._frames - 2, 0), 3))
         nu = np.zeros(len(self._difference))
         places = np.empty((self._points, self._frames, 3))
-        _, value = self._answer(y, nu, places)
-        for _ in range(_MOST_STEPS):
-            to_y, to_nu = self._newton()
-            changed, new = self._answer(to_y, to_nu, places)
+        _, value = self._evaluate_nodes(y, nu, places)
+        for _ in range(_MAX_NEWTON_STEPS):
+            to_y, to_nu = self._solve_newton()
+            changed, new = self._evaluate_nodes(to_y, to_nu, places)
             if changed == 0:
                 break
             # Halve the step until the dual energy does not increase.
@@ -156,24 +156,24 @@ class _System:
             while new > value + 1e-12 * (abs(value) + 1.0) and share > _MIN_STEP_FRACTION:
                 share *= 0.5
                 mid = y + share * (to_y - y), nu + share * (to_nu - nu)
-                _, new = self._answer(*mid, places)
+                _, new = self._evaluate_nodes(*mid, places)
             y, nu, value = y + share * (to_y - y), nu + share * (to_nu - nu), new
         return places
 
-    def _answer(self, y: Float, nu: Float, places: Float) -> tuple[int, float]:
+    def _evaluate_nodes(self, y: Float, nu: Float, places: Float) -> tuple[int, float]:
         """Evaluates the nodes for y and nu, into ``places``. Returns the number of changed nodes, and the
         dual."""
-        changed, energy = self._nodes.respond(self._pull(y, nu), *self._bounds, places)
+        changed, energy = self._nodes.respond(self._pull_of(y, nu), *self._bounds, places)
         return changed, 0.5 * float((y * y).sum()) + float(nu @ self._difference) - energy
 
-    def _pull(self, y: Float, nu: Float) -> Float:
+    def _pull_of(self, y: Float, nu: Float) -> Float:
         """Computes (P, F, 3) q = lambda A' y + H' nu."""
         pull = self._weight * pulled(y, self._frames)
         np.add.at(pull, self._first, nu)
         np.subtract.at(pull, self._second, nu)
         return pull
 
-    def _newton(self) -> tuple[Float, Float]:
+    def _solve_newton(self) -> tuple[Float, Float]:
         """Computes the y and nu that are optimal for the current quadratic pieces."""
         bands = [Band(give, self._weight) for give in self._nodes.give]
         self.work += sum(band.work for band in bands)
@@ -182,7 +182,7 @@ class _System:
         y = np.stack([band.solve(r[..., None])[..., 0] for band, r in zip(bands, right, strict=True)])
         if rows == 0:
             return y, np.zeros(0)
-        given = self._given(rows)
+        given = self._multiplier_response(rows)
         border = self._weight * accelerations(np.moveaxis(given, 3, 1))
         border = np.moveaxis(border, 1, 3)
         through = np.stack([band.solve(b) for band, b in zip(bands, border, strict=True)])
@@ -191,7 +191,7 @@ class _System:
         nu = np.linalg.solve(small, gap - np.einsum("pfir,pfi->r", border, y))
         return y - through @ nu, nu
 
-    def _given(self, rows: int) -> Float:
+    def _multiplier_response(self, rows: int) -> Float:
         """Computes (P, F, 3, R) give H': the response of the positions to the multipliers."""
         out = np.zeros((self._points, self._frames, 3, rows))
         for r in range(rows):

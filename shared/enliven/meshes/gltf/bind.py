@@ -14,10 +14,10 @@ from enliven.meshes.gltf.file import GltfFile
 from enliven.meshes.gltf.motion import standing_locals, world_matrices
 from enliven.meshes.gltf.parts import GltfPart, moving_nodes
 
-_GROWN = 1e-3
+_MAX_SCALE_ROUNDING = 1e-3
 """Relative difference of a joint's scale from its scale at binding. Larger ones count as scaled, smaller
 ones as rounding."""
-_NEAR = 0.1
+_MAX_JOINT_DISTANCE = 0.1
 """Fraction of the model's size. A mesh node that is farther from the joints than this is not used for the
 bind pose."""
 
@@ -46,13 +46,13 @@ class Bind:
         used = {part.skin: part.carrier for part in parts if part.skin >= 0}
         for skin in sorted(used, key=lambda s: -len(file.document.skins[s].joints)):
             self.inverse[skin] = self._inverse_of(skin)
-            placed = self._placed(skin, used[skin], bound_nodes)
+            placed = self._world_from_mesh(skin, used[skin], bound_nodes)
             for node, inverse in self.inverse[skin].items():
                 if node not in bound_nodes:
                     self.world[node] = placed @ np.linalg.inv(inverse)
                     bound_nodes.add(node)
-        self._follow(bound_nodes)
-        self._resize(bound_nodes, parts)
+        self._move_skinless_nodes(bound_nodes)
+        self._rescale_joints(bound_nodes, parts)
 
     def vertices(self, part: GltfPart) -> Float:
         """Returns the vertices (V, 3) in metres of a part in the bind pose, by its own skinning."""
@@ -86,50 +86,52 @@ class Bind:
         if len(matrices) < len(skin_entry.joints) or not np.isfinite(matrices).all():
             raise self._file.wrong(f"skin {skin} has no good inverse bind matrix for each of its joints")
         flat = [
-            self._file.name(n) for n, m in zip(skin_entry.joints, matrices, strict=False) if not _solid(m)
+            self._file.name(n)
+            for n, m in zip(skin_entry.joints, matrices, strict=False)
+            if not _is_invertible(m)
         ]
         if flat:
             raise self._file.wrong(f"the bind matrix of these joints is flat: {', '.join(flat[:5])}")
         return {int(n): m for n, m in zip(skin_entry.joints, matrices, strict=False)}
 
-    def _placed(self, skin: int, carrier: int, known: set[int]) -> Float:
+    def _world_from_mesh(self, skin: int, carrier: int, known: set[int]) -> Float:
         """Returns (4, 4) world_from_mesh of a skin at the time of binding."""
         inverse = self.inverse[skin]
         shared = [node for node in inverse if node in known]
         if shared:
             return np.asarray(self.world[shared[0]] @ inverse[shared[0]])
-        top = min(inverse, key=lambda node: (self._depth(node), node))
+        top = min(inverse, key=lambda node: (self._node_depth(node), node))
         by_joint, by_node = self.rest[top] @ inverse[top], self.rest[carrier]
-        if self._moves and not _is_even(by_joint):
-            by_joint = self._plain(top) @ inverse[top]
+        if self._has_joint_clips and not _is_even(by_joint):
+            by_joint = self._uniform_rest(top) @ inverse[top]
         bound = np.stack([np.linalg.inv(m)[:3, 3] for m in inverse.values()])
         ours = bound @ by_joint[:3, :3].T + by_joint[:3, 3]
         theirs = bound @ by_node[:3, :3].T + by_node[:3, 3]
         size = max(float(np.ptp(ours, axis=0).max()), 1e-9)
         # Rotation and scale must also agree, because otherwise the whole bind pose would differ.
         lever = size * np.abs(np.linalg.solve(by_joint[:3, :3], by_node[:3, :3]) - np.eye(3)).max()
-        near = np.abs(ours - theirs).max() < _NEAR * size and lever < _NEAR * size
+        near = np.abs(ours - theirs).max() < _MAX_JOINT_DISTANCE * size and lever < _MAX_JOINT_DISTANCE * size
         return np.asarray(by_node if near else by_joint)
 
     @property
-    def _moves(self) -> bool:
+    def _has_joint_clips(self) -> bool:
         """True if clips move the joints."""
         return bool(self._file.document.animations) and not self._still
 
-    def _plain(self, node: int) -> Float:
+    def _uniform_rest(self, node: int) -> Float:
         """Returns a node's rest transform (4, 4) with a uniform scale. Clips contain the true scale."""
         transform: Float = self.rest[node].copy()
         size = np.abs(self._scale[node])
         transform[:3, :3] /= size / np.cbrt(size.prod())
         return transform
 
-    def _depth(self, node: int) -> int:
+    def _node_depth(self, node: int) -> int:
         depth = 0
         while self._file.parents[node] >= 0:
             node, depth = self._file.parents[node], depth + 1
         return depth
 
-    def _follow(self, known: set[int]) -> None:
+    def _move_skinless_nodes(self, known: set[int]) -> None:
         """Moves nodes that belong to no skin along with the joint above them."""
         for node in self._order:
             parent = self._file.parents[node]
@@ -140,7 +142,7 @@ class Bind:
             self.world[node] = self.world[parent] @ np.linalg.solve(self.rest[parent], self.rest[node])
             known.add(node)
 
-    def _resize(self, known: set[int], parts: list[GltfPart]) -> None:
+    def _rescale_joints(self, known: set[int], parts: list[GltfPart]) -> None:
         """Scales and mirrors joints with another scale in the file than at binding.
 
         A scale that is never animated belongs to the rest pose, with the node's whole subtree. The same
@@ -154,11 +156,11 @@ class Bind:
             if channel.target is not None and channel.target.path == "scale"
         }
         bound = self.world.copy()
-        sizes = {node: _size(self.rest[node]) / _size(bound[node]) for node in known}
+        sizes = {node: _uniform_scale(self.rest[node]) / _uniform_scale(bound[node]) for node in known}
         # Mark nodes that are mirrored at rest relative to the bind pose.
-        mirrored = {node: _turned_over(self.rest[node]) != _turned_over(bound[node]) for node in known}
+        mirrored = {node: _is_mirrored(self.rest[node]) != _is_mirrored(bound[node]) for node in known}
         moving = set[int]()
-        if document.animations and not self._still and _blends(parts, mirrored):
+        if document.animations and not self._still and _blends_mirrored(parts, mirrored):
             # A vertex that is only partly bound to a mirrored joint would move wrongly. So the clips mirror
             # the bones instead.
             for node in self._order:
@@ -170,26 +172,26 @@ class Bind:
             if node not in known or parent not in known:
                 continue
             self.world[node] = self.world[parent] @ np.linalg.solve(bound[parent], bound[node])
-            grown = sizes[node] / sizes[parent] * self._uneven(bound, parent, node)
-            if node not in animated | moving and np.abs(grown - 1.0).max() > _GROWN:
+            grown = sizes[node] / sizes[parent] * self._uneven_scale(bound, parent, node)
+            if node not in animated | moving and np.abs(grown - 1.0).max() > _MAX_SCALE_ROUNDING:
                 self.world[node][:3, :3] *= grown
             if mirrored[node] != mirrored[parent]:
-                self.world[node][:3, :3] *= self._mirror(node)
+                self.world[node][:3, :3] *= self._mirror_signs(node)
 
-    def _uneven(self, bound: Float, parent: int, node: int) -> Float:
+    def _uneven_scale(self, bound: Float, parent: int, node: int) -> Float:
         """Returns the non-uniform part (3,) of a node's scale in the file relative to binding, per axis.
 
         In a model with animations it is 1, and the clips contain that scale. Otherwise children that rotate
         would be sheared.
         """
-        if self._moves:
+        if self._has_joint_clips:
             return np.ones(3)
         rest, before = (np.linalg.solve(own[parent], own[node]) for own in (self.rest, bound))
         grown = np.linalg.norm(rest[:3, :3], axis=0) / np.linalg.norm(before[:3, :3], axis=0)
         grown = grown / np.cbrt(grown.prod())
-        return grown if np.abs(grown - 1.0).max() > _GROWN else np.ones(3)
+        return grown if np.abs(grown - 1.0).max() > _MAX_SCALE_ROUNDING else np.ones(3)
 
-    def _mirror(self, node: int) -> Float:
+    def _mirror_signs(self, node: int) -> Float:
         """Returns (3,) the signs of the axes along which the file mirrors a node.
 
         The first axis if it names none.
@@ -198,17 +200,17 @@ class Bind:
         return signs if signs.prod() < 0 else np.array([-1.0, 1.0, 1.0])
 
 
-def _size(matrix: Float) -> float:
+def _uniform_scale(matrix: Float) -> float:
     return float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
 
 
 def _is_even(matrix: Float) -> bool:
     """Returns True if a transform (4, 4) scales uniformly."""
     sizes = np.linalg.svd(matrix[:3, :3], compute_uv=False)
-    return bool(sizes[0] - sizes[2] <= _GROWN * sizes[0])
+    return bool(sizes[0] - sizes[2] <= _MAX_SCALE_ROUNDING * sizes[0])
 
 
-def _blends(parts: list[GltfPart], mirrored: dict[int, bool]) -> bool:
+def _blends_mirrored(parts: list[GltfPart], mirrored: dict[int, bool]) -> bool:
     """Returns True if a vertex follows both a mirrored joint and one that is not mirrored."""
     for part in parts:
         over = np.zeros(max(int(part.nodes.max(initial=0)), *mirrored, 0) + 1, bool)
@@ -219,9 +221,9 @@ def _blends(parts: list[GltfPart], mirrored: dict[int, bool]) -> bool:
     return False
 
 
-def _turned_over(matrix: Float) -> bool:
+def _is_mirrored(matrix: Float) -> bool:
     return bool(np.linalg.det(matrix[:3, :3]) < 0)
 
 
-def _solid(matrix: Float) -> bool:
+def _is_invertible(matrix: Float) -> bool:
     return bool(abs(np.linalg.det(matrix[:3, :3])) > 1e-24)

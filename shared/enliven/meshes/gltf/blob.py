@@ -9,9 +9,9 @@ import pygltflib
 
 from enliven.arrays import AnyArray
 
-_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+_ACCESSOR_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 """glTF's accessor type for a number of components (glTF 2.0, table 3.6.2.2)."""
-_COMPONENTS: dict[Any, int] = {
+_COMPONENT_TYPES: dict[Any, int] = {
     np.dtype(np.uint8): pygltflib.UNSIGNED_BYTE,
     np.dtype(np.uint16): pygltflib.UNSIGNED_SHORT,
     np.dtype(np.uint32): pygltflib.UNSIGNED_INT,
@@ -43,9 +43,9 @@ class Blob:
         view = pygltflib.BufferView(buffer=0, byteOffset=self._length, byteLength=len(data), target=target)
         accessor = pygltflib.Accessor(
             bufferView=len(self.views),
-            componentType=_COMPONENTS[array.dtype],
+            componentType=_COMPONENT_TYPES[array.dtype],
             count=len(rows),
-            type=_TYPES[rows.shape[1]],
+            type=_ACCESSOR_TYPES[rows.shape[1]],
             # The format requires the bounds of the stored float32 numbers, which JSON represents exactly.
             min=rows.min(0).tolist(),
             max=rows.max(0).tolist(),

@@ -13,7 +13,7 @@ from enliven.meshes.gltf.srgb import linear_of, srgb_of
 from enliven.meshes.pictures import opened_picture
 
 _WHITE = np.ones(3)
-_MOST_PIXELS = 1 << 28
+_MAX_PIXELS = 1 << 28
 """Maximum pixels of all textures of a file, 0.8 GB: four of 8192 x 8192. A file of a few kilobytes can
 declare this."""
 
@@ -52,13 +52,13 @@ class Colours:
         if shading is not None and shading.baseColorFactor is not None:
             linear = linear * np.array(shading.baseColorFactor[:3], np.float64)
         if shading is not None and shading.baseColorTexture is not None:
-            linear = linear * self._textured(primitive, shading.baseColorTexture, count)
+            linear = linear * self._texture_colours(primitive, shading.baseColorTexture, count)
         return srgb_of(linear)
 
-    def _textured(self, primitive: Any, texture: Any, count: int) -> Float:
+    def _texture_colours(self, primitive: Any, texture: Any, count: int) -> Float:
         """Returns (V, 3) linear colours of the texture at each vertex, repeated beyond its edges."""
         where = getattr(primitive.attributes, f"TEXCOORD_{texture.texCoord or 0}", None)
-        picture = self._picture(texture.index)
+        picture = self._texture_image(texture.index)
         if where is None or picture is None:
             return np.tile(_WHITE, (count, 1))
         uv = np.nan_to_num(np.asarray(self._file.accessor(where), np.float64))
@@ -67,7 +67,7 @@ class Colours:
         rows = np.floor(uv[:, 1] % 1.0 * height).astype(int) % height
         return linear_of(picture[rows, columns])
 
-    def _picture(self, texture: int) -> UInt8 | None:
+    def _texture_image(self, texture: int) -> UInt8 | None:
         """Returns (H, W, 3) sRGB, or None with a note."""
         if texture not in self._pictures:
             try:
@@ -77,17 +77,17 @@ class Colours:
                     data = self._file.data_of_view(image.bufferView)
                 else:
                     data = self._file.data_of_uri(image.uri)
-                self._pictures[texture] = self._decoded(data)
+                self._pictures[texture] = self._decode_image(data)
             except Exception as error:  # Third-party decoders may raise any exception for damaged data.
                 reason = plain_reason(error)
                 self.notes.append(f"texture {texture} cannot be read ({reason}): it is taken as white")
                 self._pictures[texture] = None
         return self._pictures[texture]
 
-    def _decoded(self, data: bytes) -> UInt8:
+    def _decode_image(self, data: bytes) -> UInt8:
         """Decodes an image to (H, W, 3) sRGB after checking its declared size."""
         with opened_picture(data) as picture:
             self._pixels += picture.width * picture.height
-            if self._pixels > _MOST_PIXELS:
-                raise InputError(f"with the others it has {self._pixels} pixels, more than {_MOST_PIXELS}")
+            if self._pixels > _MAX_PIXELS:
+                raise InputError(f"with the others it has {self._pixels} pixels, more than {_MAX_PIXELS}")
             return np.asarray(picture.convert("RGB"))

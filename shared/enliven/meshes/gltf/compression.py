@@ -22,7 +22,7 @@ _MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
 """The kinds of data that meshoptimizer packs (EXT_meshopt_compression)."""
 _FILTERS = ("NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR")
 """Filters that are reversed after decompression. COLOR is in KHR_meshopt_compression only."""
-_LONGEST_ROW = 256
+_MAX_ROW_BYTES = 256
 """Maximum bytes of a row, by the extension's specification."""
 
 
@@ -66,7 +66,7 @@ def check_meshopt(packed: Entry) -> int:
     if not whole or mode not in _MODES or filtered not in _FILTERS or count < 1:
         raise InputError("it states no count, size, mode or filter that is known")
     if mode == "ATTRIBUTES":
-        fits = 0 < size <= _LONGEST_ROW and size % 4 == 0
+        fits = 0 < size <= _MAX_ROW_BYTES and size % 4 == 0
         fits &= filtered not in ("OCTAHEDRAL", "COLOR") or size in (4, 8)
         fits &= filtered != "QUATERNION" or size == 8
     else:

@@ -22,7 +22,7 @@ VISIBILITY = "KHR_node_visibility"
 """Nodes that are hidden with their whole subtree."""
 POINTER = "KHR_animation_pointer"
 """Channels that animate any value of the file, named by a JSON pointer."""
-_READ = {
+_SUPPORTED_EXTENSIONS = {
     "KHR_mesh_quantization",
     "KHR_texture_transform",
     "KHR_materials_unlit",
@@ -34,13 +34,13 @@ _READ = {
     VISIBILITY,
     POINTER,
 }
-_PICTURES = {
+_PICTURE_EXTENSIONS = {
     "EXT_texture_webp": "pictures in WebP",
     "EXT_texture_avif": "pictures in AVIF",
     "KHR_texture_basisu": "pictures in Basis Universal",
     "MSFT_texture_dds": "pictures in DDS",
 }
-_HARMLESS = re.compile(
+_HARMLESS_PATTERN = re.compile(
     r"KHR_materials_\w+|VRMC_materials_\w+|ADOBE_materials_\w+|NV_materials_mdl|EXT_materials_\w+"
     r"|KHR_lights_punctual|EXT_lights_\w+|KHR_texture_\w+|KHR_techniques_webgl|KHR_xmp(_json_ld)?"
     r"|KHR_audio(_\w+)?|MSFT_audio_emitter|KHR_interactivity|KHR_node_(select|hover)ability|GODOT_single_root"
@@ -49,9 +49,9 @@ _HARMLESS = re.compile(
     r"|AGI_\w+|MSFT_lod|MSFT_packing_\w+|VRMC_springBone\w*|KHR_blend|KHR_accessor_float64"
 )
 """Extensions that change neither the surface at rest nor the animations of a file."""
-_VISIBLE = re.compile(rf"/nodes/(\d+)/extensions/{VISIBILITY}/visible")
+_VISIBILITY_POINTER = re.compile(rf"/nodes/(\d+)/extensions/{VISIBILITY}/visible")
 """A JSON pointer to a node's visibility."""
-_NODE = re.compile(r"/nodes/(\d+)/(translation|rotation|scale|weights)")
+_NODE_POINTER = re.compile(r"/nodes/(\d+)/(translation|rotation|scale|weights)")
 """A JSON pointer to a value that an ordinary channel can also animate."""
 
 
@@ -61,18 +61,18 @@ def extension_notes(document: Entry) -> list[str]:
     Raises:
         InputError: if the file requires an unsupported extension.
     """
-    required, used = _names(document.extensionsRequired), _names(document.extensionsUsed)
-    needed = [name for name in required if name not in _READ and not _harmless(name)]
+    required, used = _unique_names(document.extensionsRequired), _unique_names(document.extensionsUsed)
+    needed = [name for name in required if name not in _SUPPORTED_EXTENSIONS and not _is_harmless(name)]
     if needed:
         mend = "Export it without this extension."
         raise InputError(f"it needs {', '.join(needed)}, which is not supported", mend=mend)
     notes = list[str]()
     for name in required:
-        if _harmless(name):
-            content = _PICTURES.get(name, "no part of the shape or its motion")
+        if _is_harmless(name):
+            content = _PICTURE_EXTENSIONS.get(name, "no part of the shape or its motion")
             notes.append(f"it requires {name}, which is left out: it holds {content}")
     for name in used:
-        if name not in required and name not in _READ and not _harmless(name):
+        if name not in required and name not in _SUPPORTED_EXTENSIONS and not _is_harmless(name):
             notes.append(f"it uses {name}, which is not supported: its content is left out")
     return notes
 
@@ -89,9 +89,9 @@ def follow_pointers(document: Entry) -> list[str]:
             target = channel.target
             if target is not None and target.path == "pointer":
                 pointer = getattr(getattr(target.extensions, POINTER, None), "pointer", None)
-                named = _NODE.fullmatch(pointer) if isinstance(pointer, str) else None
+                named = _NODE_POINTER.fullmatch(pointer) if isinstance(pointer, str) else None
                 if named is None:
-                    _show(document, pointer)
+                    _show_node(document, pointer)
                     left.append(pointer if isinstance(pointer, str) else "nothing")
                     continue
                 target.node, target.path = int(named[1]), named[2]
@@ -103,9 +103,9 @@ def follow_pointers(document: Entry) -> list[str]:
     return [f"animations of values other than a node's place, turn and size are left out: {shown}"]
 
 
-def _show(document: Entry, pointer: Any) -> None:
+def _show_node(document: Entry, pointer: Any) -> None:
     """Shows a node with animated visibility, since the surface is needed."""
-    named = _VISIBLE.fullmatch(pointer) if isinstance(pointer, str) else None
+    named = _VISIBILITY_POINTER.fullmatch(pointer) if isinstance(pointer, str) else None
     if named is not None and int(named[1]) < len(document.nodes):
         node = document.nodes[int(named[1])]
         visibility = getattr(node.extensions, VISIBILITY, None)
@@ -128,10 +128,10 @@ def hidden_nodes(document: Entry, parents: list[int]) -> set[int]:
     return hidden
 
 
-def _names(listed: Any) -> list[str]:
+def _unique_names(listed: Any) -> list[str]:
     """Returns the names in a list of extensions, without duplicates."""
     return list(dict.fromkeys(name for name in listed or [] if isinstance(name, str)))
 
 
-def _harmless(name: str) -> bool:
-    return name in _PICTURES or _HARMLESS.fullmatch(name) is not None
+def _is_harmless(name: str) -> bool:
+    return name in _PICTURE_EXTENSIONS or _HARMLESS_PATTERN.fullmatch(name) is not None

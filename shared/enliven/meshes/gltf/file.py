@@ -18,9 +18,9 @@ from enliven.meshes.gltf.extensions import DRACO, MESHOPT, extension_notes, foll
 from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES, Entry, gltf_document
 from enliven.meshes.gltf.vrm import human_bones
 
-_TYPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_COMPONENT_COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 """Components of each accessor type (glTF 2.0, table 3.6.2.2)."""
-_COMPONENTS: dict[int, Any] = {
+_COMPONENT_DTYPES: dict[int, Any] = {
     5120: np.int8,
     5121: np.uint8,
     5122: np.int16,
@@ -29,7 +29,7 @@ _COMPONENTS: dict[int, Any] = {
     5126: np.float32,
 }
 """NumPy type of each component type (glTF 2.0, section 3.6.2.2)."""
-_AGAIN = "Export the model again."
+_EXPORT_ADVICE = "Export the model again."
 """The advice for a damaged model."""
 
 
@@ -49,7 +49,7 @@ class GltfFile:
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        self.document, self.parents, self._blob = _parsed(self.path)
+        self.document, self.parents, self._blob = _parse_document(self.path)
         self._human = human_bones(self.document)
         self._beside = ReferencedFiles(self.path)
         self._buffers: dict[int, bytes] = {}
@@ -62,11 +62,11 @@ class GltfFile:
             self.notes += follow_pointers(self.document)
             self.hidden = hidden_nodes(self.document, self.parents)
         except InputError as error:
-            raise self.wrong(error.what, error.mend or _AGAIN) from None
+            raise self.wrong(error.what, error.mend or _EXPORT_ADVICE) from None
         except DAMAGE as error:
             raise self.damaged(error) from None
 
-    def wrong(self, what: str, mend: str = _AGAIN) -> InputError:
+    def wrong(self, what: str, mend: str = _EXPORT_ADVICE) -> InputError:
         """Returns an error that names the file."""
         return InputError(what, where=str(self.path), mend=mend)
 
@@ -120,9 +120,9 @@ class GltfFile:
             held[primitive.indices] = faces
         for index, array in held.items():
             accessor = self.document.accessors[index]
-            if array.shape != (accessor.count, _TYPES[accessor.type]):
+            if array.shape != (accessor.count, _COMPONENT_COUNTS[accessor.type]):
                 raise self.wrong(f"its data compressed by {DRACO} does not fit accessor {index}")
-            self._decoded[index] = array.astype(_COMPONENTS[accessor.componentType])
+            self._decoded[index] = array.astype(_COMPONENT_DTYPES[accessor.componentType])
 
     def name(self, node: int) -> str:
         """Returns a node's name. A nameless node gets its number.
@@ -137,13 +137,13 @@ class GltfFile:
 
         Sparse elements are filled in. Normalised integers become -1..1 or 0..1.
         """
-        return np.asarray(self._guarded(self._accessor, index, f"accessor {index}"))
+        return np.asarray(self._read_guarded(self._read_accessor, index, f"accessor {index}"))
 
     def data_of_view(self, view: int) -> bytes:
         """Returns the bytes of a buffer view, such as an image."""
-        return bytes(self._guarded(self._view_bytes, view, f"buffer view {view}"))
+        return bytes(self._read_guarded(self._view_bytes, view, f"buffer view {view}"))
 
-    def _guarded(self, read: Callable[[int], Any], index: int, what: str) -> Any:
+    def _read_guarded(self, read: Callable[[int], Any], index: int, what: str) -> Any:
         """Returns the result of ``read``. Its exceptions become an error that names the file."""
         try:
             return read(index)
@@ -152,29 +152,31 @@ class GltfFile:
         except Exception as error:  # Numbers out of range may raise any exception.
             raise self.wrong(f"{what} cannot be read: {plain_reason(error)}") from None
 
-    def _accessor(self, index: int) -> AnyArray:
+    def _read_accessor(self, index: int) -> AnyArray:
         accessor = self.document.accessors[index]
-        kind, width = np.dtype(_COMPONENTS[accessor.componentType]), _TYPES[accessor.type]
+        kind, width = np.dtype(_COMPONENT_DTYPES[accessor.componentType]), _COMPONENT_COUNTS[accessor.type]
         if index in self._decoded:
             values = self._decoded[index]
         elif accessor.bufferView is None:
             values = np.zeros((accessor.count, width), kind)
         else:
-            values = self._strided(accessor.bufferView, accessor.byteOffset or 0, kind, accessor.count, width)
+            values = self._read_strided(
+                accessor.bufferView, accessor.byteOffset or 0, kind, accessor.count, width
+            )
         if accessor.sparse is not None:
             values = values.copy()
             sparse = accessor.sparse
-            number = np.dtype(_COMPONENTS[sparse.indices.componentType])
-            at = self._strided(
+            number = np.dtype(_COMPONENT_DTYPES[sparse.indices.componentType])
+            at = self._read_strided(
                 sparse.indices.bufferView, sparse.indices.byteOffset or 0, number, sparse.count, 1
             )
             start = sparse.values.byteOffset or 0
-            values[at[:, 0]] = self._strided(sparse.values.bufferView, start, kind, sparse.count, width)
+            values[at[:, 0]] = self._read_strided(sparse.values.bufferView, start, kind, sparse.count, width)
         if accessor.normalized and kind.kind in "iu":
             return np.maximum(values / np.iinfo(kind).max, -1.0)
         return values
 
-    def _strided(self, view: int, offset: int, kind: np.dtype[Any], count: int, width: int) -> AnyArray:
+    def _read_strided(self, view: int, offset: int, kind: np.dtype[Any], count: int, width: int) -> AnyArray:
         """Returns (count, width) elements of a buffer view, packed or interleaved."""
         view_entry = self.document.bufferViews[view]
         data = self._view_bytes(view)
@@ -192,25 +194,25 @@ class GltfFile:
         for extension in MESHOPT:
             packed = getattr(view_entry.extensions, extension, None)
             if isinstance(packed, Entry):
-                return self._unpack(view, packed, extension)
-        return self._slice(view_entry)
+                return self._decompress_view(view, packed, extension)
+        return self._declared_bytes(view_entry)
 
-    def _slice(self, found: Any) -> bytes:
+    def _declared_bytes(self, found: Any) -> bytes:
         """Returns the bytes of a buffer view, or of a compressed one, which has the same form."""
         start = found.byteOffset or 0
-        data = self._buffer(found.buffer)[start : start + found.byteLength]
+        data = self._buffer_bytes(found.buffer)[start : start + found.byteLength]
         if len(data) < found.byteLength:
             raise self.wrong("a buffer is shorter than the file says: it is cut short or damaged")
         return data
 
-    def _unpack(self, view: int, packed: Entry, extension: str) -> bytes:
+    def _decompress_view(self, view: int, packed: Entry, extension: str) -> bytes:
         """Returns the bytes of a buffer view that meshoptimizer compressed. Each is decompressed once."""
         if view not in self._unpacked:
             try:
                 self._unpacked_bytes += check_meshopt(packed)
                 if self._unpacked_bytes > MOST_UNPACKED:
                     raise InputError(f"in total it has more than {MOST_UNPACKED} bytes")
-                self._unpacked[view] = meshopt_bytes(self._slice(packed), packed, str(self.path))
+                self._unpacked[view] = meshopt_bytes(self._declared_bytes(packed), packed, str(self.path))
             except InputError as error:
                 if error.where == str(self.path):
                     raise
@@ -218,7 +220,7 @@ class GltfFile:
                 raise self.wrong(problem) from None
         return self._unpacked[view]
 
-    def _buffer(self, index: int) -> bytes:
+    def _buffer_bytes(self, index: int) -> bytes:
         if index not in self._buffers:
             uri = self.document.buffers[index].uri
             data = self._blob if uri is None else self.data_of_uri(uri)
@@ -246,13 +248,13 @@ def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> F
     return matrices
 
 
-def _parsed(path: Path) -> tuple[Entry, list[int], bytes | None]:
+def _parse_document(path: Path) -> tuple[Entry, list[int], bytes | None]:
     """Parses the document, the parents of its nodes and the bytes of a GLB. Raises one clear message."""
     if path.suffix.lower() not in GLTF_SUFFIXES and path.is_file():
         raise InputError("it is not a glTF file", where=str(path), mend="Give a .glb, .gltf or .vrm file.")
     data = read_file(path)
     if not data:
-        raise InputError("the file is empty", where=str(path), mend=_AGAIN)
+        raise InputError("the file is empty", where=str(path), mend=_EXPORT_ADVICE)
     try:
         parsed = gltf_document(data)
         version = None if parsed[0].asset is None else parsed[0].asset.version

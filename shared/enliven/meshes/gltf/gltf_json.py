@@ -25,7 +25,7 @@ limit of the wire (2 million vertices)."""
 MOST_READ = 1 << 27
 """Maximum elements that samplers and skins read, counted per reference: an hour of 100 joints has 30
 million."""
-_LISTS = (
+_DOCUMENT_LISTS = (
     "accessors",
     "animations",
     "buffers",
@@ -38,9 +38,9 @@ _LISTS = (
     "skins",
     "textures",
 )
-_HEAD = struct.Struct("<4sII")
+_GLB_HEADER = struct.Struct("<4sII")
 """The header of a GLB: magic, version and length in bytes."""
-_CHUNK = struct.Struct("<I4s")
+_CHUNK_HEADER = struct.Struct("<I4s")
 """The header of a chunk: length in bytes and kind."""
 
 
@@ -61,11 +61,11 @@ def gltf_tree(data: bytes) -> dict[str, Any]:
         InputError: if there is none, or it declares more than the reader's limits.
     """
     try:
-        tree = json.loads(_text(data))
+        tree = json.loads(_json_text(data))
     except InputError:
         raise
     except (ValueError, RecursionError) as error:
-        raise InputError(f"its JSON is damaged{_place(error)}") from None
+        raise InputError(f"its JSON is damaged{_error_position(error)}") from None
     if not isinstance(tree, dict):
         raise InputError("its JSON is not an object")
     try:
@@ -83,11 +83,11 @@ def gltf_document(data: bytes) -> tuple[Entry, list[int], bytes | None]:
     """
     tree = gltf_tree(data)
     parents = parents_of([node.get("children") or [] for node in tree.get("nodes") or []])
-    document: Entry = json.loads(_text(data), object_hook=Entry)
-    for name in _LISTS:
+    document: Entry = json.loads(_json_text(data), object_hook=Entry)
+    for name in _DOCUMENT_LISTS:
         if getattr(document, name) is None:
             setattr(document, name, [])
-    return document, parents, _chunk(data, b"BIN\0")
+    return document, parents, _first_chunk(data, b"BIN\0")
 
 
 def parents_of(children: list[list[int]]) -> list[int]:
@@ -116,30 +116,30 @@ def parents_of(children: list[list[int]]) -> list[int]:
     return parents
 
 
-def _place(error: Exception) -> str:
+def _error_position(error: Exception) -> str:
     """Returns where a parser stopped, as a suffix for a message. Empty if it is unknown."""
     if isinstance(error, RecursionError):
         return ": it is nested too deep"
     return f" in line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
 
 
-def _text(data: bytes) -> str:
+def _json_text(data: bytes) -> str:
     """Returns the JSON of a file: all of a glTF, one chunk of a GLB."""
     text = data
     if data[:4] == b"glTF":
-        chunk = _chunk(data, b"JSON")
+        chunk = _first_chunk(data, b"JSON")
         if chunk is None:
             raise InputError("it is cut short or damaged: it has no JSON")
         text = chunk
     return text.decode("utf-8-sig")
 
 
-def _chunk(data: bytes, wanted: bytes) -> bytes | None:
+def _first_chunk(data: bytes, wanted: bytes) -> bytes | None:
     """Returns the first chunk of a kind in a GLB, possibly truncated."""
-    at = _HEAD.size if data[:4] == b"glTF" else len(data)
-    while at + _CHUNK.size <= len(data):
-        length, kind = _CHUNK.unpack_from(data, at)
-        at += _CHUNK.size
+    at = _GLB_HEADER.size if data[:4] == b"glTF" else len(data)
+    while at + _CHUNK_HEADER.size <= len(data):
+        length, kind = _CHUNK_HEADER.unpack_from(data, at)
+        at += _CHUNK_HEADER.size
         if kind == wanted:
             return data[at : at + length]
         at += length
@@ -153,7 +153,7 @@ def _check_amounts(tree: dict[str, Any]) -> None:
             raise InputError(f"it has {len(entries)} {name}, and no more than {MOST_LISTED} are read")
     nodes = tree.get("nodes") or []
     parents_of([node.get("children") or [] for node in nodes])
-    counts = [_count(accessor) for accessor in tree.get("accessors") or []]
+    counts = [_element_count(accessor) for accessor in tree.get("accessors") or []]
     _check_shown(tree, nodes, counts)
     _check_read(tree, counts)
 
@@ -169,7 +169,7 @@ def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> N
         times = max(shown.get(number, 0), 1)
         for primitive in mesh.get("primitives") or []:
             named = [primitive.get("indices"), *(primitive.get("attributes") or {}).values()]
-            total += times * max((counts[at] for at in named if _names(at, counts)), default=0)
+            total += times * max((counts[at] for at in named if _is_valid_index(at, counts)), default=0)
             primitives += times
     if total > MOST_ELEMENTS:
         raise InputError(f"it shows {total} vertices or corners, and no more than {MOST_ELEMENTS} are read")
@@ -186,12 +186,12 @@ def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
             raise InputError(f"it has {len(channels)} channels, and no more than {MOST_LISTED} are read")
         samplers = animation.get("samplers") or []
         named += [sampler.get(end) for sampler in samplers for end in ("input", "output")]
-    total = sum(counts[at] for at in named if _names(at, counts))
+    total = sum(counts[at] for at in named if _is_valid_index(at, counts))
     if total > MOST_READ:
         raise InputError(f"it reads {total} keys, and no more than {MOST_READ} are read")
 
 
-def _count(accessor: dict[str, Any]) -> int:
+def _element_count(accessor: dict[str, Any]) -> int:
     """Returns the declared number of elements of an accessor."""
     count = accessor.get("count")
     if not isinstance(count, int) or not 0 <= count <= MOST_ELEMENTS:
@@ -199,5 +199,5 @@ def _count(accessor: dict[str, Any]) -> int:
     return count
 
 
-def _names(at: Any, counts: list[int]) -> bool:
+def _is_valid_index(at: Any, counts: list[int]) -> bool:
     return isinstance(at, int) and 0 <= at < len(counts)

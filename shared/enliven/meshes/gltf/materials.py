@@ -15,10 +15,10 @@ from enliven.meshes.gltf.file import GltfFile
 from enliven.meshes.gltf.gltf_json import Entry
 from enliven.meshes.materials import MeshMaterials, Texture, textures_in
 
-_MOST_IMAGES = 1 << 28
+_MAX_IMAGE_BYTES = 1 << 28
 """Maximum bytes of all encoded images of a file: ten times what detailed characters have. One small buffer
 can be referenced as an image thousands of times."""
-_MOST_SETS = 4
+_MAX_TEXTURE_SETS = 4
 """Maximum sets of texture coordinates: one or two are usual."""
 
 Corners = tuple[Float32, Float32 | None]
@@ -47,7 +47,7 @@ class Materials:
         if not isinstance(at, int) or not 0 <= at < len(self._file.document.materials):
             return -1
         if at not in self._known:
-            self._known[at] = self._read(at)
+            self._known[at] = self._store_material(at)
         return self._known[at]
 
     def corners(self, primitive: Any, count: int) -> Corners:
@@ -55,15 +55,15 @@ class Materials:
         them."""
         attributes, sets, at = primitive.attributes, list[Float32](), self.number(primitive)
         textured = at >= 0 and bool(textures_in(json.loads(self.definitions[at])))
-        for number in range(_MOST_SETS if textured else 0):
+        for number in range(_MAX_TEXTURE_SETS if textured else 0):
             where = getattr(attributes, f"TEXCOORD_{number}", None)
             if where is None:
                 break
-            sets.append(_rows(self._file, where, count, 2))
+            sets.append(_read_rows(self._file, where, count, 2))
         uvs = np.stack(sets, 1) if sets else np.zeros((count, 0, 2), np.float32)
         if at < 0 or getattr(attributes, "COLOR_0", None) is None:
             return uvs, None
-        return uvs, _rows(self._file, attributes.COLOR_0, count, 4)
+        return uvs, _read_rows(self._file, attributes.COLOR_0, count, 4)
 
     def joined(self, parts: Sequence[tuple[Int32, int, Corners]]) -> MeshMaterials | None:
         """Returns the materials of all faces, from (faces (F, 3), material, corners) of each part."""
@@ -82,14 +82,14 @@ class Materials:
         collected = tuple(self.definitions), tuple(self.textures)
         return MeshMaterials(*collected, np.concatenate(numbers), np.concatenate(places), all_tints)
 
-    def _read(self, at: int) -> int:
+    def _store_material(self, at: int) -> int:
         """Stores a material and its textures. Returns its number, or -1 if it is damaged."""
-        value = _plain(self._file.document.materials[at])
+        value = _plain_json(self._file.document.materials[at])
         try:
             for number in set(textures_in(value)):
                 if number not in self._textures:
-                    self._textures[number] = self._texture(number)
-            self.definitions.append(json.dumps(self._kept(value), sort_keys=True, allow_nan=False))
+                    self._textures[number] = self._store_texture(number)
+            self.definitions.append(json.dumps(self._renumbered_json(value), sort_keys=True, allow_nan=False))
         except (InputError, *DAMAGE) as error:
             self.notes.append(
                 f"material {at} cannot be read ({plain_reason(error)}): only its colour is kept"
@@ -97,19 +97,19 @@ class Materials:
             return -1
         return len(self.definitions) - 1
 
-    def _kept(self, value: Any, in_extensions: bool = False) -> Any:
+    def _renumbered_json(self, value: Any, in_extensions: bool = False) -> Any:
         """Returns the JSON of a material with its textures renumbered, without those that were left out.
 
         Args:
             in_extensions: True if the keys of the value are names of extensions.
         """
         if isinstance(value, list):
-            return [self._kept(inner) for inner in value]
+            return [self._renumbered_json(inner) for inner in value]
         if not isinstance(value, dict):
             return value
         kept = dict[str, Any]()
         for key, inner in value.items():
-            kept[key] = self._kept(inner, key == "extensions")
+            kept[key] = self._renumbered_json(inner, key == "extensions")
             if key.endswith("Texture") and isinstance(inner, dict):
                 number = self._textures[inner["index"]]
                 if number is None:
@@ -121,24 +121,26 @@ class Materials:
                 del kept[key]
         return kept
 
-    def _texture(self, number: int) -> int | None:
+    def _store_texture(self, number: int) -> int | None:
         """Stores a texture and returns its number, or None with a note."""
         try:
-            texture = _entry(self._file.document.textures, number)
+            texture = _find_entry(self._file.document.textures, number)
             packed = [name for name in vars(texture.extensions or Entry({})) if name.partition("_")[2]]
             if texture.source is None and packed:
                 raise InputError(f"its picture is in {packed[0][:60]}")
-            image = _entry(self._file.document.images, texture.source)
+            image = _find_entry(self._file.document.images, texture.source)
             if image.bufferView is not None:
                 data = self._file.data_of_view(image.bufferView)
             else:
                 data = self._file.data_of_uri(image.uri)
             self._bytes += len(data)
-            if self._bytes > _MOST_IMAGES:
-                raise InputError(f"with the others it has more than {_MOST_IMAGES} bytes")
+            if self._bytes > _MAX_IMAGE_BYTES:
+                raise InputError(f"with the others it has more than {_MAX_IMAGE_BYTES} bytes")
             sampler = texture.sampler
             sampler_text = (
-                "" if sampler is None else json.dumps(_plain(_entry(self._file.document.samplers, sampler)))
+                ""
+                if sampler is None
+                else json.dumps(_plain_json(_find_entry(self._file.document.samplers, sampler)))
             )
             kept_texture = Texture(np.frombuffer(data, np.uint8), sampler_text)
         except (InputError, *DAMAGE) as error:
@@ -152,7 +154,7 @@ def _is_empty(value: Any) -> bool:
     return value is None or (isinstance(value, (dict, list, str)) and not value)
 
 
-def _entry(entries: list[Any] | None, number: int) -> Any:
+def _find_entry(entries: list[Any] | None, number: int) -> Any:
     """Returns an entry of a list of the document.
 
     Raises:
@@ -163,14 +165,14 @@ def _entry(entries: list[Any] | None, number: int) -> Any:
     return entries[number]
 
 
-def _plain(value: Any) -> Any:
+def _plain_json(value: Any) -> Any:
     """Returns a value of the document as plain JSON."""
     if isinstance(value, Entry):
-        return {name: _plain(inner) for name, inner in vars(value).items()}
-    return [_plain(inner) for inner in value] if isinstance(value, list) else value
+        return {name: _plain_json(inner) for name, inner in vars(value).items()}
+    return [_plain_json(inner) for inner in value] if isinstance(value, list) else value
 
 
-def _rows(file: GltfFile, accessor: int, count: int, width: int) -> Float32:
+def _read_rows(file: GltfFile, accessor: int, count: int, width: int) -> Float32:
     """Returns (count, width) float32 of an accessor. Missing columns are one.
 
     Raises:

@@ -13,24 +13,24 @@ from enliven.arrays import Float
 from enliven.meshes.gltf.file import GltfFile, matrices_of
 from enliven.rotation import unit
 
-_LONGEST_STEP = 1 / 24
+_MAX_STEP_S = 1 / 24
 """Maximum seconds between samples: over a longer step world rotations would bend between frames."""
-_SHORTEST_STEP = 1 / 120
+_MIN_STEP_S = 1 / 120
 """Minimum seconds between samples: denser keys have no visible effect and cost memory."""
-_CLOSED = 1e-5
+_ZERO_SCALE_FRACTION = 1e-5
 """Fraction of a node's largest scale that replaces scale 0: too small to be visible, but invertible."""
-_CURVED_STEP = 1 / 120
+_CURVED_STEP_S = 1 / 120
 """Maximum seconds between samples if channels are cubic: between frames a curve becomes a line."""
-_MUCH_GROWTH = 0.3
+_MIN_LOG_SCALE_CHANGE = 0.3
 """Logarithm of the scale factor between two keys beyond which frames are inserted: a third larger."""
-_GROWTH_STEP = 1 / 240
+_GROWTH_STEP_S = 1 / 240
 """Minimum seconds between these inserted frames."""
-_MOST_GROWTH = 64
+_MAX_INSERTED_FRAMES = 64
 """Maximum number of frames inserted between two keys: longer intervals change slowly."""
 JUMP = 2.5e-4
 """Seconds before the key of a jump at which the previous value is still held. No display shows the
 transition, and float32 distinguishes the two times for an hour."""
-_SAME_TIME = 1e-4
+_SAME_TIME_S = 1e-4
 """Maximum difference of two times that count as equal, in seconds. It covers the rounding of float32."""
 MOST_PLACES = 1 << 23
 """Maximum frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 fps."""
@@ -51,8 +51,8 @@ class Locals:
 
 def rest_locals(file: GltfFile) -> Locals:
     """Returns the nodes' rest transforms in the file, F = 1. Scales of 0 are replaced by tiny ones."""
-    transforms = _stated(file)
-    _open(transforms, file.scale_keys)
+    transforms = _rest_transforms(file)
+    _replace_zero_scales(transforms, file.scale_keys)
     return transforms
 
 
@@ -62,12 +62,12 @@ def standing_locals(file: GltfFile, still: bool = False) -> Locals:
     A node with scale 0 in the file gets the scale of its animations, so that objects that pop up have a
     shape. A node that all animations mirror, but not the file, is mirrored, unless ``still`` is set.
     """
-    transforms, sizes = _stated(file), file.scale_keys
+    transforms, sizes = _rest_transforms(file), file.scale_keys
     for node, clips in sizes.items():
         rest = transforms.scale[0, node]
         keys = np.concatenate(list(clips.values()))
         largest = keys[np.abs(keys).argmax(0), np.arange(3)]
-        rest[:] = np.where(np.abs(rest) < _CLOSED * np.abs(largest), largest, rest)
+        rest[:] = np.where(np.abs(rest) < _ZERO_SCALE_FRACTION * np.abs(largest), largest, rest)
         signs = [np.sign(scales).prod(1) for scales in clips.values()]
         if (
             not still
@@ -75,21 +75,21 @@ def standing_locals(file: GltfFile, still: bool = False) -> Locals:
             and all((s == -np.sign(rest.prod())).all() for s in signs)
         ):
             rest[:] = keys[0]
-    _open(transforms, sizes)
+    _replace_zero_scales(transforms, sizes)
     return transforms
 
 
-def _open(made: Locals, sizes: dict[int, dict[int, Float]]) -> None:
+def _replace_zero_scales(made: Locals, sizes: dict[int, dict[int, Float]]) -> None:
     """Replaces scales of 0 by a tiny fraction of the node's largest scale, so that every transform is
     invertible."""
     largest = np.abs(made.scale).max((0, 2))
     for node, clips in sizes.items():
         largest[node] = max(largest[node], *(np.abs(keys).max(initial=0.0) for keys in clips.values()))
-    least = np.where(largest > 0.0, largest, 1.0)[:, None] * _CLOSED
+    least = np.where(largest > 0.0, largest, 1.0)[:, None] * _ZERO_SCALE_FRACTION
     made.scale = np.where(np.abs(made.scale) < least, np.where(made.scale < 0.0, -least, least), made.scale)
     for node, matrix in made.fixed.items():
         left, stretch, right = np.linalg.svd(matrix[:3, :3])
-        floor = _CLOSED * (stretch[0] if stretch[0] > 0.0 else 1.0)
+        floor = _ZERO_SCALE_FRACTION * (stretch[0] if stretch[0] > 0.0 else 1.0)
         if stretch[2] < floor:
             matrix[:3, :3] = left * np.maximum(stretch, floor) @ right
             made.fixed[node] = matrix
@@ -97,7 +97,7 @@ def _open(made: Locals, sizes: dict[int, dict[int, Float]]) -> None:
 
 def closed_nodes(file: GltfFile) -> set[int]:
     """Returns the nodes with scale 0 at rest and in all animations, with their whole subtrees."""
-    stated, closed = _stated(file), set[int]()
+    stated, closed = _rest_transforms(file), set[int]()
     for node in range(len(file.parents)):
         fixed = stated.fixed.get(node)
         size = stated.scale[0, node] if fixed is None else fixed[:3, :3]
@@ -113,7 +113,7 @@ def closed_nodes(file: GltfFile) -> set[int]:
     return closed
 
 
-def _stated(file: GltfFile) -> Locals:
+def _rest_transforms(file: GltfFile) -> Locals:
     """Returns the nodes' rest transforms in the file, F = 1."""
     nodes = file.document.nodes
     count = len(nodes)
@@ -143,11 +143,11 @@ def world_matrices(file: GltfFile, locals_: Locals) -> Float:
         local[:, number] = matrix
     world, done = local.copy(), set[int]()
     for node in range(len(file.parents)):
-        _settle(file.parents, world, local, done, node)
+        _compute_world(file.parents, world, local, done, node)
     return world
 
 
-def _settle(parents: list[int], world: Float, local: Float, done: set[int], node: int) -> None:
+def _compute_world(parents: list[int], world: Float, local: Float, done: set[int], node: int) -> None:
     """Computes the world matrices of a node, its parents' first (a file may have them in any order)."""
     waiting = [node]
     while waiting:
@@ -169,14 +169,14 @@ def frame_times(file: GltfFile, animation: int) -> Float:
     Evenly spaced keys coincide with them.
     """
     samplers = _used_samplers(file, animation)
-    keys = [_keys(file, sampler.input) for sampler in samplers]
+    keys = [_key_times(file, sampler.input) for sampler in samplers]
     keys = [k for k in keys if len(k)]
     if not keys:
         return np.zeros(1)
     start, end = min(k[0] for k in keys), max(k[-1] for k in keys)
     gaps = [float(np.median(np.diff(k))) for k in keys if len(k) > 1]
-    gap = max(min(gaps, default=_LONGEST_STEP), _SHORTEST_STEP)
-    longest = _CURVED_STEP if any(s.interpolation == "CUBICSPLINE" for s in samplers) else _LONGEST_STEP
+    gap = max(min(gaps, default=_MAX_STEP_S), _MIN_STEP_S)
+    longest = _CURVED_STEP_S if any(s.interpolation == "CUBICSPLINE" for s in samplers) else _MAX_STEP_S
     # Divide the gap between two keys into a whole number of frames, so that each key lies on a frame.
     gap /= max(math.ceil(gap / longest - 1e-3), 1)
     steps = max(round(float(end - start) / gap), 1)
@@ -192,23 +192,23 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
     """
     candidates, step = list[Float](), float(even[1] - even[0]) if len(even) > 1 else 1.0
     for sampler in _used_samplers(file, animation):
-        keys = _keys(file, sampler.input)
+        keys = _key_times(file, sampler.input)
         if sampler.interpolation == "STEP" and len(keys) > 1:
             values = np.asarray(file.accessor(sampler.output), np.float64)
             jumps = keys[1:][np.abs(np.diff(values[: len(keys)], axis=0)).max(1) > 0.0]
             candidates += [jumps, jumps - JUMP]
         else:
             candidates.append(keys)
-    candidates += _growing(file, animation)
+    candidates += _scale_change_times(file, animation)
     seconds = np.unique(np.concatenate([np.zeros(0), *candidates]))
     seconds = seconds[(seconds > even[0]) & (seconds < even[-1])]
     nearest = even[0] + np.round((seconds - even[0]) / step) * step
-    seconds = seconds[np.abs(seconds - nearest) > _SAME_TIME]
+    seconds = seconds[np.abs(seconds - nearest) > _SAME_TIME_S]
     # Drop a key that follows another one too closely, because their times would be equal in float32.
-    return np.asarray(seconds[np.diff(seconds, prepend=-np.inf) > _SAME_TIME])
+    return np.asarray(seconds[np.diff(seconds, prepend=-np.inf) > _SAME_TIME_S])
 
 
-def _growing(file: GltfFile, animation: int) -> list[Float]:
+def _scale_change_times(file: GltfFile, animation: int) -> list[Float]:
     """Returns additional times between keys if a node's scale changes much.
 
     Between frames a clip interpolates the logarithm of a scale, but the file interpolates the scale itself.
@@ -219,10 +219,10 @@ def _growing(file: GltfFile, animation: int) -> list[Float]:
         sampler = animation_entry.samplers[channel.sampler]
         if channel.target.path != "scale" or channel.target.node is None or sampler.interpolation == "STEP":
             continue
-        keys, sizes = _keys(file, sampler.input), file.scale_keys[channel.target.node][animation]
-        logs = np.log(np.maximum(np.abs(sizes), _CLOSED))
-        for k in np.flatnonzero(np.abs(np.diff(logs, axis=0)).max(1, initial=0.0) > _MUCH_GROWTH):
-            count = min(int((keys[k + 1] - keys[k]) / _GROWTH_STEP) + 1, _MOST_GROWTH)
+        keys, sizes = _key_times(file, sampler.input), file.scale_keys[channel.target.node][animation]
+        logs = np.log(np.maximum(np.abs(sizes), _ZERO_SCALE_FRACTION))
+        for k in np.flatnonzero(np.abs(np.diff(logs, axis=0)).max(1, initial=0.0) > _MIN_LOG_SCALE_CHANGE):
+            count = min(int((keys[k + 1] - keys[k]) / _GROWTH_STEP_S) + 1, _MAX_INSERTED_FRAMES)
             times.append(np.linspace(keys[k], keys[k + 1], count + 1))
     return times
 
@@ -240,7 +240,7 @@ def _used_samplers(file: GltfFile, animation: int) -> list[Any]:
 
 def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
     """Samples every channel of an animation at ``times`` (F,) seconds."""
-    rest = _stated(file)
+    rest = _rest_transforms(file)
     count = len(times)
     transforms = Locals(
         np.repeat(rest.translation, count, 0),
@@ -255,14 +255,16 @@ def animated_locals(file: GltfFile, animation: int, times: Float) -> Locals:
             continue
         sampler = animation_entry.samplers[channel.sampler]
         values = file.keys(sampler, path)
-        samples = sampled(_keys(file, sampler.input), values, sampler.interpolation or "LINEAR", path, times)
+        samples = sampled(
+            _key_times(file, sampler.input), values, sampler.interpolation or "LINEAR", path, times
+        )
         getattr(transforms, path)[:, node] = samples
         transforms.fixed.pop(node, None)
-    _open(transforms, file.scale_keys)
+    _replace_zero_scales(transforms, file.scale_keys)
     return transforms
 
 
-def _keys(file: GltfFile, accessor: int) -> Float:
+def _key_times(file: GltfFile, accessor: int) -> Float:
     keys = np.asarray(file.accessor(accessor)[:, 0], np.float64)
     if not np.isfinite(keys).all() or (np.diff(keys) < 0).any():
         raise file.wrong("the times of an animation do not rise")
@@ -289,7 +291,7 @@ def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Fl
     if interpolation == "STEP":
         return np.asarray(points[np.where(share >= 1.0, before + 1, before)])
     if cubic:
-        curve = _hermite(values, before, span[:, None], share[:, None])
+        curve = _hermite_spline(values, before, span[:, None], share[:, None])
         return unit(curve) if path == "rotation" else curve
     if path == "rotation":
         # slerp works with any order of the components, if both quaternions use the same order.
@@ -298,7 +300,7 @@ def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Fl
     return np.asarray(points[before] + share[:, None] * (points[before + 1] - points[before]))
 
 
-def _hermite(values: Float, before: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]
+def _hermite_spline(values: Float, before: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]
     """Returns values (F, C) of the cubic Hermite spline through two keys with their tangents."""
     p0, out = values[3 * before + 1], span * values[3 * before + 2]
     p1, into = values[3 * before + 4], span * values[3 * before + 3]

@@ -15,13 +15,17 @@ from enliven.meshes.gltf.gltf_json import MOST_ELEMENTS
 from enliven.meshes.gltf.materials import Corners, Materials
 from enliven.meshes.gltf.motion import closed_nodes
 
-_TRIANGLES = 4
+_MODE_TRIANGLES = 4
 """glTF's mode of a list of separate triangles (section 3.7.2.1). Points and lines are left out."""
-_STRIP = 5
+_MODE_STRIP = 5
 """glTF's mode of a triangle strip."""
-_FAN = 6
+_MODE_FAN = 6
 """glTF's mode of a triangle fan."""
-_COLUMNS = {"TRANSLATION": [0.0, 0.0, 0.0], "ROTATION": [0.0, 0.0, 0.0, 1.0], "SCALE": [1.0, 1.0, 1.0]}
+_INSTANCE_COLUMNS = {
+    "TRANSLATION": [0.0, 0.0, 0.0],
+    "ROTATION": [0.0, 0.0, 0.0, 1.0],
+    "SCALE": [1.0, 1.0, 1.0],
+}
 """The columns of a table of instances, with the default of a missing one."""
 
 
@@ -70,13 +74,13 @@ def parts_of(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Material
             notes.append(f"{file.name(number)!r} is {how} and left out")
             continue
         for primitive in file.document.meshes[node.mesh].primitives:
-            mode = _TRIANGLES if primitive.mode is None else primitive.mode
-            if mode not in (_TRIANGLES, _STRIP, _FAN) or primitive.attributes.POSITION is None:
+            mode = _MODE_TRIANGLES if primitive.mode is None else primitive.mode
+            if mode not in (_MODE_TRIANGLES, _MODE_STRIP, _MODE_FAN) or primitive.attributes.POSITION is None:
                 notes.append(f"lines or points of {file.name(number)!r} are left out")
                 continue
             if primitive.targets:
                 notes.append(f"the morph targets of {file.name(number)!r} are left out over time")
-            parts.append(_part(file, colours, materials, primitive, mode, number))
+            parts.append(_read_part(file, colours, materials, primitive, mode, number))
     notes.extend(colours.notes + materials.notes)
     return [part for part in parts if len(part.faces)], materials
 
@@ -89,7 +93,7 @@ def shown_nodes(file: GltfFile) -> list[int]:
         roots = list(document.scenes[number if number < len(document.scenes) else 0].nodes or [])
     else:
         roots = [n for n, parent in enumerate(file.parents) if parent < 0]
-    return _below(file, roots)
+    return _subtrees(file, roots)
 
 
 def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
@@ -103,10 +107,10 @@ def moving_nodes(file: GltfFile, parts: list[GltfPart]) -> list[int]:
             if node not in listed:
                 listed.add(node)
                 roots.append(node)
-    return shown + _below(file, roots)
+    return shown + _subtrees(file, roots)
 
 
-def _below(file: GltfFile, roots: list[int]) -> list[int]:
+def _subtrees(file: GltfFile, roots: list[int]) -> list[int]:
     """Returns nodes with their whole subtrees, parents first."""
     document = file.document
     nodes, waiting = list[int](), roots[::-1]
@@ -117,7 +121,7 @@ def _below(file: GltfFile, roots: list[int]) -> list[int]:
     return nodes
 
 
-def _part(
+def _read_part(
     file: GltfFile, colours: Colours, materials: Materials, primitive: Any, mode: int, carrier: int
 ) -> GltfPart:
     node = file.document.nodes[carrier]
@@ -125,16 +129,16 @@ def _part(
     vertices = np.asarray(file.accessor(primitive.attributes.POSITION), np.float64)
     if vertices.shape[1] != 3 or not np.isfinite(vertices).all():
         raise file.wrong(f"a vertex of {file.name(carrier)!r} is not a finite point")
-    vertices = _morphed(file, vertices, primitive, node)
+    vertices = _apply_morphs(file, vertices, primitive, node)
     if primitive.indices is None:
         order = np.arange(len(vertices))
     else:
         order = file.accessor(primitive.indices)[:, 0].astype(np.int64)
     if len(order) and order.max() >= len(vertices):
         raise file.wrong(f"a face of {file.name(carrier)!r} names vertex {order.max()} of {len(vertices)}")
-    faces = _triangles(order, mode)
+    faces = _list_triangles(order, mode)
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])]
-    joints, weights = _influences(file, primitive.attributes, len(vertices))
+    joints, weights = _joint_influences(file, primitive.attributes, len(vertices))
     if node.skin is None or joints is None or weights is None:
         joints = np.full((len(vertices), 1), carrier)
         weights, skin = np.ones((len(vertices), 1)), -1
@@ -156,7 +160,7 @@ def _part(
     return instanced(part, instance_transforms(file, vars(table), max(len(vertices), len(order))))
 
 
-def _morphed(file: GltfFile, vertices: Float, primitive: Any, node: Any) -> Float:
+def _apply_morphs(file: GltfFile, vertices: Float, primitive: Any, node: Any) -> Float:
     """Returns (V, 3) the vertices with the morph targets that the file applies at rest."""
     weights = node.weights or file.document.meshes[node.mesh].weights or []
     for weight, target in zip(weights, primitive.targets or [], strict=False):
@@ -176,18 +180,22 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
             vertices or corners exceed the reader's limits.
     """
     accessors = file.document.accessors
-    most = max((accessors[accessor].count for name, accessor in table.items() if name in _COLUMNS), default=1)
+    most = max(
+        (accessors[accessor].count for name, accessor in table.items() if name in _INSTANCE_COLUMNS),
+        default=1,
+    )
     if most * max(size, 1) > MOST_ELEMENTS:
         raise file.wrong(f"it shows {most} instances of {size} vertices, which are too many")
     columns = {
         name: np.asarray(file.accessor(accessor), np.float64)
         for name, accessor in table.items()
-        if name in _COLUMNS
+        if name in _INSTANCE_COLUMNS
     }
     count = max((len(values) for values in columns.values()), default=1)
-    filled = [columns.get(name, np.tile(usual, (count, 1))) for name, usual in _COLUMNS.items()]
+    filled = [columns.get(name, np.tile(usual, (count, 1))) for name, usual in _INSTANCE_COLUMNS.items()]
     fits = all(
-        column.shape == (count, len(usual)) for column, usual in zip(filled, _COLUMNS.values(), strict=True)
+        column.shape == (count, len(usual))
+        for column, usual in zip(filled, _INSTANCE_COLUMNS.values(), strict=True)
     )
     if not fits or not all(np.isfinite(values).all() for values in filled):
         raise file.wrong("the places of its instances do not fit together")
@@ -220,7 +228,7 @@ def instanced(part: GltfPart, transforms: Float) -> GltfPart:
     )
 
 
-def _influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None, Float | None]:
+def _joint_influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None, Float | None]:
     """Returns (V, 4k) joint numbers in the skin and weights, from JOINTS_0, JOINTS_1, ... combined."""
     joints, weights = [], []
     for k in range(8):
@@ -258,13 +266,13 @@ def strongest(joints: Int, weights: Float) -> tuple[Int, Float]:
     return np.where(shares > 0, four, four[:, :1]), shares
 
 
-def _triangles(order: Int, mode: int) -> Int:
+def _list_triangles(order: Int, mode: int) -> Int:
     """Returns (F, 3) triangles of a list, a strip or a fan (glTF 2.0, section 3.7.2.1)."""
-    if mode == _TRIANGLES:
+    if mode == _MODE_TRIANGLES:
         return order[: len(order) // 3 * 3].reshape(-1, 3)
     if len(order) < 3:
         return np.zeros((0, 3), np.int64)
-    if mode == _FAN:
+    if mode == _MODE_FAN:
         return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], 1)
     faces = np.stack([order[:-2], order[1:-1], order[2:]], 1)
     faces[1::2] = faces[1::2, [0, 2, 1]]

@@ -14,7 +14,7 @@ from enliven.meshes.gltf.blob import Blob
 from enliven.meshes.materials import MeshMaterials, renumbered
 from enliven.meshes.mesh import Mesh
 
-_ROUGH = 0.9
+_DEFAULT_ROUGHNESS = 0.9
 """Roughness of a plain material: without an explicit material nothing is shiny."""
 
 
@@ -31,20 +31,21 @@ class SceneMaterials:
 
     def plain(self, name: str) -> int:
         """Adds a plain white material, which shows a mesh's colours. Returns its number."""
-        rough = {"metallicFactor": 0.0, "roughnessFactor": _ROUGH}
+        rough = {"metallicFactor": 0.0, "roughnessFactor": _DEFAULT_ROUGHNESS}
         definition = json.dumps({"name": name, "pbrMetallicRoughness": rough, "doubleSided": True})
-        return self._number(definition)
+        return self._material_number(definition)
 
     def added(self, materials: MeshMaterials) -> list[int]:
         """Adds the materials of a mesh with their textures. Returns their numbers in the file."""
         textures = list[int]()
         for texture in materials.textures:
-            image = self._image(texture.image, texture.kind)
+            image = self._image_number(texture.image, texture.kind)
             sampler_text = texture.sampler
             sampler = self._samplers.setdefault(sampler_text, len(self._samplers)) if sampler_text else None
             textures.append(self._textures.setdefault((image, sampler), len(self._textures)))
         return [
-            self._number(renumbered(definition, textures.__getitem__)) for definition in materials.definitions
+            self._material_number(renumbered(definition, textures.__getitem__))
+            for definition in materials.definitions
         ]
 
     def put_into(self, document: pygltflib.GLTF2) -> None:
@@ -57,13 +58,13 @@ class SceneMaterials:
         used = {name for material in self._materials for name in extensions_in(material)}
         document.extensionsUsed = sorted(used)
 
-    def _number(self, told: str) -> int:
+    def _material_number(self, told: str) -> int:
         if told not in self._known:
             self._known[told] = len(self._materials)
             self._materials.append(json.loads(told))
         return self._known[told]
 
-    def _image(self, data: AnyArray, kind: str) -> int:
+    def _image_number(self, data: AnyArray, kind: str) -> int:
         key = data.tobytes()
         if key not in self._images:
             view = self._blob.add_bytes(data)

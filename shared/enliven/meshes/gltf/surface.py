@@ -16,7 +16,7 @@ from enliven.meshes.gltf.materials import Materials
 from enliven.meshes.gltf.parts import GltfPart, parts_of
 from enliven.meshes.mesh import Mesh
 
-_WHITE = np.array([255, 255, 255], np.uint8)
+_WHITE_SRGB = np.array([255, 255, 255], np.uint8)
 """sRGB of a part without a colour next to parts with colours: glTF's default material is white."""
 
 
@@ -61,7 +61,7 @@ def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> Gl
             raise file.wrong(f"its scene has no triangle{left[:400]}")
         bind = Bind(file, parts, still)
         rest = [bind.vertices(part) for part in parts]
-        mesh = _mesh(name or file.path.stem, parts, rest, bind, materials)
+        mesh = _join_parts(name or file.path.stem, parts, rest, bind, materials)
     except EnlivenError:
         raise
     except DAMAGE as error:
@@ -69,17 +69,19 @@ def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> Gl
     return GltfSurface(file, parts, bind, rest, mesh, list(dict.fromkeys(notes)))
 
 
-def _mesh(name: str, parts: list[GltfPart], rest: list[Float], bind: Bind, materials: Materials) -> Mesh:
+def _join_parts(
+    name: str, parts: list[GltfPart], rest: list[Float], bind: Bind, materials: Materials
+) -> Mesh:
     """Joins all parts into one mesh. Faces of mirrored parts are flipped."""
     first = np.cumsum([0, *(len(v) for v in rest)])
-    faces = [_outward(part, bind) for part in parts]
+    faces = [_outward_faces(part, bind) for part in parts]
     shown = [(own, part.material, part.corners) for own, part in zip(faces, parts, strict=True)]
     whole = np.concatenate([own + start for own, start in zip(faces, first[:-1], strict=True)])
     vertices = np.concatenate(rest)
-    return Mesh(vertices, whole.astype(np.int32), name, _colours(parts), materials.joined(shown))
+    return Mesh(vertices, whole.astype(np.int32), name, _joined_colours(parts), materials.joined(shown))
 
 
-def _outward(part: GltfPart, bind: Bind) -> Int32:
+def _outward_faces(part: GltfPart, bind: Bind) -> Int32:
     """Returns (F, 3) the faces of a part, flipped if most of their corners are mirrored."""
     own = np.unique(part.nodes[:, 0])
     mirrored = {int(n): bool(np.linalg.det(bind.world_from_mesh(part, int(n))[:3, :3]) < 0) for n in own}
@@ -89,10 +91,10 @@ def _outward(part: GltfPart, bind: Bind) -> Int32:
     return np.where(over[part.faces].sum(1)[:, None] > 1, part.faces[:, ::-1], part.faces)
 
 
-def _colours(parts: list[GltfPart]) -> UInt8 | None:
+def _joined_colours(parts: list[GltfPart]) -> UInt8 | None:
     """Returns (V, 3) sRGB of all parts, white for a part without colour. None if no part has any."""
     if all(part.colours is None for part in parts):
         return None
     return np.concatenate(
-        [np.tile(_WHITE, (len(p.vertices), 1)) if p.colours is None else p.colours for p in parts]
+        [np.tile(_WHITE_SRGB, (len(p.vertices), 1)) if p.colours is None else p.colours for p in parts]
     )

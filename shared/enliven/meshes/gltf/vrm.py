@@ -13,7 +13,9 @@ def human_bones(document: Entry) -> dict[int, str]:
     Damaged entries are left out, because a model without its map is still usable.
     """
     extensions = document.extensions
-    listed = _listed(getattr(extensions, "VRMC_vrm", None)) or _listed(getattr(extensions, "VRM", None))
+    listed = _bone_nodes(getattr(extensions, "VRMC_vrm", None)) or _bone_nodes(
+        getattr(extensions, "VRM", None)
+    )
     count = len(document.nodes) if isinstance(document.nodes, list) else 0
     return {
         node: bone
@@ -22,7 +24,7 @@ def human_bones(document: Entry) -> dict[int, str]:
     }
 
 
-def _listed(extension: Any) -> list[tuple[Any, Any]]:
+def _bone_nodes(extension: Any) -> list[tuple[Any, Any]]:
     """Returns (bone, node) of all entries of a map: a list in version 0, a table in version 1."""
     bones = getattr(getattr(extension, "humanoid", None), "humanBones", None)
     if isinstance(bones, list):

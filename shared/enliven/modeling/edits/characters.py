@@ -182,8 +182,10 @@ def change_layers(project: Project, character_id: str, numbers: Iterable[int], *
         InputError: if the character or layer does not exist, or it cannot be played with these values.
     """
     character, wanted = project.character(character_id), set(numbers)
-    _layers(character, wanted)
-    layers = (_changed(layer, changes) if k in wanted else layer for k, layer in enumerate(character.playing))
+    _check_layers(character, wanted)
+    layers = (
+        _changed_layer(layer, changes) if k in wanted else layer for k, layer in enumerate(character.playing)
+    )
     changed = character.with_playing(*layers)
     rig_of(changed).check_layers(project, changed, wanted)
     return project.with_characters(changed)
@@ -196,7 +198,7 @@ def remove_layer(project: Project, character_id: str, number: int) -> Project:
         InputError: if the character or layer does not exist, or it has no motion without it.
     """
     character = project.character(character_id)
-    _layers(character, {number})
+    _check_layers(character, {number})
     return project.with_characters(character.without_layer(number))
 
 
@@ -263,7 +265,7 @@ def _with_takes_of(
     return project, ids
 
 
-def _layers(character: RigBase, numbers: set[int]) -> None:
+def _check_layers(character: RigBase, numbers: set[int]) -> None:
     """Raises an error for layer numbers that do not exist."""
     count = len(character.playing)
     missing = numbers - set(range(count))
@@ -272,6 +274,6 @@ def _layers(character: RigBase, numbers: set[int]) -> None:
         raise InputError(problem, where=character.where, mend=f"It has {count}.")
 
 
-def _changed(layer: LayerBase, changes: dict[str, Any]) -> LayerBase:
+def _changed_layer(layer: LayerBase, changes: dict[str, Any]) -> LayerBase:
     check_names(changes, type(layer), f"layer of {layer.take!r}")
     return replace(layer, **changes)

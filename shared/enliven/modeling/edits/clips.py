@@ -33,7 +33,7 @@ def clips_of(project: Project, character_id: str, number: int) -> tuple[Segment,
     Raises:
         InputError: if the character or layer does not exist.
     """
-    layer = _layer(project.character(character_id), number)
+    layer = _layer_numbered(project.character(character_id), number)
     return layer.clips(project.length_of(layer))
 
 
@@ -45,7 +45,7 @@ def split_clip(project: Project, character_id: str, numbers: Iterable[int], time
     """
 
     numbers = tuple(numbers)
-    project_time, time = time, _layer(project.character(character_id), numbers[0]).even(time)
+    project_time, time = time, _layer_numbered(project.character(character_id), numbers[0]).even(time)
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
         inside = [
@@ -85,7 +85,7 @@ def trim_clip(
     The clip cannot extend beyond its take's first or last frame.
     """
     character, numbers = project.character(character_id), tuple(numbers)
-    layer = _layer(character, numbers[0])
+    layer = _layer_numbered(character, numbers[0])
     length = project.length_of(layer)
     begin, end = (None if at is None else layer.even(at) for at in (begin, end))
 
@@ -98,7 +98,7 @@ def trim_clip(
         stop = one.end if end is None else max(min(end, high), start + _MIN_CLIP_S)
         return replace(one, begin=start, end=stop, first=one.second(start))
 
-    return _changed(project, character_id, numbers, clip, change)
+    return _with_changed_clip(project, character_id, numbers, clip, change)
 
 
 def slip_clip(
@@ -106,7 +106,9 @@ def slip_clip(
 ) -> Project:
     """Makes a clip play what comes ``seconds`` later in its take, at the same time of the project (slip
     edit)."""
-    return _changed(project, character_id, numbers, clip, lambda one: replace(one, first=one.first + seconds))
+    return _with_changed_clip(
+        project, character_id, numbers, clip, lambda one: replace(one, first=one.first + seconds)
+    )
 
 
 def move_clip(
@@ -118,13 +120,13 @@ def move_clip(
         InputError: if it would lie inside another clip, or three clips would overlap.
     """
     numbers = tuple(numbers)
-    layer = _layer(project.character(character_id), numbers[0])
+    layer = _layer_numbered(project.character(character_id), numbers[0])
 
     def change(one: Segment) -> Segment:
         late = layer.even(layer.uneven(one.begin) + delay) - one.begin
         return replace(one, begin=one.begin + late, end=one.end + late)
 
-    return _changed(project, character_id, numbers, clip, change)
+    return _with_changed_clip(project, character_id, numbers, clip, change)
 
 
 def stretch_clip(
@@ -138,7 +140,7 @@ def stretch_clip(
 ) -> Project:
     """Plays the same part of a clip's take faster or slower, so that it lasts from ``begin`` to ``end``."""
     numbers = tuple(numbers)
-    layer = _layer(project.character(character_id), numbers[0])
+    layer = _layer_numbered(project.character(character_id), numbers[0])
     begin, end = (None if at is None else layer.even(at) for at in (begin, end))
 
     def change(one: Segment) -> Segment:
@@ -151,12 +153,12 @@ def stretch_clip(
         start, stop = (stop - lasts, stop) if end is None else (start, start + lasts)
         return Segment(start, stop, one.first, speed if one.speed > 0.0 else -speed)
 
-    return _changed(project, character_id, numbers, clip, change)
+    return _with_changed_clip(project, character_id, numbers, clip, change)
 
 
 def reverse_clip(project: Project, character_id: str, numbers: Iterable[int], clip: int) -> Project:
     """Reverses a clip in place."""
-    return _changed(
+    return _with_changed_clip(
         project, character_id, numbers, clip, lambda one: replace(one, first=one.last, speed=-one.speed)
     )
 
@@ -169,7 +171,7 @@ def remove_clip(project: Project, character_id: str, numbers: Iterable[int], cli
     """
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
-        _number(clips, clip, character_id)
+        _check_clip(clips, clip, character_id)
         return (*clips[:clip], *clips[clip + 1 :])
 
     return _with_clips(project, character_id, numbers, change)
@@ -188,7 +190,7 @@ def blend_clips(
     """
 
     def change(clips: tuple[Segment, ...]) -> Sequence[Segment]:
-        _number(clips, clip, character_id)
+        _check_clip(clips, clip, character_id)
         if clip + 1 >= len(clips) or clips[clip + 1].begin > clips[clip].end + _MIN_CLIP_S:
             mend = "Move the next clip up to it first."
             raise InputError("no clip follows it there", where=f"character {character_id!r}", mend=mend)
@@ -214,14 +216,14 @@ def mirror_layers(project: Project, character_id: str, numbers: Iterable[int]) -
         InputError: for a possessed mesh, since its recording describes its own nodes.
     """
     character, numbers = project.character(character_id), tuple(numbers)
-    layer = _layer(character, numbers[0])
+    layer = _layer_numbered(character, numbers[0])
     if layer.source != "takes":
         problem = "a recorded deformation fits only its own mesh"
         raise InputError(problem, where=character.where, mend="Mirror the whole character.")
     return change_layers(project, character_id, numbers, mirrored=not layer.mirrored)  # type: ignore[attr-defined]
 
 
-def _changed(
+def _with_changed_clip(
     project: Project,
     character_id: str,
     numbers: Iterable[int],
@@ -231,7 +233,7 @@ def _changed(
     """Changes one clip. The others stay."""
 
     def lane(clips: tuple[Segment, ...]) -> Sequence[Segment]:
-        _number(clips, clip, character_id)
+        _check_clip(clips, clip, character_id)
         return (*clips[:clip], change(clips[clip]), *clips[clip + 1 :])
 
     return _with_clips(project, character_id, numbers, lane)
@@ -240,14 +242,14 @@ def _changed(
 def _with_clips(project: Project, character_id: str, numbers: Iterable[int], change: _Lane) -> Project:
     """Changes the lane of some layers, which all get the same clips."""
     character, wanted = project.character(character_id), tuple(numbers)
-    first = _layer(character, wanted[0])
+    first = _layer_numbered(character, wanted[0])
     length = project.length_of(first)
     edited = first.with_lane(lambda lane: lane.with_clips(change(lane.clips(length)), length))
     names = ("offset", "speed", "segments", "weights", "speeds")
     return change_layers(project, character_id, wanted, **{name: getattr(edited, name) for name in names})
 
 
-def _layer(character: RigBase, number: int) -> LayerBase:
+def _layer_numbered(character: RigBase, number: int) -> LayerBase:
     playing = character.playing
     if not 0 <= number < len(playing):
         mend = f"It has {len(playing)}."
@@ -255,7 +257,7 @@ def _layer(character: RigBase, number: int) -> LayerBase:
     return playing[number]
 
 
-def _number(clips: Sequence[Segment], clip: int, character_id: str) -> None:
+def _check_clip(clips: Sequence[Segment], clip: int, character_id: str) -> None:
     """Raises an error if the clip does not exist."""
     if not 0 <= clip < len(clips):
         problem, mend = f"clip {clip} does not exist", f"That lane has {len(clips)}."

@@ -40,10 +40,10 @@ def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet:
     if isinstance(character, Puppet):
         mend = "Drag where contact becomes flight, in the row on the floor, or mark points as feet."
         raise InputError("a puppet stands by its contacts", where=character.where, mend=mend)
-    return _pinned(project, character_id, numbers, feet)
+    return _with_foot_locks(project, character_id, numbers, feet)
 
 
-def _pinned(project: Project, shape_id: str, numbers: Iterable[int], feet: str) -> Project:
+def _with_foot_locks(project: Project, shape_id: str, numbers: Iterable[int], feet: str) -> Project:
     """Sets the foot lock mode of a shape with bones."""
     project = change_layers(project, shape_id, numbers, feet=feet)
     shape = project.shape(shape_id)

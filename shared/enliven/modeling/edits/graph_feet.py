@@ -39,16 +39,16 @@ from enliven.modeling.possessed import followers, graph_pose
 from enliven.motion.contact import contacts_of, hold, window_of
 from enliven.rotation import conjugate, rotate
 
-_SOLE = 0.04
+_SOLE_HEIGHT_FRACTION = 0.04
 """Vertices within this fraction of the mesh's height above its lowest vertex belong to a foot: a hoof, a
 sole."""
-_APART = 0.06
+_MIN_FOOT_DISTANCE_FRACTION = 0.06
 """Minimum distance of two feet, as a fraction of the mesh's size. Nearer vertices belong to one foot."""
-_LIMB = 0.5
+_LIMB_LENGTH_FRACTION = 0.5
 """Assumed limb length as a fraction of the mesh's height: the legs of a chair or a person."""
-_MOST = 48
+_MAX_VERTICES_PER_FOOT = 48
 """Maximum number of sampled vertices per foot. All of them move nearly as one."""
-_FEW = 12
+_MAX_FEET = 12
 """Maximum number of feet, the largest first: enough for an insect, with some to spare."""
 
 
@@ -100,10 +100,10 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
     project = project.with_characters(bare)
     name = (
         old[0].take
-        if old and _users(project, old[0].take) == 0
+        if old and _playing_layer_count(project, old[0].take) == 0
         else unused(f"{shape_id} feet", project.streams)
     )
-    stream, layer = _held(project, bare, standing_feet, feet, name)
+    stream, layer = _foot_lock_layer(project, bare, standing_feet, feet, name)
     locked = bare.with_changes(over=(layer, *bare.over))
     return project.with_streams(stream).with_characters(locked)
 
@@ -114,21 +114,24 @@ def feet_of(shape: GraphShape, nodes: Int) -> list[StandingFoot]:
     size, tall = float(np.ptp(vertices, axis=0).max()), float(np.ptp(vertices[:, 1]))
     carried = np.isin(shape.skin.indices[np.arange(len(vertices)), shape.skin.weights.argmax(1)], nodes)
     if len(shape.ends):
-        near = [np.linalg.norm(vertices - end, axis=1) < _APART * size for end in shape.ends[3:]]
+        near = [
+            np.linalg.norm(vertices - end, axis=1) < _MIN_FOOT_DISTANCE_FRACTION * size
+            for end in shape.ends[3:]
+        ]
         groups = [np.flatnonzero(is_near & carried) for is_near in near]
     else:
-        low = np.flatnonzero((vertices[:, 1] < vertices[:, 1].min() + _SOLE * tall) & carried)
-        groups = _groups(vertices[low], low, _APART * size)
-    groups = sorted((group for group in groups if len(group)), key=len, reverse=True)[:_FEW]
+        low = np.flatnonzero((vertices[:, 1] < vertices[:, 1].min() + _SOLE_HEIGHT_FRACTION * tall) & carried)
+        groups = _proximity_groups(vertices[low], low, _MIN_FOOT_DISTANCE_FRACTION * size)
+    groups = sorted((group for group in groups if len(group)), key=len, reverse=True)[:_MAX_FEET]
     feet = []
     for group in groups:
-        few = group[:: max(len(group) // _MOST, 1)]
+        few = group[:: max(len(group) // _MAX_VERTICES_PER_FOOT, 1)]
         away = np.linalg.norm(shape.positions[nodes] - vertices[few].mean(0), axis=1)
         feet.append(StandingFoot(few, int(nodes[away.argmin()])))
     return feet
 
 
-def _groups(places: Float, numbers: Int, apart: float) -> list[Int]:
+def _proximity_groups(places: Float, numbers: Int, apart: float) -> list[Int]:
     """Groups the numbers of points (K, 3). Points of different groups are farther apart than ``apart``."""
     if not len(places):
         return []
@@ -154,13 +157,13 @@ def _nodes_of(shape: GraphShape, numbers: Iterable[int]) -> Int:
     return np.concatenate([np.zeros(0, np.int64), *rows])
 
 
-def _users(project: Project, take: str) -> int:
+def _playing_layer_count(project: Project, take: str) -> int:
     """Returns the number of layers that play a stream."""
     every = (layer for character in project.graphs.values() for layer in character.playing)
     return sum(layer.take == take and layer.source == "streams" for layer in every)
 
 
-def _held(
+def _foot_lock_layer(
     project: Project, shape: GraphShape, feet: Sequence[StandingFoot], way: str, name: str
 ) -> tuple[PoseStream, GraphLayer]:
     """Returns the layer that locks the feet in a shape's current motion, and its stream."""
@@ -173,13 +176,17 @@ def _held(
         linear, positions = graph_pose(project, shape, float(time))
         root = root_motion(project, shape, float(time))
         for number, foot in enumerate(feet):
-            points = root(_surface(shape, foot, linear, positions))
+            points = root(_foot_surface(shape, foot, linear, positions))
             places[number, frame], soles[number, frame] = points.mean(0), points[:, 1].min()
         # Compute the map from a displacement in the world to the displacement of the node at rest.
         back.append((np.linalg.inv(linear), conjugate(root.turn)))
-    lacking = np.stack([_lacking(shape, p, s, step, way) for p, s in zip(places, soles, strict=True)])
-    own, shares = _shares(shape, feet)
-    means = np.array([[_mean(shape, foot, shares[:, j]) for j in range(len(feet))] for foot in feet])
+    lacking = np.stack(
+        [_foot_corrections(shape, p, s, step, way) for p, s in zip(places, soles, strict=True)]
+    )
+    own, shares = _foot_shares(shape, feet)
+    means = np.array(
+        [[_mean_displacement(shape, foot, shares[:, j]) for j in range(len(feet))] for foot in feet]
+    )
     driven = np.linalg.lstsq(means, lacking.reshape(len(feet), -1), rcond=None)[0].reshape(lacking.shape)
     offsets = np.einsum("nj,jfc->fnc", shares, driven)[:, own]
     for frame, (inverse, turn) in enumerate(back):
@@ -190,18 +197,18 @@ def _held(
     return stream, GraphLayer(name, np.arange(len(own)), own, rest, feet=way, **when)
 
 
-def _surface(shape: GraphShape, foot: StandingFoot, linear: Float, positions: Float) -> Float:
+def _foot_surface(shape: GraphShape, foot: StandingFoot, linear: Float, positions: Float) -> Float:
     """Returns (K, 3) metres, the posed vertices of a foot."""
     few = foot.vertices
     skin = SkinWeights(shape.skin.indices[few], shape.skin.weights[few])
     return blended(np.asarray(shape.mesh.vertices)[few], skin, shape.positions, linear, positions)
 
 
-def _lacking(shape: GraphShape, places: Float, soles: Float, step: float, way: str) -> Float:
+def _foot_corrections(shape: GraphShape, places: Float, soles: Float, step: float, way: str) -> Float:
     """Returns (F, 3) metres, the corrections of a foot at positions (F, 3) with sole heights (F,)."""
     if way == "ground":
         return np.maximum(-soles, 0.0)[:, None] * [0.0, 1.0, 0.0]
-    limb, how = _LIMB * float(np.ptp(shape.mesh.vertices[:, 1])), ContactSettings()
+    limb, how = _LIMB_LENGTH_FRACTION * float(np.ptp(shape.mesh.vertices[:, 1])), ContactSettings()
     modes = np.full(len(places), FEET.index(way))
     contacts = contacts_of(places, step, limb, how, modes)
     weights, goals = np.empty(len(places)), np.empty((len(places), 3))
@@ -214,7 +221,7 @@ def _lacking(shape: GraphShape, places: Float, soles: Float, step: float, way: s
     return np.asarray(lacking)
 
 
-def _shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, Float]:
+def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, Float]:
     """Returns the nodes that follow any foot, and (N, J) the share by which every node follows each foot."""
     shares = np.zeros((len(shape.positions), len(feet)))
     for number, foot in enumerate(feet):
@@ -223,7 +230,7 @@ def _shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, Float
     return np.flatnonzero(shares.any(1)), shares
 
 
-def _mean(shape: GraphShape, foot: StandingFoot, shares: Float) -> float:
+def _mean_displacement(shape: GraphShape, foot: StandingFoot, shares: Float) -> float:
     """Returns the mean displacement of a foot's vertices if each node moves by its share (N,)."""
     indices, weights = shape.skin.indices[foot.vertices], shape.skin.weights[foot.vertices]
     return float((np.asarray(weights, np.float64) * shares[indices]).sum(1).mean())

@@ -25,7 +25,7 @@ from enliven.rotation import IDENTITY
 
 def middle_of(project: Project, names: Sequence[str]) -> Float:
     """Returns (3,) metres: the mean of the centres of some characters."""
-    return np.asarray(np.mean([_centre(project, name) for name in names], axis=0))
+    return np.asarray(np.mean([_character_centre(project, name) for name in names], axis=0))
 
 
 def move_characters(
@@ -50,7 +50,7 @@ def scale_characters(project: Project, names: Sequence[str], factor: float) -> P
     """Scales characters by ``factor``. Several are scaled about the floor below their middle."""
     floor = middle_of(project, names) * [1.0, 0.0, 1.0]
     for name in names:
-        centre = _centre(project, name)
+        centre = _character_centre(project, name)
         project = scale_character(project, name, factor)
         if len(names) > 1:
             project = move_character(project, name, (factor - 1.0) * (centre - floor))
@@ -61,7 +61,7 @@ def mirror_characters(project: Project, names: Sequence[str], normal: AnyArray) 
     """Mirrors characters across a plane through their middle with a unit normal (3,)."""
     middle, way = middle_of(project, names), np.asarray(normal, np.float64)
     for name in names:
-        offset = 2.0 * way * (way @ (middle - _centre(project, name)))
+        offset = 2.0 * way * (way @ (middle - _character_centre(project, name)))
         project = move_character(mirror_character(project, name, way), name, offset)
     return project
 
@@ -93,6 +93,6 @@ def mute_characters(project: Project, names: Sequence[str], muted: bool) -> Proj
     return project
 
 
-def _centre(project: Project, name: str) -> Float:
+def _character_centre(project: Project, name: str) -> Float:
     character = project.character(name)
     return rig_of(character).centre(character)

@@ -91,7 +91,7 @@ def key_characters(
         radians, metres = root_values(project, character, root, moved, time)
         key_degrees = np.array(key_at(project, name, None, time).degrees)
         project = set_key(
-            project, name, None, time, _nearest(radians, key_degrees).tolist(), None, metres.tolist()
+            project, name, None, time, _nearest_degrees(radians, key_degrees).tolist(), None, metres.tolist()
         )
     return project
 
@@ -118,7 +118,7 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
     # The reflection is its own inverse, so L^-1 = S basis^-1.
     mine = multiply(multiply(conjugate(axes.turn), added), axes.turn)
     mine = Axes(IDENTITY, axes.mirrored).rotations(mine)
-    degrees = _nearest(to_rotation_vector(normalized(mine)), key_degrees)
+    degrees = _nearest_degrees(to_rotation_vector(normalized(mine)), key_degrees)
     return set_key(project, shape.id, j, time, degrees.tolist())
 
 
@@ -143,7 +143,7 @@ def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time
     )
 
 
-def _nearest(radians: Float, known: Float) -> Float:
+def _nearest_degrees(radians: Float, known: Float) -> Float:
     """Returns (3,) degrees of a rotation vector (3,) in radians, with the number of full turns nearest to
     ``known``."""
     vector = np.degrees(radians)

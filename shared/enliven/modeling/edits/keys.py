@@ -48,7 +48,7 @@ def key_layer(project: Project, character_id: str, handle: Handle) -> int | None
     """Returns the number of the layer that plays the keys of a handle, or None if it has no keys."""
     character = project.character(character_id)
     if handle is not None:
-        return rig_of(character).key_layer(project, character, _number(character, handle))
+        return rig_of(character).key_layer(project, character, _handle_number(character, handle))
     first = len(character.playing) - len(character.root_layers)
     keyed = (k for k, layer in enumerate(character.root_layers) if project.takes[layer.take].keys)
     return next((first + k for k in keyed), None)
@@ -60,7 +60,7 @@ def keys_of(project: Project, character_id: str, handle: Handle) -> tuple[tuple[
     if number is None:
         return ()
     layer = project.character(character_id).playing[number]
-    take = _keyed(project, layer)
+    take = _keyed_take(project, layer)
     return tuple((layer.time_of(key.second, take.duration), key) for key in take.keys)
 
 
@@ -70,7 +70,7 @@ def key_at(project: Project, character_id: str, handle: Handle, time: float) -> 
     if number is None:
         return MotionKey(max(float(time), 0.0))
     layer = project.character(character_id).playing[number]
-    take = _keyed(project, layer)
+    take = _keyed_take(project, layer)
     second = layer.played(time, take.duration)[0]
     exact = [key for key in take.keys if abs(key.second - second) < 1e-6]
     if exact:
@@ -98,18 +98,18 @@ def set_key(
         InputError: if the handle does not exist, it takes no keys, or the numbers do not form a key.
     """
     character, number = project.character(character_id), key_layer(project, character_id, handle)
-    new_key = _changed(key_at(project, character_id, handle, time), degrees, metres)
-    _refuse_moved(character, handle, new_key)
+    new_key = _changed_key(key_at(project, character_id, handle, time), degrees, metres)
+    _refuse_displacement(character, handle, new_key)
     if number is None:
         new_key = replace(new_key, ease=ease or "smooth")
         if handle is not None:
-            at = _number(character, handle)
+            at = _handle_number(character, handle)
             return rig_of(character).with_key_layer(project, character, at, new_key)
         return _with_root_layer(project, character, new_key)
     layer = character.playing[number]
-    second = _second(project, layer, time)
-    keys = _keyed(project, layer).keys
-    same_frame = [key for key in keys if _frame(key.second) == _frame(second)]
+    second = _second_in_keys(project, layer, time)
+    keys = _keyed_take(project, layer).keys
+    same_frame = [key for key in keys if _frame_at(key.second) == _frame_at(second)]
     new_key = replace(new_key, second=second, ease=ease or (same_frame[0].ease if same_frame else "smooth"))
     return _with_keys(
         project, character_id, number, (*(key for key in keys if key not in same_frame), new_key)
@@ -130,12 +130,12 @@ def move_key(
     Raises:
         InputError: if the key does not exist, or another is on that frame.
     """
-    number, old_key = _key(project, character_id, handle, key)
+    number, old_key = _find_key(project, character_id, handle, key)
     character = project.character(character_id)
     layer = character.playing[number]
-    moved = replace(_changed(old_key, degrees, metres), second=_second(project, layer, time))
-    _refuse_moved(character, handle, moved)
-    others = [other for other in _keyed(project, layer).keys if other is not old_key]
+    moved = replace(_changed_key(old_key, degrees, metres), second=_second_in_keys(project, layer, time))
+    _refuse_displacement(character, handle, moved)
+    others = [other for other in _keyed_take(project, layer).keys if other is not old_key]
     return _with_keys(project, character_id, number, (*others, moved))
 
 
@@ -145,8 +145,8 @@ def ease_key(project: Project, character_id: str, handle: Handle, key: int, ease
     Raises:
         InputError: if the key or interpolation does not exist.
     """
-    number, old_key = _key(project, character_id, handle, key)
-    keys = _keyed(project, project.character(character_id).playing[number]).keys
+    number, old_key = _find_key(project, character_id, handle, key)
+    keys = _keyed_take(project, project.character(character_id).playing[number]).keys
     changed = [replace(other, ease=ease) if other is old_key else other for other in keys]
     return _with_keys(project, character_id, number, changed)
 
@@ -157,9 +157,9 @@ def remove_key(project: Project, character_id: str, handle: Handle, key: int) ->
     Raises:
         InputError: if the key does not exist.
     """
-    number, old_key = _key(project, character_id, handle, key)
+    number, old_key = _find_key(project, character_id, handle, key)
     layer = project.character(character_id).playing[number]
-    remaining = [other for other in _keyed(project, layer).keys if other is not old_key]
+    remaining = [other for other in _keyed_take(project, layer).keys if other is not old_key]
     if remaining:
         return _with_keys(project, character_id, number, remaining)
     project = remove_layer(project, character_id, number)
@@ -169,21 +169,21 @@ def remove_key(project: Project, character_id: str, handle: Handle, key: int) ->
     return replace(project, **{layer.source: {key: take for key, take in takes.items() if key != layer.take}})
 
 
-def _changed(key: MotionKey, degrees: Three | None, metres: Three | None) -> MotionKey:
+def _changed_key(key: MotionKey, degrees: Three | None, metres: Three | None) -> MotionKey:
     """Returns the key with the given values replaced."""
     turned: Any = key.degrees if degrees is None else tuple(degrees)
     moved: Any = key.metres if metres is None else tuple(metres)
     return replace(key, degrees=turned, metres=moved)
 
 
-def _refuse_moved(character: RigBase, handle: Handle, key: MotionKey) -> None:
+def _refuse_displacement(character: RigBase, handle: Handle, key: MotionKey) -> None:
     """Raises an error if a bone's key has a displacement, since a bone is fixed to its parent."""
     if isinstance(character, Shape) and handle is not None and any(key.metres):
         mend = "Give degrees, or move the whole."
         raise InputError("a bone is turned, not moved", where=character.where, mend=mend)
 
 
-def _number(character: RigBase, handle: int | str) -> int:
+def _handle_number(character: RigBase, handle: int | str) -> int:
     """Returns the number of a bone or node.
 
     Raises:
@@ -200,21 +200,21 @@ def _number(character: RigBase, handle: int | str) -> int:
     return handle
 
 
-def _frame(second: float) -> int:
+def _frame_at(second: float) -> int:
     return round(second / KEY_STEP)
 
 
-def _keyed(project: Project, layer: LayerBase) -> Clip | PoseStream:
+def _keyed_take(project: Project, layer: LayerBase) -> Clip | PoseStream:
     """Returns the take of keys that a layer plays."""
     take: Clip | PoseStream = getattr(project, layer.source)[layer.take]
     return take
 
 
-def _key(project: Project, character_id: str, handle: Handle, key: int) -> tuple[int, MotionKey]:
+def _find_key(project: Project, character_id: str, handle: Handle, key: int) -> tuple[int, MotionKey]:
     """Returns the number of the layer of a handle's keys, and one of the keys."""
     number = key_layer(project, character_id, handle)
     layer = None if number is None else project.character(character_id).playing[number]
-    keys = () if layer is None else _keyed(project, layer).keys
+    keys = () if layer is None else _keyed_take(project, layer).keys
     if number is None or not 0 <= key < len(keys):
         mend = f"It has {len(keys)}."
         thing = f"{character_id!r}" if handle is None else f"{handle!r} of {character_id!r}"
@@ -222,7 +222,7 @@ def _key(project: Project, character_id: str, handle: Handle, key: int) -> tuple
     return number, keys[key]
 
 
-def _second(project: Project, layer: LayerBase, time: float) -> float:
+def _second_in_keys(project: Project, layer: LayerBase, time: float) -> float:
     """Returns the time within a layer's keys at a time of the project, also after their end.
 
     Raises:
@@ -231,7 +231,7 @@ def _second(project: Project, layer: LayerBase, time: float) -> float:
     if layer.segments or layer.loop or layer.speed < 0.0:
         return layer.played(time, project.length_of(layer))[0]
     second = (layer.even(time) - layer.offset) * layer.speed
-    if _frame(second) < 0:
+    if _frame_at(second) < 0:
         problem = f"the clip of its keys begins at {layer.offset:.2f} s"
         raise InputError(problem, where=f"layer {layer.take!r}", mend="Move that clip earlier first.")
     return max(second, 0.0)
@@ -248,7 +248,7 @@ def _with_root_layer(project: Project, character: RigBase, key: MotionKey) -> Pr
 def _with_keys(project: Project, character_id: str, number: int, keys: Sequence[MotionKey]) -> Project:
     """Replaces the keys of a layer. Other layers that play the same keys keep theirs."""
     character = project.character(character_id)
-    layer, old = character.playing[number], _keyed(project, character.playing[number])
+    layer, old = character.playing[number], _keyed_take(project, character.playing[number])
     users = [user for each in project.characters.values() for user in each.playing]
     played = sum((user.source, user.take) == (layer.source, layer.take) for user in users)
     name = old.id if played < 2 else unused(old.id, getattr(project, layer.source))

@@ -19,7 +19,7 @@ from enliven.modeling.edits.characters import change_layers
 
 Number = Literal["weights", "speeds"]
 """The attribute of a layer that the keys control."""
-_SAME = 1.0 / 60.0
+_SAME_KEY_S = 1.0 / 60.0
 """Maximum distance in seconds at which a key replaces another: about half a frame of film."""
 
 
@@ -59,7 +59,7 @@ def set_layer_key(
     wanted = tuple(layers)
     keys = layer_keys(project, character_id, wanted[0], number)
     at = time - project.character(character_id).playing[wanted[0]].offset
-    remaining = [key for key in keys if abs(key.second - at) > _SAME]
+    remaining = [key for key in keys if abs(key.second - at) > _SAME_KEY_S]
     return _with_keys(project, character_id, wanted, number, [*remaining, CurveKey(at, value, ease)])
 
 
@@ -79,7 +79,7 @@ def move_layer_key(
         InputError: if the key does not exist, another is there, or the value cannot be played.
     """
     wanted = tuple(layers)
-    old_key, keys = _key(project, character_id, wanted[0], number, key)
+    old_key, keys = _find_key(project, character_id, wanted[0], number, key)
     offset = project.character(character_id).playing[wanted[0]].offset
     moved = CurveKey(
         old_key.second if time is None else time - offset,
@@ -98,11 +98,11 @@ def remove_layer_key(
         InputError: if the key does not exist.
     """
     wanted = tuple(layers)
-    _, keys = _key(project, character_id, wanted[0], number, key)
+    _, keys = _find_key(project, character_id, wanted[0], number, key)
     return _with_keys(project, character_id, wanted, number, [*keys[:key], *keys[key + 1 :]])
 
 
-def _key(
+def _find_key(
     project: Project, character_id: str, layer: int, number: Number, key: int
 ) -> tuple[CurveKey, tuple[CurveKey, ...]]:
     keys = layer_keys(project, character_id, layer, number)

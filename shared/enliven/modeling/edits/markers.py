@@ -16,7 +16,7 @@ def add_marker(project: Project, seconds: float, name: str = "marker") -> tuple[
 
 def move_marker(project: Project, name: str, seconds: float) -> Project:
     """Moves a marker to another time, not before 0."""
-    moved = replace(_marker(project, name), seconds=max(float(seconds), 0.0))
+    moved = replace(_find_marker(project, name), seconds=max(float(seconds), 0.0))
     return replace(project, markers={**project.markers, name: moved})
 
 
@@ -26,7 +26,7 @@ def rename_marker(project: Project, name: str, wanted: str) -> Project:
     Raises:
         InputError: if the marker does not exist, or the name is taken.
     """
-    marker = _marker(project, name)
+    marker = _find_marker(project, name)
     if wanted != name and wanted in project.markers:
         mend = "Choose another name."
         raise InputError(f"{wanted!r} is there already", where=f"marker {name!r}", mend=mend)
@@ -40,11 +40,11 @@ def remove_marker(project: Project, name: str) -> Project:
     Raises:
         InputError: if the marker does not exist.
     """
-    _marker(project, name)
+    _find_marker(project, name)
     return replace(project, markers={key: marker for key, marker in project.markers.items() if key != name})
 
 
-def _marker(project: Project, name: str) -> Marker:
+def _find_marker(project: Project, name: str) -> Marker:
     if name not in project.markers:
         names = ", ".join(project.markers)
         mend = f"Known: {names}." if names else "Add one first."

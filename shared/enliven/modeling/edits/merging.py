@@ -14,10 +14,10 @@ from enliven.modeling.edits.root_motion_rig import set_down, taken_up
 from enliven.modeling.mesh import SeamSettings
 from enliven.modeling.rig import Merge
 
-_SEAM = SeamSettings()
+_DEFAULT_SEAM = SeamSettings()
 _LOOPED_RECORDING_S = 20.0
 """Time after a merge that is recorded, in seconds, for loops with different lengths or loops that travel."""
-_SAME = 1e-6
+_SAME_POINT_M = 1e-6
 """Maximum distance in metres between the start and end of a closed loop. It allows for rounding."""
 
 
@@ -30,7 +30,7 @@ def merge_characters(
     node: int | str | None = None,
     at: float = 1.0,
     loose: bool = False,
-    seam: SeamSettings = _SEAM,
+    seam: SeamSettings = _DEFAULT_SEAM,
     notes: list[str] | None = None,
 ) -> Project:
     """Attaches one character to another in their poses at ``time``; from then on they are one character.
@@ -75,7 +75,7 @@ def recorded(project: Project, character_id: str, time: float, notes: list[str])
     character = project.character(character_id)
     if character.kind == GraphShape.kind:
         return project
-    times, looped = _frames(project, character, time)
+    times, looped = _frame_times(project, character, time)
     stream_id = unused(character_id, project.streams)
     graph, stream, note = rig_of(character).as_graph(project, character, times, stream_id)
     if looped:
@@ -84,7 +84,7 @@ def recorded(project: Project, character_id: str, time: float, notes: list[str])
     return project.with_streams(stream).with_characters(graph)
 
 
-def _frames(project: Project, character: RigBase, time: float) -> tuple[Float, bool]:
+def _frame_times(project: Project, character: RigBase, time: float) -> tuple[Float, bool]:
     """Returns (T,) evenly spaced seconds that cover a character's motion and include ``time``, and True for a
     loop."""
     rig = rig_of(character)
@@ -94,7 +94,7 @@ def _frames(project: Project, character: RigBase, time: float) -> tuple[Float, b
     if even and rounds and len(rounds) == len(heard) and np.ptp(rounds) < 1e-9 and rounds[0] > 0.0:
         player = rig.player(project, character)
         first, last = (player(at).pose.positions for at in (time, time + rounds[0]))
-        if np.abs(first - last).max() < _SAME:
+        if np.abs(first - last).max() < _SAME_POINT_M:
             count = max(round(rounds[0] * rig.frames), 2)
             return np.asarray(time + rounds[0] / count * np.arange(count + 1, dtype=np.float64)), True
     start = min([time, *(layer.offset for layer in heard)])

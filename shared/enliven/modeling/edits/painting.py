@@ -19,9 +19,9 @@ Brush = Literal["stiffer", "softer", "erase"]
 MOST_DOUBLINGS = 4.0
 """Maximum number of doublings or halvings of the stiffness: a factor of 16, at which a limb is practically
 rigid."""
-_DOUBLINGS = 2.0
+_DOUBLINGS_PER_STROKE = 2.0
 """Number of doublings or halvings per stroke along its middle. Two strokes reach the limit."""
-_NOTHING = 1e-3
+_MIN_DOUBLINGS = 1e-3
 """Vertices with fewer doublings than this count as unpainted."""
 
 
@@ -49,9 +49,11 @@ def brushed(
     if brush == "erase":
         after = doublings * (1.0 - covered)
     else:
-        after = doublings + (_DOUBLINGS if brush == "stiffer" else -_DOUBLINGS) * covered
+        after = (
+            doublings + (_DOUBLINGS_PER_STROKE if brush == "stiffer" else -_DOUBLINGS_PER_STROKE) * covered
+        )
     after = np.clip(after, -MOST_DOUBLINGS, MOST_DOUBLINGS)
-    after[np.abs(after) < _NOTHING] = 0.0
+    after[np.abs(after) < _MIN_DOUBLINGS] = 0.0
     painted = np.where(covered > 0, np.exp2(after), 1.0 if mesh.stiffness is None else mesh.stiffness)
     return painted.astype(np.float32) if (painted != 1.0).any() else None
 

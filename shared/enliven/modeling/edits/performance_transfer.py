@@ -16,7 +16,7 @@ from enliven.modeling.edits.rigs import foot_of, vertices_of
 from enliven.modeling.possessed import possess_another
 from enliven.possession import as_moved, settings_of
 
-_OF_RECORDING = ("recorded", "alternatives")
+_RECORDING_ATTRIBUTES = ("recorded", "alternatives")
 """Attributes of a layer that identify its recording. The others say when it plays."""
 
 
@@ -68,7 +68,7 @@ def transfer_performance(
     # is placed where the performer meets it.
     settings = replace(settings_of(layer.possession), place="meet")
     possession = replace(layer.possession, settings=json.dumps(asdict(settings)))
-    ends, joints = _known(target, posed)
+    ends, joints = _known_ends(target, posed)
     new_project, name = possess_another(
         project,
         mesh,
@@ -80,12 +80,12 @@ def transfer_performance(
         progress=progress,
         notes=notes,
     )
-    new_project = _as_it_stood(new_project, name, posed)
+    new_project = _scale_and_place(new_project, name, posed)
     new = new_project.graph(name)
     when = {
         attribute.name: getattr(layer, attribute.name)
         for attribute in fields(TimeMap)
-        if attribute.name not in _OF_RECORDING
+        if attribute.name not in _RECORDING_ATTRIBUTES
     }
     new = new.with_changes(parts=(replace(new.parts[0], **when),))
     if _is_plain(project, target):
@@ -94,7 +94,7 @@ def transfer_performance(
     return new_project.without(name).with_characters(new.with_changes(id=called)), called
 
 
-def _known(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:
+def _known_ends(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:
     """Returns the known ends and joints of a mesh, in its pose."""
     if not isinstance(target, GraphShape):
         return None, None
@@ -105,16 +105,16 @@ def _known(target: RigBase, posed: Float) -> tuple[Float | None, Float | None]:
     return ends, joints
 
 
-def _as_it_stood(project: Project, name: str, posed: Float) -> Project:
+def _scale_and_place(project: Project, name: str, posed: Float) -> Project:
     """Scales a new mesh to the size of its posed vertices (V, 3), and moves its start to their position."""
     shape = project.graph(name)
     first = project.streams[shape.parts[0].take].linear[0]
-    grown = float(np.cbrt(np.median(np.abs(np.linalg.det(first))))) * _height(shape.mesh.vertices)
-    project = scale_character(project, name, _height(posed) / grown)
+    grown = float(np.cbrt(np.median(np.abs(np.linalg.det(first))))) * _vertical_extent(shape.mesh.vertices)
+    project = scale_character(project, name, _vertical_extent(posed) / grown)
     return move_character(project, name, foot_of(posed) - foot_of(vertices_of(project, name, 0.0)))
 
 
-def _height(vertices: Float) -> float:
+def _vertical_extent(vertices: Float) -> float:
     """Returns the vertical extent of vertices (V, 3), in metres."""
     return max(float(np.ptp(vertices[:, 1])), 1e-6)
 

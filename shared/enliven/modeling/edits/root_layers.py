@@ -23,7 +23,7 @@ from enliven.rotation import (
     to_rotation_vector,
 )
 
-_HEARD = 1e-3
+_MIN_LAYER_WEIGHT = 1e-3
 """Minimum weight of a layer that can be posed by hand. Below it, keys would need values a thousand times
 larger."""
 
@@ -71,7 +71,7 @@ def root_motion(project: Project, character: RigBase, time: float) -> RigidMotio
         raise InputError(f"the time is {time}", where=character.where, mend="Give seconds.")
     motion = STAYS
     for layer in character.root_layers:
-        motion = _of_layer(project, layer, time)[0].after(motion)
+        motion = _layer_motion(project, layer, time)[0].after(motion)
     return motion
 
 
@@ -99,11 +99,11 @@ def root_values(
     outer, inner = STAYS, STAYS
     for k, other in enumerate(character.root_layers):
         if k != number:
-            done = _of_layer(project, other, time)[0]
+            done = _layer_motion(project, other, time)[0]
             outer, inner = (done.after(outer), inner) if k > number else (outer, done.after(inner))
     layer = character.root_layers[number]
-    weight = _of_layer(project, layer, time)[1]
-    if weight < _HEARD:
+    weight = _layer_motion(project, layer, time)[1]
+    if weight < _MIN_LAYER_WEIGHT:
         mend = "Unmute it, or give it weight, or go to a time at which it plays."
         raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", mend=mend)
     own = outer.inverse.after(motion).after(inner.inverse)
@@ -113,7 +113,7 @@ def root_values(
     return turned / weight, flip.vectors(back.vectors(moved)) / (weight * layer.size)
 
 
-def _of_layer(project: Project, layer: RootLayer, time: float) -> tuple[RigidMotion, float]:
+def _layer_motion(project: Project, layer: RootLayer, time: float) -> tuple[RigidMotion, float]:
     """Returns the motion of one layer at a time, and its weight."""
     clip = project.take_of(layer)
     assert isinstance(clip, Clip)
@@ -121,23 +121,25 @@ def _of_layer(project: Project, layer: RootLayer, time: float) -> tuple[RigidMot
     weight = 0.0 if layer.muted else layer.weight * at.weight
     if weight == 0.0:
         return STAYS, 0.0
-    turn, place = _recorded(clip, at.second)
+    turn, place = _recorded_root(clip, at.second)
     if at.share > 0.0:
-        turn, place = _mixed((turn, place), _recorded(clip, at.other), at.share)
+        turn, place = _interpolate_root((turn, place), _recorded_root(clip, at.other), at.share)
     axes = Axes(layer.basis, layer.mirrored)
     turn = axes.rotations(from_rotation_vector(weight * to_rotation_vector(turn)))
     return about(turn, weight * layer.size * axes.vectors(place), layer.about), weight
 
 
-def _recorded(clip: Clip, second: float) -> tuple[Float, Float]:
+def _recorded_root(clip: Clip, second: float) -> tuple[Float, Float]:
     """Returns the rotation (4,) and position (3,) of a clip's root at a second of the clip."""
     last = len(clip.turns) - 1
     frame = min(second / clip.step, float(last))
     before = min(int(frame), max(last - 1, 0))
     rows = [(clip.turns[k, 0], clip.root[k]) for k in (before, min(before + 1, last))]
-    return _mixed(rows[0], rows[1], frame - before)
+    return _interpolate_root(rows[0], rows[1], frame - before)
 
 
-def _mixed(one: tuple[Float, Float], other: tuple[Float, Float], share: float) -> tuple[Float, Float]:
+def _interpolate_root(
+    one: tuple[Float, Float], other: tuple[Float, Float], share: float
+) -> tuple[Float, Float]:
     turn = slerp(one[0], other[0], np.asarray(share))
     return turn, one[1] + share * (other[1] - one[1])

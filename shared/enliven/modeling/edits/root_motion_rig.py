@@ -53,7 +53,7 @@ class RootMotionRig(RigEdits):
 
         def at(time: float) -> CharacterState:
             (pose, handles), motion = own(time), root_motion(project, character, time)
-            linear, positions = _moved(motion, pose.linear, pose.positions)
+            linear, positions = _apply_motion(motion, pose.linear, pose.positions)
             moved = replace(pose, linear=linear.astype(np.float32), positions=positions.astype(np.float32))
             return CharacterState(moved, motion(handles))
 
@@ -124,7 +124,7 @@ class RootMotionRig(RigEdits):
         graph, stream, note = self.own.as_graph(project, character, times, stream_id)
         seconds = times[0] + stream.step * np.arange(len(stream.positions))
         motions = root_motions(project, character, seconds)
-        linear, positions = _moved(motions, stream.linear, stream.positions)
+        linear, positions = _apply_motion(motions, stream.linear, stream.positions)
         stream = replace(stream, linear=linear, positions=positions)
         return graph.with_changes(root_layers=()), stream, note
 
@@ -165,6 +165,6 @@ def taken_up(own: RigEdits, project: Project, name: str, before: Any, time: floa
     return project.with_characters(moved.with_changes(root_layers=before.root_layers))
 
 
-def _moved(motion: RigidMotion, linear: AnyArray, positions: AnyArray) -> tuple[Float, Float]:
+def _apply_motion(motion: RigidMotion, linear: AnyArray, positions: AnyArray) -> tuple[Float, Float]:
     """Applies a motion to linear maps (..., N, 3, 3) and positions (..., N, 3)."""
     return to_matrix(motion.turn)[..., None, :, :] @ linear, motion(positions)

@@ -100,14 +100,14 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
         )
     before = project
     for character in list(project.characters.values()):
-        if any(_is(layer, alternatives, recorded) for layer in character.playing):
-            project = _without(project, character, alternatives, recorded)
+        if any(_plays_recording(layer, alternatives, recorded) for layer in character.playing):
+            project = _without_recording(project, character, alternatives, recorded)
     names = list(takes)
     remaining = [name for name in names if name != recorded]
     if takes[recorded] and remaining:
         place = names.index(recorded)
         project = choose_take(project, alternatives, remaining[max(place - 1, 0)])
-    return _tidied(before, project)
+    return _without_unneeded_takes(before, project)
 
 
 def keep_take(project: Project, alternatives: str, recorded: str) -> Project:
@@ -123,18 +123,18 @@ def keep_take(project: Project, alternatives: str, recorded: str) -> Project:
     return choose_take(project, alternatives, recorded)
 
 
-def _is(layer: LayerBase, alternatives: str, recorded: str) -> bool:
+def _plays_recording(layer: LayerBase, alternatives: str, recorded: str) -> bool:
     return layer.alternatives == alternatives and layer.recorded == recorded
 
 
-def _without(project: Project, character: RigBase, alternatives: str, recorded: str) -> Project:
+def _without_recording(project: Project, character: RigBase, alternatives: str, recorded: str) -> Project:
     """Removes the layers of a recording from a character."""
     for number in reversed(range(len(character.playing))):
         layer = character.playing[number]
-        if not _is(layer, alternatives, recorded):
+        if not _plays_recording(layer, alternatives, recorded):
             continue
         if isinstance(layer, GraphPart):
-            still, stream = _still(project, layer)
+            still, stream = _held_first_frame(project, layer)
             character = character.with_playing(
                 *character.playing[:number], still, *character.playing[number + 1 :]
             )
@@ -144,7 +144,7 @@ def _without(project: Project, character: RigBase, alternatives: str, recorded: 
     return project.with_characters(character)
 
 
-def _still(project: Project, part: GraphPart) -> tuple[GraphPart, PoseStream]:
+def _held_first_frame(project: Project, part: GraphPart) -> tuple[GraphPart, PoseStream]:
     """Returns a part that holds the first frame of its stream, and a stream of that frame."""
     stream = project.streams[part.take]
     name = unused(f"{part.take} still", project.streams)
@@ -153,7 +153,7 @@ def _still(project: Project, part: GraphPart) -> tuple[GraphPart, PoseStream]:
     return replace(part.timeless(), take=name, **how), first  # type: ignore[arg-type]
 
 
-def _tidied(before: Project, project: Project) -> Project:
+def _without_unneeded_takes(before: Project, project: Project) -> Project:
     """Removes takes that a character of ``before`` needed and that no character needs now."""
 
     def needed(one: Project, kind: str) -> set[str]:

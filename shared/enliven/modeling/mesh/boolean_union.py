@@ -149,9 +149,9 @@ class UnionBuilder:
         vertices = np.concatenate([vertices, self.places[new]])
         # Fill in skin weights and paint. Kept vertices keep their values, and new vertices get interpolated
         # ones.
-        weights, paint = self._at_new(new)
+        weights, paint = self._interpolate_new(new)
         whole = skins.bone_count(skins.stacked(self.pair.skins))
-        old_skins = [self._skin(k, kept_vertices[k], whole) for k in range(2)]
+        old_skins = [self._kept_skin(k, kept_vertices[k], whole) for k in range(2)]
         skin = skins.stacked([*old_skins, skins.sparse(weights)])
         paint = np.concatenate(
             [*(m.paint[k] for m, k in zip(self.meshes, kept_vertices, strict=True)), paint]
@@ -162,13 +162,13 @@ class UnionBuilder:
         first, second = (np.full(len(vertices), -1, np.int64) for _ in range(2))
         first[: ends[0]] = np.where(kept_vertices[0] < counts[0], kept_vertices[0], -1)
         second[ends[0] : ends[1]] = np.where(kept_vertices[1] < counts[1], kept_vertices[1], -1)
-        materials = self._materials(vertices[faces])
+        materials = self._face_materials(vertices[faces])
         faces = faces.astype(np.int32)
         mesh = Mesh(vertices, faces, self.meshes[0].name, colours, materials, stiffness)
-        whole = self._joined(mesh, skin, (first, second), ends, notes)
-        return _welded(whole) if self.share else whole
+        whole = self._average_seam_skin(mesh, skin, (first, second), ends, notes)
+        return _weld_vertices(whole) if self.share else whole
 
-    def _materials(self, corners: Float) -> MeshMaterials | None:
+    def _face_materials(self, corners: Float) -> MeshMaterials | None:
         """Returns the materials of the faces with corners (F, 3, 3): first those of kept faces, then of split
         ones."""
         if all(mesh.materials is None for mesh in self.meshes):
@@ -196,7 +196,7 @@ class UnionBuilder:
         at[side.old[traced]] = number[traced]
         return np.asarray(at[side.solid.mesh.faces[order]])
 
-    def _skin(self, k: int, kept_vertices: Int | Int32, bones: int) -> SkinWeights:
+    def _kept_skin(self, k: int, kept_vertices: Int | Int32, bones: int) -> SkinWeights:
         """Returns the skin of the kept vertices. Vertices that close a hole interpolate the skin of its
         border."""
         mesh, skin = self.meshes[k], self.pair.skins[k]
@@ -209,7 +209,7 @@ class UnionBuilder:
         old = skins.taken(skin, kept_vertices[kept_vertices < given_count])
         return skins.stacked([old, skins.sparse(full[kept_vertices[kept_vertices >= given_count]])])
 
-    def _at_new(self, new: Int) -> tuple[Float, Float]:
+    def _interpolate_new(self, new: Int) -> tuple[Float, Float]:
         """Returns weights (N, B) and paint (N, 4) of the new vertices, interpolated within the face that each
         lies in."""
         bones = skins.bone_count(skins.stacked(self.pair.skins))
@@ -225,12 +225,12 @@ class UnionBuilder:
             own = mesh.faces[side.source[face[first]]]
             share = barycentric(self.places[vertex], mesh.vertices[own])
             corners, inverse = np.unique(own, return_inverse=True)
-            full = skins.dense(self._skin(k, corners, bones), bones)[inverse.reshape(-1, 3)]
+            full = skins.dense(self._kept_skin(k, corners, bones), bones)[inverse.reshape(-1, 3)]
             weights[row[vertex]] = (share[..., None] * full).sum(1)
             paint[row[vertex]] = (share[..., None] * own_paint[own]).sum(1)
         return weights, paint
 
-    def _joined(
+    def _average_seam_skin(
         self, mesh: Mesh, skin: SkinWeights, old: tuple[Int, Int], ends: Int, notes: tuple[str, ...]
     ) -> Union:
         """Averages the skin over all seam vertices at the same position."""
@@ -255,13 +255,13 @@ class UnionBuilder:
         return Union(mesh, SkinWeights(indices, weights), old[0], old[1], seam, True, notes)
 
 
-def _welded(union: Union) -> Union:
+def _weld_vertices(union: Union) -> Union:
     """Merges vertices at the same position. The first mesh's own vertex is kept, if it has one there."""
     mesh = union.mesh
     first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
     faces = first[mesh.faces]
     is_proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    is_proper[is_proper] = ~_membranes(faces[is_proper])
+    is_proper[is_proper] = ~_is_membrane(faces[is_proper])
     used, numbers = np.unique(faces[is_proper], return_inverse=True)
     second = union.second.copy()
     np.maximum.at(second, first, union.second)
@@ -278,7 +278,7 @@ def _welded(union: Union) -> Union:
     )
 
 
-def _membranes(faces: Int) -> Bool:
+def _is_membrane(faces: Int) -> Bool:
     """Returns (F,) true for faces that lie back to back. They remain between two caps that met."""
     if len(faces) == 0:
         return np.zeros(0, bool)

@@ -14,7 +14,7 @@ from enliven.modeling.mesh.cut_loops import area
 from enliven.modeling.mesh.planar import refined, triangulated
 from enliven.modeling.mesh.poisson_equation import SYMMETRIC_LU
 
-_GROWTH = 1.25
+_EDGE_GROWTH = 1.25
 """Factor by which edges get longer with every ring towards the middle of a cap."""
 
 
@@ -72,11 +72,13 @@ def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
     numbers = [np.arange(end - len(loop), end) for loop, end in zip(loops, ends, strict=True)]
     triangles = triangulated(points, numbers)
     if fine:
-        points, triangles = refined(points, triangles, _sizes(points, numbers), growth=_GROWTH)
+        points, triangles = refined(
+            points, triangles, _target_edge_lengths(points, numbers), growth=_EDGE_GROWTH
+        )
     return Cap(rim, triangles, HarmonicInterpolation(points, triangles, len(rim)))
 
 
-def _sizes(points: Float, loops: list[Int]) -> Float:
+def _target_edge_lengths(points: Float, loops: list[Int]) -> Float:
     """Returns (R,) target edge lengths at the rim's points.
 
     A rim has two points for each mesh edge that it crosses, so the target is about twice the length of its

@@ -21,7 +21,7 @@ from enliven.arrays import Bool, Float, Int
 from enliven.meshes import Mesh, face_areas
 from enliven.modeling.mesh.caps import cap_of, flattened
 
-_OPEN = 0.25
+_MAX_CAP_FRACTION = 0.25
 """Maximum area of the caps, as a fraction of the surface area, for a mesh or connected part to be closed. A
 part with larger holes is a leaf."""
 
@@ -60,17 +60,17 @@ def closed_surface(mesh: Mesh, of: Int) -> ClosedSurface:
         of: (V,) the welded vertex of each vertex.
     """
     welded = of[mesh.faces]
-    mates = _mates(welded, mesh)
-    corner = _fans(mates).reshape(-1, 3)
+    mates = _opposite_half_edges(welded, mesh)
+    corner = _corner_fans(mates).reshape(-1, 3)
     work, leaf = _Work(mesh, corner), np.zeros(len(welded), bool)
-    loops = _borders(mates, corner)
+    loops = _border_loops(mates, corner)
     if loops:
-        part = connected_components(_links(mates // 3, len(welded)), directed=False)[1]
+        part = connected_components(_face_adjacency(mates // 3, len(welded)), directed=False)[1]
         caps = [work.cap(loop) for loop in loops]
         area = np.bincount(part, face_areas(mesh.vertices, mesh.faces))
         own = part[[loop[0] // 3 for loop in loops]]
         missing = np.bincount(own, [cap.area for cap in caps], len(area))
-        open_parts = (missing > _OPEN * area) & (missing.sum() > _OPEN * area.sum())
+        open_parts = (missing > _MAX_CAP_FRACTION * area) & (missing.sum() > _MAX_CAP_FRACTION * area.sum())
         for number, cap in zip(own, caps, strict=True):
             if not open_parts[number]:
                 work.close(cap)
@@ -79,14 +79,14 @@ def closed_surface(mesh: Mesh, of: Int) -> ClosedSurface:
     return ClosedSurface(work.vertices, faces, work.label, tuple(work.made), len(work.caps), leaf)
 
 
-def _links(mates: Int, count: int) -> coo_matrix:
+def _face_adjacency(mates: Int, count: int) -> coo_matrix:
     """Returns (F, F) the adjacency matrix of the faces. ``mates`` (3F,) are face numbers, or below 0 for
     none."""
     joined = np.flatnonzero(mates >= 0)
     return coo_matrix((np.ones(len(joined)), (joined // 3, mates[joined])), (count, count))
 
 
-def _mates(faces: Int, mesh: Mesh) -> Int:
+def _opposite_half_edges(faces: Int, mesh: Mesh) -> Int:
     """Returns (3F,) the opposite half-edge (3 face + corner) of each half-edge, or -1 at a border."""
     starts, ends = faces.ravel().astype(np.int64), np.roll(faces, -1, 1).ravel().astype(np.int64)
     count = int(faces.max(initial=-1)) + 1
@@ -102,11 +102,11 @@ def _mates(faces: Int, mesh: Mesh) -> Int:
         first_half[is_opposed],
     )
     for begin, group_size in zip(first[size > 2], size[size > 2], strict=True):
-        _join_around(order[begin : begin + group_size], starts, mesh, mates)
+        _pair_edge_faces(order[begin : begin + group_size], starts, mesh, mates)
     return mates
 
 
-def _join_around(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
+def _pair_edge_faces(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
     """Connects the faces around one non-manifold edge in pairs, the thinnest wedge of solid first."""
     corners = mesh.vertices[mesh.faces[halves // 3]]
     rows, k = np.arange(len(halves)), halves % 3
@@ -124,7 +124,7 @@ def _join_around(halves: Int, starts: Int, mesh: Mesh, mates: Int) -> None:
         wedge[row], wedge[:, column] = np.inf, np.inf
 
 
-def _fans(mates: Int) -> Int:
+def _corner_fans(mates: Int) -> Int:
     """Returns (3F,) for each corner of a face the number of the fan of connected faces that contains it."""
     joined = np.flatnonzero(mates >= 0)
     other = mates[joined]
@@ -133,7 +133,7 @@ def _fans(mates: Int) -> Int:
     return np.asarray(connected_components(web, directed=False)[1], np.int64)
 
 
-def _borders(mates: Int, corner: Int) -> list[Int]:
+def _border_loops(mates: Int, corner: Int) -> list[Int]:
     """Returns the half-edges of each border in the order of the cap's rim, which is opposite to the faces'
     direction."""
     lonely = np.flatnonzero(mates < 0)
@@ -185,7 +185,9 @@ class _Work:
         self.vertices = mesh.vertices
         self.label = np.full(count, -1, np.int64)
         self.made, self.caps = list[tuple[Int, Interpolation]](), list[Int]()
-        self._add(mesh.vertices[vertex[repeated]], vertex[repeated], _same, np.full(len(repeated), -1))
+        self._add_vertices(
+            mesh.vertices[vertex[repeated]], vertex[repeated], _keep_values, np.full(len(repeated), -1)
+        )
         self.label[place] = label
 
     def cap(self, loop: Int) -> _Rim:
@@ -198,7 +200,7 @@ class _Work:
             # A border that is a straight line or crosses itself cannot be triangulated, so close it with a
             # fan around its mean.
             turn = np.arange(len(rim))
-            order, how = rim, _mean
+            order, how = rim, _mean_row
             faces = np.stack([turn, np.roll(turn, -1), np.full(len(rim), len(rim))], 1)
         around = self.vertices[order]
         inside = how(around)
@@ -209,18 +211,18 @@ class _Work:
         """Adds a cap to the surface."""
         numbers = np.concatenate([cap.around, len(self.vertices) + np.arange(len(cap.points))])
         labels = int(self.label.max()) + 1 + np.arange(len(cap.points))
-        self._add(cap.points, cap.around, cap.how, labels)
+        self._add_vertices(cap.points, cap.around, cap.how, labels)
         self.caps.append(numbers[cap.faces])
 
-    def _add(self, points: Float, of: Int, how: Interpolation, labels: Int) -> None:
+    def _add_vertices(self, points: Float, of: Int, how: Interpolation, labels: Int) -> None:
         self.vertices = np.concatenate([self.vertices, points])
         self.label = np.concatenate([self.label, labels])
         self.made.append((of, how))
 
 
-def _same(values: Float) -> Float:
+def _keep_values(values: Float) -> Float:
     return values
 
 
-def _mean(values: Float) -> Float:
+def _mean_row(values: Float) -> Float:
     return np.asarray(values.mean(0, keepdims=True))

@@ -7,9 +7,9 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.modeling.mesh.remesh import flip_within
 
-_SHORT = 0.5
+_MIN_EDGE_RATIO = 0.5
 """Edges of the seam shorter than this fraction of the median edge length nearby are contracted."""
-_OLD = 0.5
+_KEPT_VERTEX_FACTOR = 0.5
 """Factor on the limit above for an edge with one vertex that must stay: the seam is pulled onto that
 vertex."""
 
@@ -32,7 +32,7 @@ def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, In
     # Include the faces around these faces too, because a contraction checks the neighbours of both its ends.
     around = np.isin(faces, np.unique(near)).any(1)
     patch = _Patch(vertices.copy(), faces[around].astype(np.int64), new)
-    patch.contract(_SHORT * _usual(vertices, faces[around], new))
+    patch.contract(_MIN_EDGE_RATIO * _nearby_edge_length(vertices, faces[around], new))
     mine = np.flatnonzero(touching[around])
     remaining = [face for face in (patch.faces[number] for number in mine) if face is not None]
     inner = flip_within(patch.vertices, np.array(remaining, np.int64).reshape(-1, 3), new)
@@ -44,7 +44,7 @@ def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, In
     return patch.vertices, all_faces, is_kept, drawn
 
 
-def _usual(vertices: Float, faces: Int32, new: Bool) -> float:
+def _nearby_edge_length(vertices: Float, faces: Int32, new: Bool) -> float:
     """Returns the median length of nearby edges between old vertices, in metres."""
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     ends = ends[~new[ends].any(1)]
@@ -75,29 +75,29 @@ class _Patch:
             for a, b in zip(face, [*face[1:], face[0]], strict=True)
             if self.new[a] or self.new[b]
         }
-        order = sorted(ends, key=lambda pair: float(np.linalg.norm(self._between(*pair))))
+        order = sorted(ends, key=lambda pair: float(np.linalg.norm(self._edge_vector(*pair))))
         for a, b in order:
-            limit = short if self.new[a] and self.new[b] else _OLD * short
-            if a in self.gone or b in self.gone or float(np.linalg.norm(self._between(a, b))) > limit:
+            limit = short if self.new[a] and self.new[b] else _KEPT_VERTEX_FACTOR * short
+            if a in self.gone or b in self.gone or float(np.linalg.norm(self._edge_vector(a, b))) > limit:
                 continue
             if not self.new[a]:
                 a, b = b, a
             # Remove vertex a. If both vertices are new, move the remaining one to the middle, otherwise keep
             # it at b.
             place = (self.vertices[a] + self.vertices[b]) / 2 if self.new[b] else self.vertices[b]
-            if self._allowed(a, b, place):
+            if self._can_contract(a, b, place):
                 self._contract(a, b, place)
 
-    def _between(self, a: int, b: int) -> Float:
+    def _edge_vector(self, a: int, b: int) -> Float:
         return np.asarray(self.vertices[a] - self.vertices[b])
 
-    def _ring(self, v: int) -> set[int]:
+    def _neighbours(self, v: int) -> set[int]:
         return {w for f in self.of[v] for w in self.faces[f] or () if w != v}
 
-    def _allowed(self, a: int, b: int, place: Float) -> bool:
+    def _can_contract(self, a: int, b: int, place: Float) -> bool:
         """Returns True if the contraction keeps the surface manifold, and no face flips or degenerates."""
         both = self.of[a] & self.of[b]
-        if len(both) != 2 or len(self._ring(a) & self._ring(b)) != 2:
+        if len(both) != 2 or len(self._neighbours(a) & self._neighbours(b)) != 2:
             return False
         moved = (self.of[a] | self.of[b]) - both
         if not moved:

@@ -68,11 +68,11 @@ def chains_of(pairs: Int) -> list[tuple[Int, bool]]:
     unused, chains = np.ones(len(pairs), bool), []
     for start in [*ends, *beside]:
         while any(unused[k] for k in beside[start]):
-            chains.append(_walk(start, pairs, beside, unused))
+            chains.append(_follow_chain(start, pairs, beside, unused))
     return chains
 
 
-def _walk(start: int, pairs: Int, beside: dict[int, list[int]], unused: Bool) -> tuple[Int, bool]:
+def _follow_chain(start: int, pairs: Int, beside: dict[int, list[int]], unused: Bool) -> tuple[Int, bool]:
     """Follows one chain from an edge until it returns to the start or ends."""
     chain, forward, at = [start], 0, start
     while True:
@@ -106,7 +106,7 @@ def joined(chains: list[tuple[Int, bool]], places: Float, gap: float) -> list[tu
     while waiting:
         order = waiting.pop()
         while True:
-            allowed = gap * _length(places[order])
+            allowed = gap * _polyline_length(places[order])
             gaps = [float(np.linalg.norm(places[order[-1]] - places[other[0]])) for other in waiting]
             home = float(np.linalg.norm(places[order[-1]] - places[order[0]]))
             if gaps and min(gaps) < min(home, allowed):
@@ -117,7 +117,7 @@ def joined(chains: list[tuple[Int, bool]], places: Float, gap: float) -> list[tu
     return closed
 
 
-def _length(points: Float) -> float:
+def _polyline_length(points: Float) -> float:
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 

@@ -20,7 +20,7 @@ from enliven.settings import setting
 
 _SIDES = ((0, 1), (1, 2), (2, 0))
 """The pairs of corners that form a triangle's three sides."""
-_ISLAND = 0.05
+_MIN_ISLAND_FRACTION = 0.05
 """Islands of vertices below this fraction of their side are not cut out. Skin weights alone may create
 them."""
 
@@ -80,15 +80,15 @@ class CutPlan:
         first[self.of[::-1]] = np.arange(len(self.of))[::-1]
         self.first, self.rest, self.at = first, welded.vertices, at[first]
         self.field = self.surface.field(self.at) if self.values is None else self._without_islands()
-        self.shift = self._clear_of_vertices()
+        self.shift = self._offset_off_vertices()
         self.far = self.field > self.shift
         self.found: Crossings = crossings_of(self.faces, self.far)
-        self.share = self._shares(self.found.edges)
+        self.share = self._crossing_positions(self.found.edges)
         self.places = self.surface.flat(self.between(self.at, self.found.edges, self.share))
         self.count = int(self.found.loops.max(initial=-1)) + 1
         self.chosen = np.zeros(0, np.int64)
 
-    def _clear_of_vertices(self) -> float:
+    def _offset_off_vertices(self) -> float:
         """Returns the offset that keeps the cut away from vertices: the middle of the widest gap in values
         near 0."""
         ends = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -114,7 +114,7 @@ class CutPlan:
         part = components(len(values), np.concatenate(same))
         size = np.bincount(part)
         of_side = np.array([(~far).sum(), far.sum()])[far.astype(np.int64)]
-        small = size[part] < _ISLAND * of_side
+        small = size[part] < _MIN_ISLAND_FRACTION * of_side
         return np.asarray(np.where(small, -1e-9 * np.sign(values), values))
 
     def choose_all(self) -> None:
@@ -127,7 +127,7 @@ class CutPlan:
         3)."""
         return np.asarray(at[edges[:, 0]] + share[:, None] * (at[edges[:, 1]] - at[edges[:, 0]]))
 
-    def _shares(self, edges: Int) -> Float:
+    def _crossing_positions(self, edges: Int) -> Float:
         """Returns (E,) the position of the cut along each crossed edge. Uses bisection, since the field may
         be curved."""
         low, high = np.zeros(len(edges)), np.ones(len(edges))
@@ -143,7 +143,7 @@ class CutPlan:
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         return np.clip((low + high) / 2, 1e-6, 1 - 1e-6)
 
-    def _polygon(self, loop: int) -> Float:
+    def _longest_chain(self, loop: int) -> Float:
         """Returns the longest chain of a loop, (P, 2) coordinates on the surface."""
         chains = chains_of(self.found.pairs[self.found.loops == loop])
         return self.places[max(chains, key=lambda chain: len(chain[0]))[0]]
@@ -155,14 +155,14 @@ class CutPlan:
             own: (V,) weight of the cut bone at each vertex.
         """
         self.point = point
-        polygons = [self._polygon(loop) for loop in range(self.count)]
+        polygons = [self._longest_chain(loop) for loop in range(self.count)]
         around = [i for i, polygon in enumerate(polygons) if abs(winding(polygon, point)) > 0.5]
         if not around:
-            around = self._beside(point, own, polygons)
+            around = self._neighbouring_loop(point, own, polygons)
             note = "the bone runs outside of the mesh there: the part that follows it was cut"
             self.notes += [note] if around else []
         if not around:
-            self._without_a_cut(where)
+            self._separate_shells(where)
             return
         # Loops inside other loops belong to the same limb. Examples are the inner side of a shell, and a bone
         # in a sleeve.
@@ -172,7 +172,7 @@ class CutPlan:
         ]
         self.chosen = np.array(sorted({*around, *inside}), np.int64)
 
-    def _beside(self, point: Float, own: Float, polygons: list[Float]) -> list[int]:
+    def _neighbouring_loop(self, point: Float, own: Float, polygons: list[Float]) -> list[int]:
         """Returns the nearest loop that follows the bone, if its distance is below its own radius."""
         of_bone = np.zeros(len(self.rest))
         np.maximum.at(of_bone, self.of, own)
@@ -185,11 +185,11 @@ class CutPlan:
                 best = (far, [i])
         return best[1]
 
-    def _without_a_cut(self, where: str) -> None:
+    def _separate_shells(self, where: str) -> None:
         """Separates whole shells by the bones they follow, without cutting any. Each shell must clearly
         follow one side."""
         assert self.loyal is not None
-        part = self._components(np.zeros(len(self.found.loops), bool))[self.of]
+        part = self._components_after_cut(np.zeros(len(self.found.loops), bool))[self.of]
         mean = np.bincount(part, self.loyal) / np.maximum(np.bincount(part), 1)
         if not ((mean > 0.75).any() and (mean < 0.25).any()) or ((mean > 0.25) & (mean < 0.75)).any():
             mend = "Cut it where its bone is inside of it, or with a stroke."
@@ -212,21 +212,21 @@ class CutPlan:
         still connected."""
         while True:
             cut = np.isin(self.found.loops, self.chosen)
-            part = self._components(cut)
+            part = self._components_after_cut(cut)
             faces = self.faces[self.found.faces[cut]]
             labels = part[faces]
             far = self.far[faces]
             torn = np.intersect1d(labels[far], labels[~far])
             if len(torn) == 0:
                 break
-            self._choose_another(part, torn)
+            self._add_nearest_loop(part, torn)
         side = np.full(int(part.max()) + 1, -1)
         side[labels[far]], side[labels[~far]] = 1, 0
         for shell in np.flatnonzero(side < 0):
             side[shell] = self._side_of(np.flatnonzero(part == shell), part, side)
         return np.asarray(side[part] == 1)
 
-    def _components(self, cut: Bool) -> Int:
+    def _components_after_cut(self, cut: Bool) -> Int:
         """Returns (W,) connected components after the chosen crossed faces are split."""
         is_whole = np.ones(len(self.faces), bool)
         is_whole[self.found.faces[cut]] = False
@@ -238,7 +238,7 @@ class CutPlan:
             links.append(split[same][:, [a, b]])
         return components(len(self.rest), np.concatenate(links))
 
-    def _choose_another(self, part: Int, torn: Int) -> None:
+    def _add_nearest_loop(self, part: Int, torn: Int) -> None:
         """Adds the nearest loop through which the two sides are still connected."""
         free = ~np.isin(self.found.loops, self.chosen)
         free &= np.isin(part[self.faces[self.found.faces, 0]], torn)

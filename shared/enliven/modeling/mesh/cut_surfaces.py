@@ -93,12 +93,12 @@ class StrokeCut(CutSurface):
         object.__setattr__(self, "picture_from_world", np.array(self.picture_from_world, np.float64))
 
     def field(self, points: Float) -> Float:
-        return self._along(points)[1]
+        return self._stroke_coordinates(points)[1]
 
     def flat(self, points: Float) -> Float:
         if len(points) == 0:
             return np.zeros((0, 2))
-        along, _, depth = self._along(points)
+        along, _, depth = self._stroke_coordinates(points)
         # Compute the metres per unit of the image at this depth, so that both coordinates are approximately
         # in metres.
         rows = self.picture_from_world
@@ -107,25 +107,25 @@ class StrokeCut(CutSurface):
         return np.stack([along * unit, points @ (ahead / np.linalg.norm(ahead))], 1)
 
     def covers(self, points: Float) -> Bool:
-        along = self._along(points)[0]
-        return np.asarray((along >= 0) & (along <= _lengths(self.stroke)[-1]))
+        along = self._stroke_coordinates(points)[0]
+        return np.asarray((along >= 0) & (along <= _arc_lengths(self.stroke)[-1]))
 
-    def _along(self, points: Float) -> tuple[Float, Float, Float]:
+    def _stroke_coordinates(self, points: Float) -> tuple[Float, Float, Float]:
         """Returns (N,) arc length on the stroke, (N,) distance to its left, and (N,) the depth w of each
         point."""
         projected = points @ self.picture_from_world[:, :3].T + self.picture_from_world[:, 3]
         depth = projected[:, 3]
         shown = projected[:, :2] / np.where(depth > 1e-9, depth, 1e-9)[:, None]
-        along, left = _beside(self.stroke, shown)
+        along, left = _nearest_on_stroke(self.stroke, shown)
         return along, left, depth
 
 
-def _lengths(stroke: Float) -> Float:
+def _arc_lengths(stroke: Float) -> Float:
     """Returns (S,) the arc length at each point."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stroke, axis=0), axis=1))])
 
 
-def _beside(stroke: Float, points: Float) -> tuple[Float, Float]:
+def _nearest_on_stroke(stroke: Float, points: Float) -> tuple[Float, Float]:
     """Returns (N,) arc length of the nearest point on the extended stroke, and (N,) the distance to its
     left."""
     starts, vectors = stroke[:-1], np.diff(stroke, axis=0)
@@ -147,4 +147,4 @@ def _beside(stroke: Float, points: Float) -> tuple[Float, Float]:
     best = np.argmax(np.where(distance <= least * (1 + 1e-9) + 1e-300, square, -1.0), axis=1)
     rows = np.arange(len(points))
     side = np.where(cross[rows, best] >= 0, 1.0, -1.0)
-    return _lengths(stroke)[best] + clamped[rows, best], side * distance[rows, best]
+    return _arc_lengths(stroke)[best] + clamped[rows, best], side * distance[rows, best]

@@ -27,7 +27,7 @@ from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.modeling.mesh.poisson_equation import poisson
 from enliven.modeling.skinning import skin_values as skins
 
-_LARGER = 1.01
+_LARGER_SIDE_RATIO = 1.01
 """Ratio of surface areas above which the far side counts as larger. The margin absorbs rounding errors."""
 
 
@@ -45,7 +45,7 @@ class Cut:
         near, far = (
             float(face_areas(piece.mesh.vertices, piece.mesh.faces).sum()) for piece in (self.near, self.far)
         )
-        return (self.far, self.near) if far > _LARGER * near else (self.near, self.far)
+        return (self.far, self.near) if far > _LARGER_SIDE_RATIO * near else (self.near, self.far)
 
 
 def cut_across_bone(
@@ -83,25 +83,25 @@ def cut_across_bone(
     own = np.where(skin.indices == bone, skin.weights, 0.0).sum(1, dtype=np.float64)
     work = CutPlan(mesh, skin, surface, None, settings, loyal)
     work.choose_around(surface.flat(surface.point[None])[0], own, where)
-    cut = _parted(work)
+    cut = _build_pieces(work)
     beyond[bone] = 0.0
     ahead = (beyond[skin.indices] * skin.weights).sum(1)
     behind = 1.0 - ahead - own
-    if len(work.chosen) == 0 or _belongs(cut, ahead, behind) > settings.belongs:
+    if len(work.chosen) == 0 or _bone_match(cut, ahead, behind) > settings.belongs:
         return cut
     # The selected cut does not separate the bones' skin well. For example, a plane through the middle of the
     # body, at a bone to a hip, would cut the body in half. So try a cut along the skin weights.
     along = np.clip(work.surface.field(mesh.vertices) / skeleton.lengths[bone], -1, 1)
     other = CutPlan(mesh, skin, surface, None, settings, loyal, ahead - behind + own * along)
     other.choose_all()
-    by_skin = _parted(other) if other.count else cut
-    if _belongs(by_skin, ahead, behind) <= _belongs(cut, ahead, behind):
+    by_skin = _build_pieces(other) if other.count else cut
+    if _bone_match(by_skin, ahead, behind) <= _bone_match(cut, ahead, behind):
         return cut
     note = "a plane would cut through other parts: cut where the skin of the bones beyond begins"
     return Cut(by_skin.near, by_skin.far, (*by_skin.notes, note))
 
 
-def _belongs(cut: Cut, ahead: Float, behind: Float) -> float:
+def _bone_match(cut: Cut, ahead: Float, behind: Float) -> float:
     """Computes how well the two sides of a cut match the bones: from 0 to 1, for the worse side.
 
     A side's score is the fraction of its bones' total weight that lies on it. 1 means all of it.
@@ -141,10 +141,10 @@ def cut_by_stroke(
     """
     work = CutPlan(mesh, skin, surface, posed, settings or CutSettings(), None)
     work.choose_covered()
-    return _parted(work)
+    return _build_pieces(work)
 
 
-def _parted(work: CutPlan) -> Cut:
+def _build_pieces(work: CutPlan) -> Cut:
     """Builds both pieces after the loops were chosen."""
     side = work.sides()
     if not side.any() or side.all():

@@ -20,22 +20,22 @@ from enliven.meshes import Mesh
 TOLERANCE = 0.012
 """Maximum mean distance between the mirror image and the surface, as a fraction of the diagonal of the
 bounding box."""
-_FEW = 250
+_FIRST_TEST_POINTS = 250
 """Number of points for the first test of several dozen candidates."""
-_SOME = 1500
+_SECOND_TEST_POINTS = 1500
 """Number of points for the second test, of the remaining candidates."""
-_MANY = 6000
+_LAST_TEST_POINTS = 6000
 """Number of points for the last test. Its result is compared with the tolerance."""
-_DIRECTIONS = 40
+_INITIAL_NORMALS = 40
 """Number of initial normals, spread over the upper hemisphere about 23 degrees apart."""
-_KEPT = 5
+_MAX_PLANES_REFINED = 5
 """Maximum number of different planes that get the finer tests."""
-_ALIKE = 0.98
+_SAME_NORMAL_COSINE = 0.98
 """Cosine between normals above which two planes count as equal."""
-_FACING = 0.3
+_NORMAL_WEIGHT = 0.3
 """Weight of normals in the nearest-neighbour search: a unit difference counts as this fraction of the
 size."""
-_LEVEL = 0.35
+_MAX_HORIZONTAL_SINE = 0.35
 """Sine of the angle to the horizontal up to which a plane's normal counts as horizontal."""
 
 
@@ -68,15 +68,26 @@ def plane_of_symmetry(mesh: Mesh) -> Plane | None:
     size = max(float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces)], axis=0))), 1e-300)
     # Subtract the mean of the samples, which keeps precision for a mesh far from the origin. The mesh
     # is not welded, because the normals do not need it here.
-    sampled = scatter(mesh, _MANY, np.random.default_rng(0), (mesh, np.arange(len(mesh.vertices))))
+    sampled = scatter(
+        mesh, _LAST_TEST_POINTS, np.random.default_rng(0), (mesh, np.arange(len(mesh.vertices)))
+    )
     middle = sampled.positions.mean(0)
     points = (sampled.positions - middle) / size
-    few, some, many = (_cloud(points, sampled.normals, count) for count in (_FEW, _SOME, _MANY))
-    first = sorted((_brought(few, axis, 5) for axis in _candidates(points)), key=lambda found: found.gap)
-    second = [_brought(some, candidate.normal, 8, candidate.offset) for candidate in _different(first)]
+    few, some, many = (
+        _sample_points(points, sampled.normals, count)
+        for count in (_FIRST_TEST_POINTS, _SECOND_TEST_POINTS, _LAST_TEST_POINTS)
+    )
+    first = sorted(
+        (_refine_plane(few, axis, 5) for axis in _candidate_normals(points)), key=lambda found: found.gap
+    )
+    second = [
+        _refine_plane(some, candidate.normal, 8, candidate.offset) for candidate in _distinct_planes(first)
+    ]
     likely = [candidate for candidate in second if candidate.gap <= 1.5 * TOLERANCE]
-    likely.sort(key=lambda one: (abs(one.normal[1]) >= _LEVEL, -_breadth(points, one), one.gap))
-    last = (_brought(many, candidate.normal, 4, candidate.offset) for candidate in likely)
+    likely.sort(
+        key=lambda one: (abs(one.normal[1]) >= _MAX_HORIZONTAL_SINE, -_rounded_extent(points, one), one.gap)
+    )
+    last = (_refine_plane(many, candidate.normal, 4, candidate.offset) for candidate in likely)
     best = next((candidate for candidate in last if candidate.gap <= TOLERANCE), None)
     if best is None:
         return None
@@ -85,31 +96,33 @@ def plane_of_symmetry(mesh: Mesh) -> Plane | None:
     return Plane(tuple(point.tolist()), tuple(normal.tolist()))
 
 
-def _cloud(points: Float, normals: Float, count: int) -> _Cloud:
+def _sample_points(points: Float, normals: Float, count: int) -> _Cloud:
     """Subsamples the points to about ``count``, and builds their tree."""
     step = max(len(points) // count, 1)
     points, normals = points[::step], normals[::step]
-    return _Cloud(points, normals, scipy.spatial.cKDTree(np.concatenate([points, _FACING * normals], 1)))
+    return _Cloud(
+        points, normals, scipy.spatial.cKDTree(np.concatenate([points, _NORMAL_WEIGHT * normals], 1))
+    )
 
 
-def _candidates(points: Float) -> Float:
+def _candidate_normals(points: Float) -> Float:
     """Returns (C, 3) initial normals."""
-    k = np.arange(_DIRECTIONS) + 0.5
-    up, turn = k / _DIRECTIONS, np.pi * (1 + 5**0.5) * k
+    k = np.arange(_INITIAL_NORMALS) + 0.5
+    up, turn = k / _INITIAL_NORMALS, np.pi * (1 + 5**0.5) * k
     ring = np.sqrt(1 - up * up)
     around = np.stack([ring * np.cos(turn), up, ring * np.sin(turn)], 1)
     return np.concatenate([np.eye(3), np.linalg.eigh(points.T @ points)[1].T, around])
 
 
-def _brought(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _MirrorFit:
+def _refine_plane(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _MirrorFit:
     """Refines a plane to the nearest symmetry plane with a number of pairing steps."""
     points = cloud.points
     for _ in range(steps):
-        pairs = cloud.points[_nearest(cloud, normal, offset)]
+        pairs = cloud.points[_nearest_mirrored(cloud, normal, offset)]
         middles, ways = (points + pairs) / 2, pairs - points
         # Use only the best 80 % of the pairs, so that parts without a counterpart, such as a raised hand, are
         # ignored.
-        missed = np.linalg.norm(_mirrored(points, normal, offset) - pairs, axis=1)
+        missed = np.linalg.norm(_mirror_points(points, normal, offset) - pairs, axis=1)
         good = missed <= np.quantile(missed, 0.8)
         centre = middles[good].mean(0)
         about = middles[good] - centre
@@ -117,8 +130,8 @@ def _brought(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _
         # plane.
         normal = np.linalg.eigh(about.T @ about - ways[good].T @ ways[good] / 4)[1][:, 0]
         offset = float(normal @ centre)
-    nearest = _nearest(cloud, normal, offset)
-    image = _mirrored(points, normal, offset)
+    nearest = _nearest_mirrored(cloud, normal, offset)
+    image = _mirror_points(points, normal, offset)
     gaps = image - points[nearest]
     # Measure the distance to the surface, not to its samples. So ignore tangential offsets below the sample
     # spacing.
@@ -128,27 +141,27 @@ def _brought(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0) -> _
     return _MirrorFit(float(np.maximum(through, distances - spacing).mean()), normal, offset)
 
 
-def _nearest(cloud: _Cloud, normal: Float, offset: float) -> Float:
+def _nearest_mirrored(cloud: _Cloud, normal: Float, offset: float) -> Float:
     """Returns (N,) the index of the nearest point with a similar normal for the image of each point."""
     facing = cloud.normals - 2 * (cloud.normals @ normal)[:, None] * normal
-    image = np.concatenate([_mirrored(cloud.points, normal, offset), _FACING * facing], 1)
+    image = np.concatenate([_mirror_points(cloud.points, normal, offset), _NORMAL_WEIGHT * facing], 1)
     return np.asarray(cloud.tree.query(image)[1])
 
 
-def _mirrored(points: Float, normal: Float, offset: float) -> Float:
+def _mirror_points(points: Float, normal: Float, offset: float) -> Float:
     return np.asarray(points - 2 * (points @ normal - offset)[:, None] * normal)
 
 
-def _different(planes: list[_MirrorFit]) -> list[_MirrorFit]:
+def _distinct_planes(planes: list[_MirrorFit]) -> list[_MirrorFit]:
     """Returns the best few planes that differ from one another."""
     distinct: list[_MirrorFit] = []
     for plane in planes:
-        if all(abs(plane.normal @ other.normal) < _ALIKE for other in distinct):
+        if all(abs(plane.normal @ other.normal) < _SAME_NORMAL_COSINE for other in distinct):
             distinct.append(plane)
-    return distinct[:_KEPT]
+    return distinct[:_MAX_PLANES_REFINED]
 
 
-def _breadth(points: Float, plane: _MirrorFit) -> float:
+def _rounded_extent(points: Float, plane: _MirrorFit) -> float:
     """Returns the extent of the mesh along the plane's normal, rounded to a tenth so that nearly equal
     extents tie."""
     return float(np.round(np.ptp(points @ plane.normal), 1))

@@ -16,7 +16,7 @@ from enliven.arrays import Float, Int
 from enliven.kernels import copy_row, copy_rows, njit
 from enliven.modeling.mesh.flips import across_edges, flip, slot
 
-_MOST = 20_000
+_MAX_ADDED_POINTS = 20_000
 """Maximum number of points that a refinement adds."""
 
 
@@ -49,22 +49,22 @@ def refined(
     Returns:
         (Q, 2) points, the first P unchanged, and (U, 3) triangles.
     """
-    room = len(points) + _MOST
+    room = len(points) + _MAX_ADDED_POINTS
     all_points, all_sizes = np.zeros((room, 2)), np.zeros(room)
     all_points[: len(points)], all_sizes[: len(points)] = points, sizes
     cells, beside = np.zeros((2 * room, 3), np.int64), np.full((2 * room, 3), -1, np.int64)
     cells[: len(triangles)] = triangles
     beside[: len(triangles)] = across_edges(triangles, len(points))
-    count, some = _refine(all_points, all_sizes, cells, beside, len(points), len(triangles), growth)
+    count, some = _refine_triangles(all_points, all_sizes, cells, beside, len(points), len(triangles), growth)
     refined_points, cells, beside = all_points[:count], cells[:some], beside[:some]
     for _ in range(smooth):
-        _relax(refined_points, cells, len(points))
+        _relax_points(refined_points, cells, len(points))
         _legalise_all(refined_points, cells, beside)
     return refined_points.copy(), cells.copy()
 
 
 @njit(cache=True, nogil=True)
-def _turn(a, b, c):
+def _twice_signed_area(a, b, c):
     """Computes twice the signed area of the triangle a, b, c."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
@@ -82,7 +82,7 @@ def _in_circle(a, b, c, d):
 
 
 @njit(cache=True, nogil=True)
-def _legalise(points, cells, beside, t, k):
+def _flip_edge_if_better(points, cells, beside, t, k):
     """Flips the edge opposite to corner k of cell t if that is legal and better. Returns True if it was
     flipped."""
     u = beside[t, k]
@@ -92,7 +92,10 @@ def _legalise(points, cells, beside, t, k):
     a, b, c, d = cells[t, k], cells[t, (k + 1) % 3], cells[t, (k + 2) % 3], cells[u, m]
     if _in_circle(points[a], points[b], points[c], points[d]) <= 1e-10:
         return False
-    if _turn(points[a], points[b], points[d]) <= 0.0 or _turn(points[a], points[d], points[c]) <= 0.0:
+    if (
+        _twice_signed_area(points[a], points[b], points[d]) <= 0.0
+        or _twice_signed_area(points[a], points[d], points[c]) <= 0.0
+    ):
         return False
     flip(cells, beside, t, k)
     return True
@@ -106,14 +109,14 @@ def _legalise_all(points, cells, beside):
         flipped = 0
         for t in range(cells.shape[0]):
             for k in range(3):
-                if _legalise(points, cells, beside, t, k):
+                if _flip_edge_if_better(points, cells, beside, t, k):
                     flipped += 1
         if flipped == 0:
             return
 
 
 @njit(cache=True, nogil=True)
-def _refine(points, sizes, cells, beside, count, some, growth):
+def _refine_triangles(points, sizes, cells, beside, count, some, growth):
     """Adds the centre of each oversized triangle and flips edges, repeatedly. Returns the numbers of points
     and triangles."""
     for _ in range(60):
@@ -133,7 +136,7 @@ def _refine(points, sizes, cells, beside, count, some, growth):
             if not fits:
                 continue
             points[count, 0], points[count, 1], sizes[count] = x, y, growth * size
-            _split(cells, beside, t, count, some)
+            _split_cell(cells, beside, t, count, some)
             count, some = count + 1, some + 2
         if count == before:
             break
@@ -142,7 +145,7 @@ def _refine(points, sizes, cells, beside, count, some, growth):
 
 
 @njit(cache=True, nogil=True)
-def _split(cells, beside, t, p, some):
+def _split_cell(cells, beside, t, p, some):
     """Splits cell t in three around point p. The new cells are ``some`` and ``some + 1``."""
     a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
     over_a, over_b, over_c = beside[t, 0], beside[t, 1], beside[t, 2]
@@ -160,7 +163,7 @@ def _split(cells, beside, t, p, some):
 
 
 @njit(cache=True, nogil=True)
-def _relax(points, cells, fixed):
+def _relax_points(points, cells, fixed):
     """Moves each point from index ``fixed`` on to the middle of its neighbours, unless a triangle would
     flip."""
     # Compute the target of each new point: the mean of its neighbours.
@@ -181,8 +184,8 @@ def _relax(points, cells, fixed):
         wrong = False
         for t in range(cells.shape[0]):
             a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
-            old_turn = _turn(points[a], points[b], points[c])
-            if _turn(wanted[a], wanted[b], wanted[c]) <= 0.05 * old_turn:
+            old_turn = _twice_signed_area(points[a], points[b], points[c])
+            if _twice_signed_area(wanted[a], wanted[b], wanted[c]) <= 0.05 * old_turn:
                 wrong = True
                 for i in (a, b, c):
                     copy_row(wanted[i], points[i])
@@ -191,6 +194,6 @@ def _relax(points, cells, fixed):
     # Give up if a triangle is still flipped.
     for t in range(cells.shape[0]):
         a, b, c = cells[t, 0], cells[t, 1], cells[t, 2]
-        if _turn(wanted[a], wanted[b], wanted[c]) <= 0.0:
+        if _twice_signed_area(wanted[a], wanted[b], wanted[c]) <= 0.0:
             return
     copy_rows(points, wanted)

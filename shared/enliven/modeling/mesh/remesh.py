@@ -8,9 +8,9 @@ from enliven.arrays import Bool, Float, Int, Int32
 from enliven.kernels import njit
 from enliven.modeling.mesh.flips import across_edges, flip, slot
 
-_PASS = 0.5
+_SMOOTHING_FACTOR = 0.5
 """Taubin's smoothing factor lambda ("A signal processing approach to fair surface design", 1995)."""
-_BACK = -0.53
+_UNSHRINKING_FACTOR = -0.53
 """Taubin's factor mu. This negative step, slightly larger than the smoothing step, prevents shrinking."""
 
 
@@ -38,13 +38,13 @@ def taubin_smoothed(vertices: Float, faces: Int32, times: int) -> Float:
     count = len(vertices)
     out = np.ascontiguousarray(vertices).copy()
     for _ in range(times):
-        out += _PASS * _to_middle(out, faces, count)
-        out += _BACK * _to_middle(out, faces, count)
+        out += _SMOOTHING_FACTOR * _vectors_to_neighbours(out, faces, count)
+        out += _UNSHRINKING_FACTOR * _vectors_to_neighbours(out, faces, count)
     return out
 
 
 @njit(cache=True, nogil=True)
-def _to_middle(vertices, faces, count):
+def _vectors_to_neighbours(vertices, faces, count):
     """Returns (V, 3) vectors from each vertex to the mean of its neighbours."""
     total, counts = np.zeros((count, 3)), np.zeros(count)
     for f in range(faces.shape[0]):
@@ -60,14 +60,14 @@ def _to_middle(vertices, faces, count):
 
 
 @njit(cache=True, nogil=True)
-def _normal(p, q, r):
+def _triangle_normal(p, q, r):
     ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     vx, vy, vz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
     return np.array([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx])
 
 
 @njit(cache=True, nogil=True)
-def _cotangent(tip, p, q):
+def _corner_cotangent(tip, p, q):
     ux, uy, uz = p[0] - tip[0], p[1] - tip[1], p[2] - tip[2]
     vx, vy, vz = q[0] - tip[0], q[1] - tip[1], q[2] - tip[2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -75,7 +75,7 @@ def _cotangent(tip, p, q):
 
 
 @njit(cache=True, nogil=True)
-def _linked(faces, beside, t, a, d):
+def _share_an_edge(faces, beside, t, a, d):
     """Returns True if vertices a (of face t) and d share an edge. Visits the faces around a."""
     f = t
     for _ in range(64):
@@ -101,16 +101,16 @@ def _flip_all(vertices, faces, beside):
                 a, b, c = faces[t, k], faces[t, (k + 1) % 3], faces[t, (k + 2) % 3]
                 m = slot(beside[u], t)
                 d = faces[u, m]
-                cotangent = _cotangent(vertices[a], vertices[b], vertices[c])
-                if cotangent + _cotangent(vertices[d], vertices[b], vertices[c]) >= -1e-9:
+                cotangent = _corner_cotangent(vertices[a], vertices[b], vertices[c])
+                if cotangent + _corner_cotangent(vertices[d], vertices[b], vertices[c]) >= -1e-9:
                     continue
-                old_normal = _normal(vertices[a], vertices[b], vertices[c])
-                old_normal += _normal(vertices[d], vertices[c], vertices[b])
-                first = _normal(vertices[a], vertices[b], vertices[d])
-                second = _normal(vertices[a], vertices[d], vertices[c])
+                old_normal = _triangle_normal(vertices[a], vertices[b], vertices[c])
+                old_normal += _triangle_normal(vertices[d], vertices[c], vertices[b])
+                first = _triangle_normal(vertices[a], vertices[b], vertices[d])
+                second = _triangle_normal(vertices[a], vertices[d], vertices[c])
                 if (first * old_normal).sum() <= 0.0 or (second * old_normal).sum() <= 0.0:
                     continue
-                if _linked(faces, beside, t, a, d):
+                if _share_an_edge(faces, beside, t, a, d):
                     continue
                 flip(faces, beside, t, k)
                 done += 1

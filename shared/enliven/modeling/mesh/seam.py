@@ -26,9 +26,9 @@ from enliven.modeling.mesh.flips import across_edges
 from enliven.modeling.skinning import HeatSettings, bone_count, dense, heat_weights, segments_of, sparse
 from enliven.settings import setting
 
-_HOLD = 1e-6
+_HOLD_WEIGHT = 1e-6
 """Weight that holds vertices at their old positions, relative to the smoothness term."""
-_FAR = 1.5
+_MAX_DISPLACEMENT_EDGES = 1.5
 """Maximum displacement of a vertex, in edge lengths."""
 
 
@@ -91,12 +91,14 @@ def smoothed(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Me
     if settings.strength == 0.0 or not seam.any():
         return mesh
     sharp = creased(mesh, seam, settings.crease)
-    free = _around(mesh, seam, sharp, settings.smooth_rings, settings.smooth_reach, settings.smooth_most)
+    free = _is_near_seam(
+        mesh, seam, sharp, settings.smooth_rings, settings.smooth_reach, settings.smooth_most
+    )
     if not free.any() or free.all():
         return mesh
     move = settings.strength * (fair(mesh, free) - mesh.vertices)
     length = np.linalg.norm(move, axis=1, keepdims=True)
-    most = settings.farthest * _radius(mesh.vertices[seam])
+    most = settings.farthest * _loop_radius(mesh.vertices[seam])
     moved = mesh.vertices + move * np.minimum(1.0, most / np.maximum(length, 1e-300))
     return replace(mesh, vertices=np.where(free[:, None], moved, mesh.vertices))
 
@@ -107,7 +109,7 @@ def reweighted(
     """Returns the skin with the rings around the seam recomputed by bone heat. The other weights stay
     unchanged."""
     settings = settings or SeamSettings()
-    free = _around(mesh, seam, seam, settings.weight_rings, settings.weight_reach)
+    free = _is_near_seam(mesh, seam, seam, settings.weight_rings, settings.weight_reach)
     if not free.any():
         return skin
     bones = max(len(skeleton), bone_count(skin))
@@ -139,24 +141,24 @@ def fair(mesh: Mesh, free: Bool) -> Float:
     laplacian = csr_matrix(web - diags(np.ones(web.shape[0])))
     normals = welded.vertex_normals()
     bent = ((laplacian @ welded.vertices) * normals).sum(1) / lengths**2
-    carried = _carried(web, np.concatenate([bent[:, None], normals], 1), unknown)
+    carried = _interpolate_unknown(web, np.concatenate([bent[:, None], normals], 1), unknown)
     ahead = carried[:, 1:] / np.maximum(np.linalg.norm(carried[:, 1:], axis=1, keepdims=True), 1e-300)
     wanted = (carried[:, 0] * lengths**2)[:, None] * ahead
     own, rest = laplacian[rows][:, inner], laplacian[rows][:, np.flatnonzero(~loose)]
     right = own.T @ (wanted[rows] - rest @ welded.vertices[~loose])
     # Pull weakly towards the old positions. This determines small shells that are entirely free, because
     # nothing else fixes their position.
-    right = right + _HOLD * welded.vertices[inner]
-    square = (own.T @ own + _HOLD * diags(np.ones(len(inner)))).tocsc()
+    right = right + _HOLD_WEIGHT * welded.vertices[inner]
+    square = (own.T @ own + _HOLD_WEIGHT * diags(np.ones(len(inner)))).tocsc()
     vertices = welded.vertices.copy()
     move = np.asarray(spsolve(square, right)).reshape(len(inner), 3) - vertices[inner]
-    limit = _FAR * np.maximum(lengths[inner], np.median(lengths[inner]))
+    limit = _MAX_DISPLACEMENT_EDGES * np.maximum(lengths[inner], np.median(lengths[inner]))
     most = np.minimum(1.0, limit / np.maximum(np.linalg.norm(move, axis=1), 1e-300))
     vertices[inner] += most[:, None] * move
     return np.asarray(vertices[of])
 
 
-def _carried(web: csr_matrix, values: Float, unknown: Bool) -> Float:
+def _interpolate_unknown(web: csr_matrix, values: Float, unknown: Bool) -> Float:
     """Returns the values (V, K) with unknown ones interpolated harmonically from known ones."""
     out = values.copy()
     inner, fixed = np.flatnonzero(unknown), np.flatnonzero(~unknown)
@@ -169,7 +171,7 @@ def _carried(web: csr_matrix, values: Float, unknown: Bool) -> Float:
     return out
 
 
-def _radius(points: Float) -> float:
+def _loop_radius(points: Float) -> float:
     """Returns the root-mean-square distance of a loop's points from their centre, in metres."""
     return float(np.sqrt(((points - points.mean(0)) ** 2).sum(1).mean()))
 
@@ -212,7 +214,9 @@ def creased(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
     return np.asarray(out[of])
 
 
-def _around(mesh: Mesh, seam: Bool, from_: Bool, rings: int, reach: float, most: float = np.inf) -> Bool:
+def _is_near_seam(
+    mesh: Mesh, seam: Bool, from_: Bool, rings: int, reach: float, most: float = np.inf
+) -> Bool:
     """Returns (V,) true for vertices around a seam: within a number of edges, or within multiples of its
     radius.
 
@@ -242,7 +246,7 @@ def _around(mesh: Mesh, seam: Bool, from_: Bool, rings: int, reach: float, most:
     for part in range(parts.max() + 1):
         members = own[parts == part]
         points = welded.vertices[members]
-        radius = _radius(points)
+        radius = _loop_radius(points)
         members = members[seeds[members]]
         if radius > 0 and len(members):
             far = dijkstra(web, directed=False, indices=members, limit=limit * radius, min_only=True)

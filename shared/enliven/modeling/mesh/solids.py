@@ -40,7 +40,7 @@ def solid_of(mesh: Mesh) -> Solid | str:
         return "some vertices are not finite"
     notes: list[str] = []
     welded, of = weld(mesh)
-    use = _usable(welded)
+    use = _is_usable_face(welded)
     if not use.all():
         notes.append(f"left out {int((~use).sum())} faces that have no area or occur twice")
     used = mesh.with_faces(use)
@@ -51,7 +51,7 @@ def solid_of(mesh: Mesh) -> Solid | str:
         notes.append(f"closed {closed.caps} holes" if closed.caps > 1 else "closed a hole")
     if closed.leaf.any():
         notes.append(f"{int(closed.leaf.sum())} of its faces enclose nothing and stay unchanged")
-    closed_mesh = _whole(used, closed)
+    closed_mesh = _closed_mesh(used, closed)
     leaves = replace(
         used.with_faces(closed.leaf),
         vertices=closed_mesh.vertices,
@@ -61,13 +61,13 @@ def solid_of(mesh: Mesh) -> Solid | str:
     if signed_volume(closed_mesh) < 0:
         notes.append("it was inside out: turned")
         closed_mesh, leaves = closed_mesh.turned(), leaves.turned()
-    manifold, number = _manifold(closed_mesh, closed.label)
+    manifold, number = _manifold_solid(closed_mesh, closed.label)
     if manifold.status() != manifold3d.Error.NoError:
         return f"the library says {manifold.status()}"
     return Solid(manifold, closed_mesh, closed.made, leaves, number, tuple(notes))
 
 
-def _whole(mesh: Mesh, closed: ClosedSurface) -> Mesh:
+def _closed_mesh(mesh: Mesh, closed: ClosedSurface) -> Mesh:
     """Returns the mesh with open sheets removed and holes capped. The caps interpolate the paint of their
     borders."""
     paint = mesh.paint
@@ -86,7 +86,7 @@ def signed_volume(mesh: Mesh) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
-def _usable(welded: Mesh) -> Bool:
+def _is_usable_face(welded: Mesh) -> Bool:
     """Returns (F,) true for faces with three different corners that do not repeat an earlier face in either
     direction."""
     corners = np.sort(welded.faces, 1)
@@ -97,7 +97,7 @@ def _usable(welded: Mesh) -> Bool:
     return np.asarray(is_proper & once)
 
 
-def _manifold(mesh: Mesh, label: Int) -> tuple[manifold3d.Manifold, int]:
+def _manifold_solid(mesh: Mesh, label: Int) -> tuple[manifold3d.Manifold, int]:
     """Builds the manifold3d solid, with vertex numbers as a property and each face with its own id.
 
     Args:

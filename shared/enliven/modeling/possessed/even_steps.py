@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.document import Character, Pose, PoseStream
 from enliven.errors import InputError
 
-_MOST_PLACES = 1 << 23
+_MAX_PLACES = 1 << 23
 """Maximum number of even poses times transforms: 0.8 GB, or 2.6 h of 30 nodes at 30 poses per second."""
 
 
@@ -42,7 +42,7 @@ def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple
     if len(first) < 2:
         raise InputError("all its poses have the same time", where=where, mend="Record it again.")
     step, lasts = float(np.median(np.diff(seconds))), float(seconds[-1] - seconds[0])
-    if lasts / step * len(character.pivots) > _MOST_PLACES:
+    if lasts / step * len(character.pivots) > _MAX_PLACES:
         problem = f"its poses are spread over {lasts:.3g} s, at steps of {step:.3g} s: too many"
         raise InputError(problem, where=where, mend="Record a shorter take.")
     return [poses[i] for i in first], seconds, np.arange(seconds[0], seconds[-1] + 0.5 * step, step)

@@ -9,12 +9,12 @@ from scipy.sparse.csgraph import dijkstra
 from enliven.arrays import Float, Int, Int32
 from enliven.document import GraphShape
 
-_REACH = 0.3
+_FALLOFF_FRACTION = 0.3
 """Falloff radius along the graph, as a fraction of the mesh's size: a limb follows, and not the whole
 mesh."""
-_AROUND = 1.5
+_MIN_FALLOFF_EDGES = 1.5
 """Minimum falloff radius, in median lengths of the node's edges, so that its neighbours follow."""
-_EVEN = 1e-3
+_SLOPE_REGULARIZATION = 1e-3
 """Regularization of slopes across the graph's surface towards 0, as a fraction of squared edge length. Also
 the minimum difference between the share of the dragged node (1) and that of any other node."""
 
@@ -36,15 +36,15 @@ def followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
     away = dijkstra(graph, directed=False, indices=node)
     near = lengths[(edges == node).any(1)]
     size = float(np.linalg.norm(np.ptp(shape.mesh.vertices, axis=0)))
-    reach = max(_REACH * size, _AROUND * float(np.median(near)) if len(near) else 0.0)
+    reach = max(_FALLOFF_FRACTION * size, _MIN_FALLOFF_EDGES * float(np.median(near)) if len(near) else 0.0)
     shares = np.where(away < reach, (1.0 - np.minimum(away / reach, 1.0) ** 2) ** 2, 0.0)
-    shares = np.minimum(shares, 1.0 - _EVEN)
+    shares = np.minimum(shares, 1.0 - _SLOPE_REGULARIZATION)
     shares[node] = 1.0  # The dragged node is the only node with the full share.
     own = np.flatnonzero(shares > 0.0)
-    return own, np.concatenate([shares[own, None], _slopes(rest, edges, shares, node)[own]], 1)
+    return own, np.concatenate([shares[own, None], _share_slopes(rest, edges, shares, node)[own]], 1)
 
 
-def _slopes(rest: Float, edges: Int32, shares: Float, node: int) -> Float:
+def _share_slopes(rest: Float, edges: Int32, shares: Float, node: int) -> Float:
     """Computes (N, 3) the slope per metre of the shares (N,) at each node. It is 0 at the dragged node."""
     ends = np.concatenate([edges, edges[:, ::-1]])
     ways = rest[ends[:, 1]] - rest[ends[:, 0]]
@@ -52,7 +52,7 @@ def _slopes(rest: Float, edges: Int32, shares: Float, node: int) -> Float:
     square, along = np.zeros((len(rest), 3, 3)), np.zeros((len(rest), 3))
     np.add.at(square, ends[:, 0], ways[:, :, None] * ways[:, None, :])
     np.add.at(along, ends[:, 0], ways * steps[:, None])
-    damping = _EVEN * np.trace(square, axis1=1, axis2=2) + 1e-12
+    damping = _SLOPE_REGULARIZATION * np.trace(square, axis1=1, axis2=2) + 1e-12
     slopes = np.linalg.solve(square + damping[:, None, None] * np.eye(3), along[..., None])[..., 0]
     slopes[node] = 0.0
     return np.asarray(slopes)

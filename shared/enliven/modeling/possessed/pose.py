@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven.modeling.mesh import blended
 from enliven.rotation import conjugate, from_matrix, multiply, rotate, to_matrix
 
-_MIRRORED = np.array([-1.0, 1.0, 1.0])
+_MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
 """The diagonal of the reflection in the plane x = 0."""
 
 
@@ -32,9 +32,9 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
     linear, positions = np.empty((len(shape.positions), 3, 3)), np.empty((len(shape.positions), 3))
     over = [_layer_at(project, layer, len(shape.positions), time) for layer in shape.over]
     for part, start in zip(shape.parts, shape.starts, strict=False):
-        maps, places = _played(smoothed(project.streams[part.take], part.smooth), part, time)
+        maps, places = _part_maps_at(smoothed(project.streams[part.take], part.smooth), part, time)
         if part.mirrored:
-            maps, places = maps * _MIRRORED * _MIRRORED[:, None], places * _MIRRORED
+            maps, places = maps * _MIRROR_SIGNS * _MIRROR_SIGNS[:, None], places * _MIRROR_SIGNS
         places = part.size * places
         turn, move = part.turn, part.place
         rows = slice(start, start + len(part.nodes))
@@ -43,13 +43,13 @@ def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float,
             # without these layers.
             carriers = [layer for layer in over if not layer.moves[rows].any()]
             node = np.array([part.ride.node])
-            carrier = _layered((linear[node], positions[node]), carriers, node)
+            carrier = _apply_layers((linear[node], positions[node]), carriers, node)
             carry = multiply(from_matrix(carrier[0][0]), conjugate(part.ride.turn))
             move = rotate(carry, move - part.ride.place) + carrier[1][0]
             turn = multiply(carry, turn)
         linear[rows] = to_matrix(turn) @ maps @ to_matrix(conjugate(part.axes))
         positions[rows] = rotate(turn, places) + move
-    return _layered((linear, positions), over, np.arange(len(positions)))
+    return _apply_layers((linear, positions), over, np.arange(len(positions)))
 
 
 def within_layer(
@@ -102,7 +102,7 @@ def over_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[F
     return base[0] @ linear, base[1] + np.einsum("nij,nj->ni", base[0], apart)
 
 
-def _layered(base: tuple[Float, Float], over: Sequence[_LayerMotion], nodes: Int) -> tuple[Float, Float]:
+def _apply_layers(base: tuple[Float, Float], over: Sequence[_LayerMotion], nodes: Int) -> tuple[Float, Float]:
     """Returns the maps and positions of some nodes with the layers on top applied."""
     for layer in over:
         base = over_base(base, layer.linear[nodes], layer.apart[nodes])
@@ -118,29 +118,35 @@ def _layer_at(project: Project, layer: GraphLayer, count: int, time: float) -> _
     at = layer.moment(time, stream.duration)
     weight = 0.0 if layer.muted else at.weight * layer.weight
     if weight > 0.0:
-        maps, places = _recorded(stream, layer.nodes, at.second)
+        maps, places = _recorded_maps_at(stream, layer.nodes, at.second)
         if at.share > 0.0:
-            maps, places = _mixed((maps, places), _recorded(stream, layer.nodes, at.other), at.share)
-        flip, axes = _MIRRORED if layer.mirrored else np.ones(3), to_matrix(layer.axes)
+            maps, places = _interpolate_maps(
+                (maps, places), _recorded_maps_at(stream, layer.nodes, at.other), at.share
+            )
+        flip, axes = _MIRROR_SIGNS if layer.mirrored else np.ones(3), to_matrix(layer.axes)
         maps = axes @ (maps * flip * flip[:, None]) @ axes.T
         offsets[layer.own] = weight * layer.size * ((places - layer.rest[layer.nodes]) * flip) @ axes.T
         linear[layer.own] += weight * (maps - np.eye(3))
     return _LayerMotion(moves, linear, offsets)
 
 
-def _played(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
+def _part_maps_at(stream: PoseStream, part: GraphPart, time: float) -> tuple[Float, Float]:
     """Returns the recorded (K, 3, 3) and (K, 3) of a part's nodes at a time. A muted part has its first
     frame."""
     if part.muted:
-        return _recorded(stream, part.nodes, 0.0)
+        return _recorded_maps_at(stream, part.nodes, 0.0)
     at = part.moment(time, stream.duration)
-    recorded = _recorded(stream, part.nodes, at.second)
+    recorded = _recorded_maps_at(stream, part.nodes, at.second)
     if at.share > 0.0:
-        recorded = _mixed(recorded, _recorded(stream, part.nodes, at.other), at.share)
-    return recorded if at.weight == 1.0 else _mixed(_recorded(stream, part.nodes, 0.0), recorded, at.weight)
+        recorded = _interpolate_maps(recorded, _recorded_maps_at(stream, part.nodes, at.other), at.share)
+    return (
+        recorded
+        if at.weight == 1.0
+        else _interpolate_maps(_recorded_maps_at(stream, part.nodes, 0.0), recorded, at.weight)
+    )
 
 
-def _recorded(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Float]:
+def _recorded_maps_at(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Float]:
     """Returns the recorded maps and positions at a second of the stream."""
     last = len(stream.positions) - 1
     frame = min(second / stream.step, float(last))
@@ -148,9 +154,9 @@ def _recorded(stream: PoseStream, nodes: Int, second: float) -> tuple[Float, Flo
     after = min(before + 1, last)
     pairs = (stream.linear, stream.positions)
     earlier, later = (tuple(rows[k, nodes] for rows in pairs) for k in (before, after))
-    return _mixed(earlier, later, frame - before)
+    return _interpolate_maps(earlier, later, frame - before)
 
 
-def _mixed(one: tuple[Float, ...], other: tuple[Float, ...], share: float) -> tuple[Float, Float]:
+def _interpolate_maps(one: tuple[Float, ...], other: tuple[Float, ...], share: float) -> tuple[Float, Float]:
     linear, positions = ((1 - share) * a + share * b for a, b in zip(one, other, strict=True))
     return linear, positions

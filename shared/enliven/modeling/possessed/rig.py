@@ -27,7 +27,7 @@ from enliven.modeling.rigged import Axes, moved_mesh
 from enliven.person import MIRROR
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
 
-_OTHER_SIDE = [0, 2, 1, 4, 3]
+_MIRRORED_ENDS = [0, 2, 1, 4, 3]
 """The order of the five ends of a mesh in its mirror image: left and right are swapped."""
 
 
@@ -122,7 +122,7 @@ class GraphRig(RigEdits):
         mesh = moved_mesh(shape.mesh, centre, axes, centre)
         positions = centre + axes.vectors(shape.positions - centre)
         ends = centre + axes.vectors(shape.ends - centre)
-        ends = ends[_OTHER_SIDE] if len(ends) else ends
+        ends = ends[_MIRRORED_ENDS] if len(ends) else ends
         joints = centre + axes.vectors(shape.joints - centre)
         joints = joints[list(MIRROR)] if len(joints) else joints
         over = tuple(

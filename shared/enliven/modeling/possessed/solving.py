@@ -35,21 +35,21 @@ from enliven.modeling.possessed.even_steps import stream_of
 from enliven.possession import replay
 from enliven.rotation import to_matrix
 
-_STEP = 1e-5
+_GRID_SIZE_M = 1e-5
 """Grid size in metres for comparing meshes. A mesh that was scaled and scaled back differs by rounding,
 1e-15."""
-_BESIDE = 0.31830988618
+_GRID_OFFSET = 0.31830988618
 """Offset of the grid as a fraction of its size, so that round numbers do not fall on a boundary."""
 
 
 def stale(project: Project, shape: GraphShape) -> bool:
     """Returns True if a motion of a shape was solved from inputs that have changed since."""
-    return any(_key(project, shape, n) != how.solved for n, _, how in _possessed(shape))
+    return any(_motion_checksum(project, shape, n) != how.solved for n, _, how in _possessed_parts(shape))
 
 
 def unsolved(shape: GraphShape) -> bool:
     """Returns True if a motion of a shape is missing, for example after its file was damaged."""
-    return any(not how.solved for _, _, how in _possessed(shape))
+    return any(not how.solved for _, _, how in _possessed_parts(shape))
 
 
 def solve_lost(project: Project, progress: Callable[[float], None] | None = None) -> Project:
@@ -67,8 +67,10 @@ def solve_lost(project: Project, progress: Callable[[float], None] | None = None
 def as_solved(project: Project, shape_id: str) -> Project:
     """Marks the streams of a shape as solved from the current inputs."""
     shape, parts = project.graph(shape_id), list(project.graph(shape_id).parts)
-    for number, part, how in _possessed(shape):
-        parts[number] = replace(part, possession=replace(how, solved=_key(project, shape, number)))
+    for number, part, how in _possessed_parts(shape):
+        parts[number] = replace(
+            part, possession=replace(how, solved=_motion_checksum(project, shape, number))
+        )
     return project.with_characters(shape.with_changes(parts=tuple(parts)))
 
 
@@ -79,7 +81,7 @@ def with_possession(project: Project, shape_id: str, possession: Possession) -> 
         InputError: if the shape does not exist, or performers moved no part of it.
     """
     shape = project.graph(shape_id)
-    for number, part, how in _possessed(shape):
+    for number, part, how in _possessed_parts(shape):
         new_possession = replace(possession, rest=how.rest, solved=how.solved)
         parts = (*shape.parts[:number], replace(part, possession=new_possession), *shape.parts[number + 1 :])
         return project.with_characters(shape.with_changes(parts=parts))
@@ -140,10 +142,14 @@ def solve_again(
         InputError: if the shape does not exist, or its performers cannot attach to any point of a part.
     """
     shape = project.graph(shape_id)
-    due = [entry for entry in _possessed(shape) if _key(project, shape, entry[0]) != entry[2].solved]
+    due = [
+        entry
+        for entry in _possessed_parts(shape)
+        if _motion_checksum(project, shape, entry[0]) != entry[2].solved
+    ]
     parts = list(shape.parts)
     for done, (number, part, how) in enumerate(due):
-        (bare, rest), take, poses = _bare(shape, number), project.bodies[how.take], list[Pose]()
+        (bare, rest), take, poses = _rest_character(shape, number), project.bodies[how.take], list[Pose]()
         for pose in replay(bare, graph_of(bare), take, how, notes):
             poses.append(pose)
             if progress is not None:
@@ -152,7 +158,7 @@ def solve_again(
         users = [layer for character in project.characters.values() for layer in character.playing]
         alone = sum(layer.take == part.take for layer in users if layer.source == part.source) == 1
         stream = stream_of(bare, poses, part.take if alone else unused(shape_id, project.streams))
-        solved = replace(how, rest=rest, solved=_key(project, shape, number))
+        solved = replace(how, rest=rest, solved=_motion_checksum(project, shape, number))
         parts[number] = replace(part, take=stream.id, nodes=np.arange(len(rest)), possession=solved)
         shape = shape.with_changes(parts=tuple(parts))
         streams = {**project.streams, stream.id: stream}
@@ -161,13 +167,13 @@ def solve_again(
     return project
 
 
-def _possessed(shape: GraphShape) -> list[tuple[int, GraphPart, Possession]]:
+def _possessed_parts(shape: GraphShape) -> list[tuple[int, GraphPart, Possession]]:
     """Returns the parts of a shape that performers moved, with their numbers."""
     parts = enumerate(shape.parts)
     return [(n, part, part.possession) for n, part in parts if part.possession is not None]
 
 
-def _bare(shape: GraphShape, number: int) -> tuple[Character, Float]:
+def _rest_character(shape: GraphShape, number: int) -> tuple[Character, Float]:
     """Restores a part of a shape as it was possessed: in the rest pose of its recording, without other parts.
 
     Returns:
@@ -184,7 +190,7 @@ def _bare(shape: GraphShape, number: int) -> tuple[Character, Float]:
     def back(points: Float) -> Float:
         return np.asarray((points - middle) @ turn / part.size * flip)
 
-    vertices, faces, skin, painted = _surface(shape, own)
+    vertices, faces, skin, painted = _part_surface(shape, own)
     is_own_edge = np.isin(shape.edges, own).all(1)
     rest, faces = back(shape.positions[own]), faces[:, ::-1] if part.mirrored else faces
     places = back(vertices).astype(np.float32), rest.astype(np.float32)
@@ -193,7 +199,7 @@ def _bare(shape: GraphShape, number: int) -> tuple[Character, Float]:
     return bare, rest
 
 
-def _surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWeights, Float32 | None]:
+def _part_surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWeights, Float32 | None]:
     """Returns vertices, faces, skin and stiffness of the surface that follows the nodes ``own`` most, else of
     all."""
     mesh, skin = shape.mesh, shape.skin
@@ -213,13 +219,15 @@ def _surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWei
     return mesh.vertices[used], number[faces], own_skin, mesh.paint_at(used)[1]
 
 
-def _key(project: Project, shape: GraphShape, number: int) -> str:
+def _motion_checksum(project: Project, shape: GraphShape, number: int) -> str:
     """Returns a checksum of all inputs of a part's motion."""
     part = shape.parts[number]
     assert part.possession is not None
-    (bare, _), digest = _bare(shape, number), hashlib.blake2b(digest_size=16)
+    (bare, _), digest = _rest_character(shape, number), hashlib.blake2b(digest_size=16)
     for points in (bare.vertices, bare.pivots):
-        digest.update(np.floor(points.astype(np.float64) / _STEP + _BESIDE).astype(np.int64).tobytes())
+        digest.update(
+            np.floor(points.astype(np.float64) / _GRID_SIZE_M + _GRID_OFFSET).astype(np.int64).tobytes()
+        )
     for numbers in (bare.faces, bare.edges, bare.skin.indices):
         digest.update(np.ascontiguousarray(numbers, np.int64).tobytes())
     if bare.stiffness is not None:

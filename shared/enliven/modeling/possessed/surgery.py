@@ -52,7 +52,7 @@ def cut_graph(
     larger, smaller = cut.larger_first
     if notes is not None:
         notes.extend(cut.notes)
-    sides = _side(shape, larger, shape_id), _side(shape, smaller, off_id)
+    sides = _cut_side(shape, larger, shape_id), _cut_side(shape, smaller, off_id)
     return project.with_characters(*sides), (shape_id, off_id)
 
 
@@ -68,17 +68,20 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
     """
     host, graft = project.graph(merge.host), project.graph(merge.graft)
     ours, theirs = graph_pose(project, host, merge.time), graph_pose(project, graft, merge.time)
-    node, root = _meeting(host, ours[1], theirs[1], merge.node)
+    node, root = _meeting_nodes(host, ours[1], theirs[1], merge.node)
     turn, place = from_matrix(ours[0][node]), ours[1][node]
     axes = multiply(conjugate(turn), from_matrix(theirs[0][root]))
     to = host.positions[node] + rotate(conjugate(turn), theirs[1][root] - place)
-    moved = _at_rest_in(graft, normalized(axes), graft.positions[root], to)
+    moved = _rotate_rest_pose(graft, normalized(axes), graft.positions[root], to)
     ride, first = Ride(node, turn, place), len(host.positions)
-    parts = [_carried(part, ride, first) for part in moved.parts]
+    parts = [_part_of_graft(part, ride, first) for part in moved.parts]
     edges = np.concatenate([host.edges, moved.edges + first, [[node, first + root]]])
     turned = theirs[0] @ to_matrix(conjugate(axes))
     maps = np.concatenate(
-        [_maps(ours[0], ours[1], host.positions), _maps(turned, theirs[1], moved.positions)]
+        [
+            _world_from_rest(ours[0], ours[1], host.positions),
+            _world_from_rest(turned, theirs[1], moved.positions),
+        ]
     )
     numbers = SkinWeights((graft.skin.indices + first).astype(np.uint16), graft.skin.weights)
     mesh, skin = joined(
@@ -102,7 +105,7 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
     return project.without(graft.id).with_characters(merged)
 
 
-def _side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
+def _cut_side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
     """Returns one side of a cut, with the nodes that its vertices follow and the nodes that carry their
     parts."""
     assert piece.skin is not None
@@ -112,7 +115,10 @@ def _side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
         if part.ride is not None and is_kept[start : start + len(part.nodes)].any():
             is_kept[part.ride.node] = True
     number = np.where(is_kept, np.cumsum(is_kept) - 1, 0)
-    parts = [_part_with(part, is_kept[start:][: len(part.nodes)], number) for part, start in _starting(shape)]
+    parts = [
+        _part_with(part, is_kept[start:][: len(part.nodes)], number)
+        for part, start in _parts_with_starts(shape)
+    ]
     edges = shape.edges[is_kept[shape.edges].all(1)]
     return GraphShape(
         side_id,
@@ -125,7 +131,7 @@ def _side(shape: GraphShape, piece: Piece, side_id: str) -> GraphShape:
     )
 
 
-def _starting(shape: GraphShape) -> list[tuple[GraphPart, int]]:
+def _parts_with_starts(shape: GraphShape) -> list[tuple[GraphPart, int]]:
     """Returns the parts, each with the number of its first node."""
     return list(zip(shape.parts, shape.starts, strict=False))
 
@@ -142,7 +148,7 @@ def _layer_with(layer: GraphLayer, kept: Bool, number: Int) -> GraphLayer:
     return replace(layer, nodes=layer.nodes[is_kept], own=number[layer.own[is_kept]])
 
 
-def _meeting(host: GraphShape, ours: Float, theirs: Float, node: int | str | None) -> tuple[int, int]:
+def _meeting_nodes(host: GraphShape, ours: Float, theirs: Float, node: int | str | None) -> tuple[int, int]:
     """Returns the host's node that carries the graft, and the graft's node nearest to it."""
     distances = np.linalg.norm(ours[:, None] - theirs[None], axis=2)
     if node is None:
@@ -153,7 +159,7 @@ def _meeting(host: GraphShape, ours: Float, theirs: Float, node: int | str | Non
     return node, int(distances[node].argmin())
 
 
-def _at_rest_in(shape: GraphShape, axes: Float, root: Float, to: Float) -> GraphShape:
+def _rotate_rest_pose(shape: GraphShape, axes: Float, root: Float, to: Float) -> GraphShape:
     """Rotates the rest pose of a shape by ``axes`` about ``root`` and moves that point to ``to``. The motion
     stays."""
     positions = to + rotate(axes, shape.positions - root)
@@ -172,14 +178,14 @@ def _at_rest_in(shape: GraphShape, axes: Float, root: Float, to: Float) -> Graph
     return shape.with_changes(positions=positions, mesh=mesh, parts=tuple(parts), over=over)
 
 
-def _carried(part: GraphPart, ride: Ride, first: int) -> GraphPart:
+def _part_of_graft(part: GraphPart, ride: Ride, first: int) -> GraphPart:
     """Returns a part of the graft in the merged shape, in which its nodes come after ``first`` others."""
     if part.ride is None:
         return replace(part, ride=ride)
     return replace(part, ride=replace(part.ride, node=part.ride.node + first))
 
 
-def _maps(linear: Float, positions: Float, rest: Float) -> Float:
+def _world_from_rest(linear: Float, positions: Float, rest: Float) -> Float:
     """Returns (N, 3, 4) world from rest of each node."""
     offset = positions - np.einsum("nab,nb->na", linear, rest)
     return np.concatenate([linear, offset[..., None]], -1)

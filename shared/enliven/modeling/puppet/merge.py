@@ -34,13 +34,14 @@ from enliven.modeling.puppet.parts import (
 from enliven.modeling.rig import Merge
 from enliven.rotation import nearest_rotation
 
-_NEAR = 0.08
+_REGION_RADIUS_FRACTION = 0.08
 """Radius of the surface region around a point, as a fraction of the puppet's size: about a limb's girth."""
 _MIN_REGION_VERTICES = 12
-"""Minimum number of vertices in a region, for a mesh too coarse for ``_NEAR``: a rigid fit needs several."""
-_MOST = 16
+"""Minimum number of vertices in a region, for a mesh too coarse for ``_REGION_RADIUS_FRACTION``: a rigid fit
+needs several."""
+_MAX_NEW_POINTS = 16
 """Maximum number of new control points. The user sees each of them and may have to drag it."""
-_TOLERANCE = 0.01
+_MAX_POSE_ERROR = 0.01
 """Error of a key pose, as a fraction of the puppet's size, above which one more control point is added."""
 
 
@@ -79,9 +80,9 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     keys = list(dict.fromkeys([*host.keys, *graft.keys]))
     host.show(keys)
     graft.show(keys)
-    middle = _meeting(host.seen, graft.seen)
+    middle = _meeting_point(host.seen, graft.seen)
     to_host, to_graft = host.around(middle), graft.around(middle)
-    united_mesh = _united(host.puppet, graft.puppet, to_host.back.after(to_graft), merge)
+    united_mesh = _united_mesh(host.puppet, graft.puppet, to_host.back.after(to_graft), merge)
     merged = _Merge(host, graft, united_mesh, keys, middle).made(messages)
     project = project.without(merge.graft)
     state = state_at(project.with_characters(merged), merged, time)
@@ -118,21 +119,21 @@ class _Side:
     def show(self, keys: Sequence[tuple[str, int]]) -> None:
         """Computes the surface for the key poses of both puppets."""
         count = len(self.puppet.points)
-        places = np.array([self._places(key) for key in keys]).reshape(len(keys), count, 3)
+        places = np.array([self._key_places(key) for key in keys]).reshape(len(keys), count, 3)
         self.was = shown(self._surface, places)
 
     def around(self, middle: Float) -> _Rigid:
         """Returns world from rest of the surface around a point of the world (3,), at the time of the
         merge."""
-        self._near = _around(self.seen, middle, self.puppet)
-        return _rigid(self.puppet.mesh.vertices[self._near], self.seen[self._near])
+        self._near = _vertices_around(self.seen, middle, self.puppet)
+        return _fit_rigid_motion(self.puppet.mesh.vertices[self._near], self.seen[self._near])
 
     def carried(self, key: int) -> _Rigid:
         """Returns the rigid motion of the surface around the meeting place, from the time of the merge to a
         key pose."""
-        return _rigid(self.local[self._near], self.was[key][self._near])
+        return _fit_rigid_motion(self.local[self._near], self.was[key][self._near])
 
-    def _places(self, key: tuple[str, int]) -> Float:
+    def _key_places(self, key: tuple[str, int]) -> Float:
         """Returns (P, 3) metres, its control points in its mesh's frame: from its key pose, or from its own
         motion."""
         if key in self.keys:
@@ -156,7 +157,7 @@ class _Merge:
         count = len(union.mesh.vertices)
         ours, theirs = union.first >= 0, (union.second >= 0) & (union.first < 0)
         base = host.world.back.after(graft.world)
-        self.rides = _in_step(host.puppet, graft.puppet)
+        self.rides = _plays_same_frames(host.puppet, graft.puppet)
         self._was = np.zeros((len(keys), count, 3))
         for number in range(len(keys)):
             carry = host.carried(number).after(base) if self.rides else base
@@ -167,14 +168,18 @@ class _Merge:
     def made(self, notes: list[str]) -> Puppet:
         """Returns the merged puppet, with the layers of both."""
         host, graft = self._host.puppet, self._graft.puppet
-        ours = self._moved(host, self._union.first, set(), notes)
-        theirs = self._moved(graft, np.where(self._mine[1], self._union.second, -1), set(ours), notes)
+        ours = self._points_on_union(host, self._union.first, set(), notes)
+        theirs = self._points_on_union(
+            graft, np.where(self._mine[1], self._union.second, -1), set(ours), notes
+        )
         points = [*ours.values(), *theirs.values()]
-        merged = self._with(points)
+        merged = self._puppet_with_points(points)
         size = float(np.linalg.norm(np.ptp(merged.mesh.vertices, axis=0)))
-        is_known = self._known()
+        is_known = self._is_far_from_seam()
         none = np.zeros(0, np.int64)
-        added, worst = points_needed(merged, self._was, is_known, none, _MOST, _TOLERANCE * size)
+        added, worst = points_needed(
+            merged, self._was, is_known, none, _MAX_NEW_POINTS, _MAX_POSE_ERROR * size
+        )
         more: dict[str, ControlPoint] = {}
         names = {point.name: point for point in points}
         sides = [ours, theirs]
@@ -193,9 +198,11 @@ class _Merge:
             notes.append(f"{difference}: it moves about where it is now, and the surface follows both.")
         if any(layer.positions or layer.velocities or layer.couplings for layer in graft.layers):
             notes.append(f"Hard constraints of {graft.id!r} were left out.")
-        return self._with([*points, *more.values()]).with_changes(layers=self._layers(ours, theirs))
+        return self._puppet_with_points([*points, *more.values()]).with_changes(
+            layers=self._merged_layers(ours, theirs)
+        )
 
-    def _moved(
+    def _points_on_union(
         self, puppet: Puppet, of: Int, used_names: set[str], notes: list[str]
     ) -> dict[str, ControlPoint]:
         """Returns the control points on the united mesh by their old names. New points come last.
@@ -218,9 +225,11 @@ class _Merge:
                 notes.append(f"{point.name!r} was inside of the other: it sits on the nearest vertex now.")
             used.add(vertex)
             out[point.name] = replace(point, vertex=vertex)
-        return out if not used_names else self._renamed(out, used_names)
+        return out if not used_names else self._rename_taken_points(out, used_names)
 
-    def _renamed(self, points: dict[str, ControlPoint], used_names: set[str]) -> dict[str, ControlPoint]:
+    def _rename_taken_points(
+        self, points: dict[str, ControlPoint], used_names: set[str]
+    ) -> dict[str, ControlPoint]:
         """Renames control points with taken names. Returns them by their old names."""
         names = dict.fromkeys(used_names)
         for old, point in points.items():
@@ -228,7 +237,7 @@ class _Merge:
             names[points[old].name] = None
         return points
 
-    def _with(self, points: list[ControlPoint]) -> Puppet:
+    def _puppet_with_points(self, points: list[ControlPoint]) -> Puppet:
         vertices = [point.vertex for point in points]
         takes = self._host._project.takes
         poses = tuple(
@@ -242,7 +251,7 @@ class _Merge:
             layers=(),
         )
 
-    def _known(self) -> Bool:
+    def _is_far_from_seam(self) -> Bool:
         """Returns (V,) true for vertices of either puppet that are not near the seam."""
         mesh, seam = self._union.mesh, self._union.seam
         either = self._mine[0] | self._mine[1]
@@ -250,15 +259,15 @@ class _Merge:
             return either
         size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
         away = scipy.spatial.cKDTree(mesh.vertices[seam]).query(mesh.vertices)[0]
-        return np.asarray(either & (away > _NEAR * size))
+        return np.asarray(either & (away > _REGION_RADIUS_FRACTION * size))
 
-    def _layers(
+    def _merged_layers(
         self, ours: dict[str, ControlPoint], theirs: dict[str, ControlPoint]
     ) -> tuple[PuppetLayer, ...]:
         """Returns the layers of both, each for its own control points. Layers that play the same are
         combined."""
         host, graft = (
-            [self._moving(layer, puppet, side) for layer in puppet.layers]
+            [self._layer_with_new_points(layer, puppet, side) for layer in puppet.layers]
             for puppet, side in ((self._host.puppet, ours), (self._graft.puppet, theirs))
         )
         bare = [replace(layer, positions=(), velocities=(), couplings=(), travel=False) for layer in graft]
@@ -270,14 +279,16 @@ class _Merge:
             return tuple(replace(layer, points=(*layer.points, *other.points)) for layer, other in both)
         return (*host, *bare)
 
-    def _moving(self, layer: PuppetLayer, puppet: Puppet, side: dict[str, ControlPoint]) -> PuppetLayer:
+    def _layer_with_new_points(
+        self, layer: PuppetLayer, puppet: Puppet, side: dict[str, ControlPoint]
+    ) -> PuppetLayer:
         """Returns a layer of one puppet, with its control points renamed and the new ones added."""
         old = [point.name for point in puppet.points]
         new = [point.name for name, point in side.items() if name not in old]
         return replace(layer, points=(*(side[name].name for name in layer.points or old), *new))
 
 
-def _in_step(host: Puppet, graft: Puppet) -> bool:
+def _plays_same_frames(host: Puppet, graft: Puppet) -> bool:
     """Returns True if graft and host play the same frames of the same takes, so that the host can carry the
     graft."""
     played = [
@@ -287,10 +298,10 @@ def _in_step(host: Puppet, graft: Puppet) -> bool:
     return not played[1] or played[0] == played[1]
 
 
-def _united(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union:
+def _united_mesh(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union:
     """Returns the union of both at rest, with the graft moved and the seam smoothed."""
     moved = replace(graft.mesh, vertices=to(graft.mesh.vertices))
-    union = united(host.mesh, _none(host), moved, _none(graft), offset=1, tidy=True)
+    union = united(host.mesh, _placeholder_skin(host), moved, _placeholder_skin(graft), offset=1, tidy=True)
     if union.failed and not merge.loose:
         mend = "Repair the mesh, or merge loosely: both shells in one mesh."
         raise InputError(f"no union can be made: {union.notes[0]}", where=host.where, mend=mend)
@@ -298,7 +309,7 @@ def _united(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union:
     return replace(union, mesh=smoothed(union.mesh, union.seam, merge.seam)) if union.seam.any() else union
 
 
-def _none(puppet: Puppet) -> SkinWeights:
+def _placeholder_skin(puppet: Puppet) -> SkinWeights:
     """Returns a skin with full weight on bone 0, as a placeholder."""
     count = len(puppet.mesh.vertices)
     weights = np.zeros((count, 4), np.float32)
@@ -306,7 +317,7 @@ def _none(puppet: Puppet) -> SkinWeights:
     return SkinWeights(np.zeros((count, 4), np.uint16), weights)
 
 
-def _meeting(ours: Float, theirs: Float) -> Float:
+def _meeting_point(ours: Float, theirs: Float) -> Float:
     """Returns (3,) metres in the world, the centre of the region in which two surfaces are nearest."""
     away, which = scipy.spatial.cKDTree(ours).query(theirs)
     scale = 0.02 * float(np.linalg.norm(np.ptp(theirs, axis=0)))
@@ -314,16 +325,19 @@ def _meeting(ours: Float, theirs: Float) -> Float:
     return np.asarray((theirs[near].mean(0) + ours[which[near]].mean(0)) / 2)
 
 
-def _around(points: Float, middle: Float, puppet: Puppet) -> Int:
+def _vertices_around(points: Float, middle: Float, puppet: Puppet) -> Int:
     """Returns the vertices around a point, by distance in space."""
     size = float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))
     away = np.linalg.norm(points - middle, axis=1)
     order = np.argsort(away, kind="stable")
-    count = max(int((away <= away.min() + _NEAR * size).sum()), min(_MIN_REGION_VERTICES, len(points)))
+    count = max(
+        int((away <= away.min() + _REGION_RADIUS_FRACTION * size).sum()),
+        min(_MIN_REGION_VERTICES, len(points)),
+    )
     return order[:count]
 
 
-def _rigid(before: Float, after: Float) -> _Rigid:
+def _fit_rigid_motion(before: Float, after: Float) -> _Rigid:
     """Fits the rigid motion from points (N, 3) to points (N, 3)."""
     old_middle, new_middle = before.mean(0), after.mean(0)
     turn = nearest_rotation((after - new_middle).T @ (before - old_middle))

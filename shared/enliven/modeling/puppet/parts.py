@@ -53,7 +53,7 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
 def into_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
     """Returns (3,) metres in the mesh's frame of a point in the world: the inverse of ``in_world``."""
     local = rotate(conjugate(puppet.turn), np.asarray(place) - puppet.place) - state.root
-    return rotate(_about_y(-state.yaw), local)
+    return rotate(_rotation_about_y(-state.yaw), local)
 
 
 def shown(surface: PuppetSurface, places: Float) -> Float:
@@ -66,7 +66,7 @@ def shown(surface: PuppetSurface, places: Float) -> Float:
 def stood_as(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
     """Places the puppet so that its mesh's frame in state ``now`` coincides with that of another in state
     ``then``."""
-    turn = normalized(multiply(_turn(before, then), _about_y(-now.yaw)))
+    turn = normalized(multiply(_world_rotation(before, then), _rotation_about_y(-now.yaw)))
     place = rotate(before.turn, then.root) + before.place - rotate(turn, now.root)
     return puppet.with_changes(turn=turn, place=place)
 
@@ -76,7 +76,7 @@ def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
 
     The puppet stays unchanged if several takes make the pose, or if it has that key pose.
     """
-    layer = _leading(puppet)
+    layer = _leading_layer(puppet)
     if layer is None or missing(project, puppet):
         return puppet
     motion = motion_of(project, puppet, puppet.layers.index(layer))
@@ -107,7 +107,7 @@ def unfolded(project: Project, puppet: Puppet) -> Puppet:
     For each mirrored key pose, the most similar frame of its take becomes a key pose.
     """
     plain = puppet.with_changes(symmetry=None)
-    layer = _leading(puppet)
+    layer = _leading_layer(puppet)
     if puppet.symmetry is None or layer is None or missing(project, puppet):
         return plain
     motion = motion_of(project, puppet, puppet.layers.index(layer))
@@ -159,10 +159,12 @@ def points_needed(
             asked, most = np.arange(len(was)), 0 if worst > tolerance else most
             continue
         asked = asked[each.max(1) > tolerance]
-        added += _worst(puppet.mesh.vertices, off, tolerance, min(_AT_ONCE, most - len(added)))
+        added += _worst_vertices(
+            puppet.mesh.vertices, off, tolerance, min(_POINTS_PER_CHECK, most - len(added))
+        )
 
 
-def _worst(vertices: Float, off: Float, tolerance: float, count: int) -> list[int]:
+def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -> list[int]:
     """Returns up to ``count`` vertices with errors above the tolerance, the worst first, at a distance from
     one another."""
     errors, chosen = off.copy(), list[int]()
@@ -180,12 +182,12 @@ def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoin
     The performer's root is always at one place in the body frame, so its control point is left out.
     """
     paired = tuple(point for point in puppet.points if point.joint)
-    sources = _sources(project, puppet)
+    sources = _joints_at_key_poses(project, puppet)
     if sources is None:
         return paired
     moved = np.linalg.norm(np.ptp(sources, axis=0), axis=1)
     names = [point.name for point in puppet.points]
-    clear = moved > _STILL * max(float(moved.max()), 1e-12)
+    clear = moved > _MIN_MOTION_FRACTION * max(float(moved.max()), 1e-12)
     return tuple(point for point in paired if clear[names.index(point.name)]) or paired
 
 
@@ -211,7 +213,7 @@ def _examples_differ(project: Project, puppet: Puppet) -> bool:
     return True
 
 
-def _sources(project: Project, puppet: Puppet) -> Float | None:
+def _joints_at_key_poses(project: Project, puppet: Puppet) -> Float | None:
     """Returns (n, P, 3) metres, the joints in the body's frame at the key poses, or None without examples."""
     try:
         return examples_of(project, puppet.with_changes(symmetry=None)).sources
@@ -259,14 +261,14 @@ def without_points(layer: PuppetLayer, names: set[str]) -> PuppetLayer:
     )
 
 
-_AT_ONCE = 4
+_POINTS_PER_CHECK = 4
 """Number of control points that are added before the surface is checked again."""
-_STILL = 0.02
+_MIN_MOTION_FRACTION = 0.02
 """A joint that moves less than this fraction of the largest joint motion does not help to distinguish key
 poses."""
 
 
-def _leading(puppet: Puppet) -> PuppetLayer | None:
+def _leading_layer(puppet: Puppet) -> PuppetLayer | None:
     """Returns the layer that alone positions all control points, or None."""
     layers = [layer for layer in puppet.layers if not layer.muted and layer.weight > 0.0]
     if not layers:
@@ -276,9 +278,9 @@ def _leading(puppet: Puppet) -> PuppetLayer | None:
     return top if moves_all else None
 
 
-def _turn(puppet: Puppet, state: State) -> Float:
-    return multiply(puppet.turn, _about_y(state.yaw))
+def _world_rotation(puppet: Puppet, state: State) -> Float:
+    return multiply(puppet.turn, _rotation_about_y(state.yaw))
 
 
-def _about_y(angle: float) -> Float:
+def _rotation_about_y(angle: float) -> Float:
     return from_rotation_vector(np.array([0.0, angle, 0.0]))

@@ -40,7 +40,7 @@ def add_point(
     points_by_name = {point.name: point for point in puppet.points}
     if name in points_by_name:
         mend = "Give it another name."
-        raise InputError(f"there is a control point {name!r} already", where=_where(puppet), mend=mend)
+        raise InputError(f"there is a control point {name!r} already", where=_error_place(puppet), mend=mend)
     vertex = checked_vertex(puppet, vertex)
     name = name or unused(f"point {len(points_by_name) + 1}", points_by_name)
     places = surface_places(puppet, vertex) if places is None else places
@@ -62,7 +62,7 @@ def remove_point(project: Project, puppet_id: str, name: str) -> Project:
     index = puppet.index(name)
     points = tuple(point for point in puppet.points if point.name != name)
     poses = tuple(replace(pose, places=np.delete(pose.places, index, axis=0)) for pose in puppet.poses)
-    layers = tuple(_without(layer, name) for layer in puppet.layers if layer.points != (name,))
+    layers = tuple(_layer_without_point(layer, name) for layer in puppet.layers if layer.points != (name,))
     return project.with_characters(puppet.with_changes(points=points, poses=poses, layers=layers))
 
 
@@ -95,7 +95,7 @@ def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -
     points = (*puppet.points[:number], new, *puppet.points[number + 1 :])
     layers = puppet.layers
     if new.name != old.name:
-        layers = tuple(_renamed(layer, old.name, new.name) for layer in layers)
+        layers = tuple(_layer_with_renamed_point(layer, old.name, new.name) for layer in layers)
     return project.with_characters(puppet.with_changes(points=points, poses=poses, layers=layers))
 
 
@@ -108,14 +108,14 @@ def checked_vertex(puppet: Puppet, vertex: int) -> int:
     count = len(puppet.mesh.vertices)
     if not 0 <= vertex < count:
         mend = f"It has 0..{count - 1}."
-        raise InputError(f"the mesh has no vertex {vertex}", where=_where(puppet), mend=mend)
+        raise InputError(f"the mesh has no vertex {vertex}", where=_error_place(puppet), mend=mend)
     if not (puppet.mesh.faces == vertex).any():
         problem = f"vertex {vertex} is loose: no face uses it, so that nothing would follow it"
-        raise InputError(problem, where=_where(puppet), mend="Choose a vertex of the surface.")
+        raise InputError(problem, where=_error_place(puppet), mend="Choose a vertex of the surface.")
     for point in puppet.points:
         if point.vertex == vertex:
             problem = f"{point.name!r} is on vertex {vertex} already"
-            raise InputError(problem, where=_where(puppet), mend="Choose another vertex.")
+            raise InputError(problem, where=_error_place(puppet), mend="Choose another vertex.")
     return int(vertex)
 
 
@@ -130,7 +130,7 @@ def surface_places(puppet: Puppet, vertex: int) -> Float:
     return np.stack([surface.settle(pose.places)[vertex] for pose in puppet.poses])
 
 
-def _where(puppet: Puppet) -> str:
+def _error_place(puppet: Puppet) -> str:
     return f"puppet {puppet.id!r}"
 
 
@@ -140,7 +140,7 @@ def _with_row(places: AnyArray, number: int, place: Float) -> Float:
     return out
 
 
-def _without(layer: PuppetLayer, name: str) -> PuppetLayer:
+def _layer_without_point(layer: PuppetLayer, name: str) -> PuppetLayer:
     """Removes a control point from a layer."""
     return replace(
         layer,
@@ -153,7 +153,7 @@ def _without(layer: PuppetLayer, name: str) -> PuppetLayer:
     )
 
 
-def _renamed(layer: PuppetLayer, old: str, new: str) -> PuppetLayer:
+def _layer_with_renamed_point(layer: PuppetLayer, old: str, new: str) -> PuppetLayer:
     """Renames a control point in a layer."""
 
     def name(one: str) -> str:

@@ -29,7 +29,7 @@ def add_key_pose(project: Project, puppet_id: str, take: str, time: float, place
             that of another example.
     """
     puppet = project.puppet(puppet_id)
-    pose = _checked(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)
+    pose = _checked_pose(project, puppet, KeyPose(take, float(time), np.asarray(places, np.float64)), None)
     return _checked_to_differ(project, puppet.with_changes(poses=(*puppet.poses, pose)))
 
 
@@ -40,9 +40,9 @@ def change_key_pose(project: Project, puppet_id: str, number: int, **changes: An
         InputError: if there is no key pose with that number, and as :func:`add_key_pose`.
     """
     puppet = project.puppet(puppet_id)
-    old = _pose(puppet, number)
+    old = _pose_numbered(puppet, number)
     check_names(changes, KeyPose, f"key pose {number}")
-    pose = _checked(project, puppet, replace(old, **changes), number)
+    pose = _checked_pose(project, puppet, replace(old, **changes), number)
     return _checked_to_differ(project, _with_pose(puppet, number, pose))
 
 
@@ -53,7 +53,7 @@ def remove_key_pose(project: Project, puppet_id: str, number: int) -> Project:
         InputError: if there is none with that number.
     """
     puppet = project.puppet(puppet_id)
-    _pose(puppet, number)
+    _pose_numbered(puppet, number)
     return project.with_characters(
         puppet.with_changes(poses=puppet.poses[:number] + puppet.poses[number + 1 :])
     )
@@ -69,7 +69,7 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
             image.
     """
     puppet = project.puppet(puppet_id)
-    pose = _pose(puppet, number)
+    pose = _pose_numbered(puppet, number)
     plane = puppet.symmetry or plane_of_symmetry(puppet.mesh)
     if plane is None:
         mend = "Set a plane of symmetry first."
@@ -106,7 +106,7 @@ def _checked_to_differ(project: Project, puppet: Puppet) -> Project:
     return changed
 
 
-def _pose(puppet: Puppet, number: int) -> KeyPose:
+def _pose_numbered(puppet: Puppet, number: int) -> KeyPose:
     if not 0 <= number < len(puppet.poses):
         mend = f"It has {len(puppet.poses)}."
         raise InputError(f"key pose {number} does not exist", where=f"puppet {puppet.id!r}", mend=mend)
@@ -118,7 +118,7 @@ def _with_pose(puppet: Puppet, number: int, pose: KeyPose) -> Puppet:
     return puppet.with_changes(poses=poses)
 
 
-def _checked(project: Project, puppet: Puppet, pose: KeyPose, number: int | None) -> KeyPose:
+def _checked_pose(project: Project, puppet: Puppet, pose: KeyPose, number: int | None) -> KeyPose:
     """Returns a key pose after checking that it can replace number ``number``, or be the last."""
     where = f"puppet {puppet.id!r}"
     if pose.take not in project.takes:

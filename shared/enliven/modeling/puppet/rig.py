@@ -95,7 +95,7 @@ class PuppetRig(RigEdits):
             return np.asarray(vectors, np.float64) * factor
 
         mesh = replace(puppet.mesh, vertices=scaled(puppet.mesh.vertices))
-        grown = _mapped(puppet, scaled, lambda normal: normal).with_changes(mesh=mesh)
+        grown = _with_mapped_axes(puppet, scaled, lambda normal: normal).with_changes(mesh=mesh)
         return grown.with_changes(place=puppet.place + self.centre(puppet) - self.centre(grown))
 
     def mirrored(self, project: Project, puppet: Puppet, axes: Axes) -> Puppet:
@@ -104,7 +104,7 @@ class PuppetRig(RigEdits):
         # Mirroring gives M T (Ry(yaw) x + root) = (M T S) (Ry(-yaw) S x + S root). S is the reflection in the
         # plane x = 0.
         turn, stood = normalized(multiply(axes.turn, flip.rotations(puppet.turn))), self.centre(puppet)
-        flipped = _mapped(puppet, flip.vectors, flip.vectors)
+        flipped = _with_mapped_axes(puppet, flip.vectors, flip.vectors)
         return flipped.with_changes(
             mesh=moved_mesh(puppet.mesh, np.zeros(3), flip, np.zeros(3)),
             layers=tuple(replace(layer, mirrored=not layer.mirrored) for layer in flipped.layers),
@@ -121,13 +121,15 @@ class PuppetRig(RigEdits):
         return graph, stream, f", {error}"
 
 
-def _mapped(
+def _with_mapped_axes(
     puppet: Puppet, vectors: Callable[[AnyArray], Float], normals: Callable[[AnyArray], AnyArray]
 ) -> Puppet:
     """Returns the puppet with its examples, constraints and symmetry plane in other axes or sizes."""
     plane = puppet.symmetry
     if plane is not None:
-        plane = Plane(_three(vectors(np.array(plane.point))), _three(normals(np.array(plane.normal))))
+        plane = Plane(
+            _float_triple(vectors(np.array(plane.point))), _float_triple(normals(np.array(plane.normal)))
+        )
     return puppet.with_changes(
         poses=tuple(replace(pose, places=vectors(pose.places)) for pose in puppet.poses),
         layers=tuple(_mapped_layer(layer, vectors) for layer in puppet.layers),
@@ -140,20 +142,20 @@ def _mapped_layer(layer: PuppetLayer, map_of: Callable[[AnyArray], Float]) -> Pu
     return replace(
         layer,
         positions=tuple(
-            replace(constraint, place=_three(map_of(np.array(constraint.place))))
+            replace(constraint, place=_float_triple(map_of(np.array(constraint.place))))
             for constraint in layer.positions
         ),
         velocities=tuple(
-            replace(constraint, velocity=_three(map_of(np.array(constraint.velocity))))
+            replace(constraint, velocity=_float_triple(map_of(np.array(constraint.velocity))))
             for constraint in layer.velocities
         ),
         couplings=tuple(
-            replace(constraint, apart=_three(map_of(np.array(constraint.apart))))
+            replace(constraint, apart=_float_triple(map_of(np.array(constraint.apart))))
             for constraint in layer.couplings
         ),
     )
 
 
-def _three(vector: AnyArray) -> tuple[float, float, float]:
+def _float_triple(vector: AnyArray) -> tuple[float, float, float]:
     x, y, z = (float(value) for value in vector)
     return x, y, z

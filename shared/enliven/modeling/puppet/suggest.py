@@ -35,13 +35,13 @@ from enliven.modeling.puppet.edits import make_puppet, play_take
 from enliven.modeling.puppet.points import add_point, change_point, remove_point
 from enliven.modeling.puppet.poses import add_key_pose, set_symmetry
 
-_LOW = 0.08
+_MAX_FOOT_HEIGHT = 0.08
 """Maximum height of a foot's control point above the lowest vertex, as a fraction of the mesh's height."""
-_ACROSS = 0.7
+_MIN_AXIS_COSINE = 0.7
 """Minimum cosine between a symmetry plane's normal and the left-right axis."""
-_KEPT = 16
+_CACHED_MESHES = 16
 """Number of meshes in the least-recently-used cache of symmetry planes."""
-_OFF = 0.1
+_MAX_MIRROR_ERROR = 0.1
 """Maximum error of a mirror image, as a fraction of the control points' extent."""
 
 
@@ -79,12 +79,12 @@ def suggested_puppet(
         problem = f"{points} control points and {poses} key poses are too few"
         raise InputError(problem, where=f"puppet {puppet_id!r}", mend="At least one point and two poses.")
     project = make_puppet(project, mesh, puppet_id)
-    plane = _left_right(mesh)
+    plane = _left_right_plane(mesh)
     for vertex in _suggested_vertices(mesh, points, plane):
         project = add_point(project, puppet_id, vertex)
-    if plane is not None and _partners(project.puppet(puppet_id).rest, plane) is not None:
+    if plane is not None and _mirror_partners(project.puppet(puppet_id).rest, plane) is not None:
         project = set_symmetry(project, puppet_id, plane)
-    project = _paired(project, puppet_id, take)
+    project = _pair_points(project, puppet_id, take)
     puppet, clip = project.puppet(puppet_id), project.takes[take]
     joints = [point.joint for point in puppet.points]
     suggestion = suggest_poses(performed(clip, joints).poses)
@@ -99,7 +99,7 @@ def suggested_vertices(mesh: Mesh, count: int) -> list[int]:
     Args:
         count: maximum number of extremities; their mirror images are added.
     """
-    return _suggested_vertices(mesh, count, _left_right(mesh))
+    return _suggested_vertices(mesh, count, _left_right_plane(mesh))
 
 
 def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[SuggestedPair, ...]:
@@ -108,16 +108,16 @@ def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[Sugges
     Mirror images follow the corresponding joints of both sides. Feet are low on the mesh and follow feet.
     """
     puppet, clip = project.puppet(puppet_id), project.takes[take]
-    plane = puppet.symmetry or _left_right(puppet.mesh)
-    partners = None if plane is None else _partners(puppet.rest, plane)
-    joints = _with_mirrored(clip, [point.joint for point in puppet.points], partners)
+    plane = puppet.symmetry or _left_right_plane(puppet.mesh)
+    partners = None if plane is None else _mirror_partners(puppet.rest, plane)
+    joints = _with_mirrored_joints(clip, [point.joint for point in puppet.points], partners)
     wanted = [number for number, joint in enumerate(joints) if not joint]
     used_joints = [joint for joint in joints if joint]
     motion = joint_motion(clip)
     guesses = guess_joints(clip.skeleton, puppet.rest, used_joints, wanted, motion, partners)
     for number, joint in zip(wanted, guesses, strict=True):
         joints[number] = joint
-    feet = _feet(clip, joints, puppet)
+    feet = _standing_points(clip, joints, puppet)
     return tuple(
         SuggestedPair(point.name, joint, foot)
         for point, joint, foot in zip(puppet.points, joints, feet, strict=True)
@@ -127,7 +127,7 @@ def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[Sugges
 
 def _suggested_vertices(mesh: Mesh, count: int, plane: Plane | None) -> list[int]:
     vertices = [int(vertex) for vertex in extremities(mesh, count)]
-    return vertices if plane is None else _with_images(mesh, vertices, plane)
+    return vertices if plane is None else _with_mirror_images(mesh, vertices, plane)
 
 
 def suggested_joint(project: Project, puppet_id: str, take: str, point: str) -> str:
@@ -136,14 +136,14 @@ def suggested_joint(project: Project, puppet_id: str, take: str, point: str) -> 
     return next(pair.joint for pair in suggested_pairs(project, puppet_id, take) if pair.point == point)
 
 
-def _paired(project: Project, puppet_id: str, take: str) -> Project:
+def _pair_points(project: Project, puppet_id: str, take: str) -> Project:
     """Pairs all points and names them after their joints. Keeps one point at each hand or foot."""
     for pair in suggested_pairs(project, puppet_id, take):
         points_by_name = {point.name: point for point in project.puppet(puppet_id).points}
         named = {"name": unused(pair.joint, points_by_name), "joint": pair.joint, "foot": pair.foot}
         project = change_point(project, puppet_id, pair.point, **named)
     puppet, skeleton = project.puppet(puppet_id), project.takes[take].skeleton
-    partners = None if puppet.symmetry is None else _partners(puppet.rest, puppet.symmetry)
+    partners = None if puppet.symmetry is None else _mirror_partners(puppet.rest, puppet.symmetry)
     joints = [point.joint for point in puppet.points]
     chosen = one_a_hand(skeleton, joints, partners or range(len(joints)))
     for number in set(range(len(joints))) - set(chosen):
@@ -151,7 +151,7 @@ def _paired(project: Project, puppet_id: str, take: str) -> Project:
     return project
 
 
-def _with_mirrored(clip: Clip, joints: list[str], partners: Sequence[int] | None) -> list[str]:
+def _with_mirrored_joints(clip: Clip, joints: list[str], partners: Sequence[int] | None) -> list[str]:
     """Returns the joints (P,). A point without a joint gets the mirrored joint of its mirror image."""
     if partners is None:
         return joints
@@ -161,25 +161,25 @@ def _with_mirrored(clip: Clip, joints: list[str], partners: Sequence[int] | None
     ]
 
 
-def _left_right(mesh: Mesh) -> Plane | None:
+def _left_right_plane(mesh: Mesh) -> Plane | None:
     """Returns the cached symmetry plane between left and right. A mesh faces +Z."""
-    return _plane(Weak(mesh))
+    return _symmetry_plane(Weak(mesh))
 
 
-@lru_cache(maxsize=_KEPT)
-def _plane(mesh: Weak[Mesh]) -> Plane | None:
+@lru_cache(maxsize=_CACHED_MESHES)
+def _symmetry_plane(mesh: Weak[Mesh]) -> Plane | None:
     plane = plane_of_symmetry(mesh())
-    return plane if plane is not None and abs(plane.normal[0]) > _ACROSS else None
+    return plane if plane is not None and abs(plane.normal[0]) > _MIN_AXIS_COSINE else None
 
 
-def _with_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[int]:
+def _with_mirror_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[int]:
     """Returns the vertices, with the mirror images of those that have no partner and are not on the plane."""
     used = np.unique(mesh.faces)
     rest = mesh.vertices[vertices]
     images = reflected(rest, np.array(plane.point), np.array(plane.normal))
     away = np.linalg.norm(images[:, None] - rest[None], axis=2)
     nearest = away.argmin(1)
-    near = _OFF * float(np.linalg.norm(np.ptp(rest, axis=0)))
+    near = _MAX_MIRROR_ERROR * float(np.linalg.norm(np.ptp(rest, axis=0)))
     out = list(vertices)
     for own, other in enumerate(nearest):
         if nearest[other] == own and away[own, other] < near:
@@ -190,16 +190,16 @@ def _with_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[int]:
     return out
 
 
-def _partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
+def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
     """Returns the mirror image of each control point. None if one has none, or if all are on the plane."""
     try:
-        partners = partners_of(rest, np.array(plane.point), np.array(plane.normal), _OFF)
+        partners = partners_of(rest, np.array(plane.point), np.array(plane.normal), _MAX_MIRROR_ERROR)
     except InputError:
         return None
     return partners if any(other != own for own, other in enumerate(partners)) else None
 
 
-def _feet(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:
+def _standing_points(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:
     """Returns which control points can stand: those low on the mesh that are paired with a foot.
 
     A single foot does not count, since such a mesh would hop whenever the performer lifts that foot.
@@ -207,7 +207,7 @@ def _feet(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:
     feet_of = foot_joints(clip.skeleton)
     low, high = puppet.mesh.bounds[:, 1]
     feet = [
-        joint in feet_of and bool(place[1] < low + _LOW * (high - low))
+        joint in feet_of and bool(place[1] < low + _MAX_FOOT_HEIGHT * (high - low))
         for joint, place in zip(joints, puppet.rest, strict=True)
     ]
     return feet if sum(feet) > 1 else [False] * len(feet)

@@ -87,7 +87,7 @@ def cut_puppet(
     if puppet.symmetry is not None:
         messages.append("The halves have no plane of symmetry; mirrored key poses became their own.")
     halves = []
-    for piece, name in zip(_standing_first(puppet, cut), (puppet_id, off_id), strict=True):
+    for piece, name in zip(_order_by_feet(puppet, cut), (puppet_id, off_id), strict=True):
         half = _Half(project, unfolded_puppet, old_places, piece, settings or PuppetCutSettings()).made(
             name, messages
         )
@@ -96,7 +96,7 @@ def cut_puppet(
     return project.with_characters(*halves), (puppet_id, off_id)
 
 
-def _standing_first(puppet: Puppet, cut: Cut) -> tuple[Piece, Piece]:
+def _order_by_feet(puppet: Puppet, cut: Cut) -> tuple[Piece, Piece]:
     """Returns both sides, the one with more feet first. With equal numbers the larger comes first."""
     feet = [point.vertex for point in puppet.points if point.foot]
     first, second = cut.larger_first
@@ -134,9 +134,9 @@ class _Half:
             for point in puppet.points
             if self._number[point.vertex] >= 0
         ]
-        half = self._with(puppet, name, own)
+        half = self._puppet_with_points(puppet, name, own)
         begin = spread_over(
-            half.mesh.vertices, self._border(), [point.vertex for point in own], self._settings.along
+            half.mesh.vertices, self._border_vertices(), [point.vertex for point in own], self._settings.along
         )
         most, tolerance = self._settings.most, self._settings.tolerance * size
         added, worst = points_needed(half, self._was, self._old, np.array(begin, np.int64), most, tolerance)
@@ -153,15 +153,17 @@ class _Half:
             points.append(point)
             if leader:
                 follow[point.name] = leader.name
-        self._tell(name, len(added), worst, size, notes)
-        checked, removed = without_ambiguous_poses(self._project, self._with(half, name, points))
+        self._note_deviation(name, len(added), worst, size, notes)
+        checked, removed = without_ambiguous_poses(
+            self._project, self._puppet_with_points(half, name, points)
+        )
         if removed:
             notes.append(
                 f"{name!r} has {removed} fewer key poses, since its own joints cannot distinguish them."
             )
-        return checked.with_changes(layers=self._layers(follow, {point.name for point in points}))
+        return checked.with_changes(layers=self._fitting_layers(follow, {point.name for point in points}))
 
-    def _with(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:
+    def _puppet_with_points(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:
         """Returns a puppet on this side's mesh with these control points, at their old positions in each key
         pose."""
         vertices = [point.vertex for point in points]
@@ -174,19 +176,19 @@ class _Half:
             layers=(),
         )
 
-    def _tell(self, name: str, added: int, worst: float, size: float, notes: list[str]) -> None:
+    def _note_deviation(self, name: str, added: int, worst: float, size: float, notes: list[str]) -> None:
         notes.append(
             f"{name!r} got {added} control points. Its key poses deviate from the original by at most "
             f"{1000 * worst:.1f} mm ({100 * worst / size:.2f} % of the whole's size)."
         )
 
-    def _border(self) -> Int32:
+    def _border_vertices(self) -> Int32:
         """Returns the kept vertices next to the cut."""
         faces = self._piece.mesh.faces
         near = faces[~self._old[faces].all(1)]
         return np.unique(near[self._old[near]])
 
-    def _layers(self, follow: dict[str, str], names: set[str]) -> tuple[PuppetLayer, ...]:
+    def _fitting_layers(self, follow: dict[str, str], names: set[str]) -> tuple[PuppetLayer, ...]:
         """Returns the layers with the existing control points. A new point moves in the layers of its
         leader."""
         feet = {point.name for point in self._whole.points if point.foot}

@@ -14,11 +14,11 @@ from enliven.meshes import Mesh
 from enliven.modeling.rigged.spans import Spans, as_before
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized, rotate
 
-_MIRRORED = np.array([1.0, 1.0, -1.0, -1.0])
+_MIRROR_SIGNS = np.array([1.0, 1.0, -1.0, -1.0])
 """Factors of a quaternion under reflection in the plane x = 0: S q S, S = diag(-1, 1, 1)."""
 
 
-_AS_THEY_ARE: Mapping[str, str] = {}
+_UNCHANGED_IDS: Mapping[str, str] = {}
 """The empty mapping: all layers keep their ids."""
 
 
@@ -61,16 +61,16 @@ class Axes:
 
     def rotations(self, q: AnyArray) -> Float:
         """Returns (..., 4) L q L^-1."""
-        q = np.asarray(q, np.float64) * _MIRRORED if self.mirrored else np.asarray(q, np.float64)
+        q = np.asarray(q, np.float64) * _MIRROR_SIGNS if self.mirrored else np.asarray(q, np.float64)
         return multiply(multiply(self.turn, q), conjugate(self.turn))
 
     def layer(self, layer: Layer) -> Layer:
         """Converts a layer: its rotations q become L q L^-1, and its displacements d become L d."""
-        basis = layer.basis * _MIRRORED if self.mirrored else layer.basis
+        basis = layer.basis * _MIRROR_SIGNS if self.mirrored else layer.basis
         basis = normalized(multiply(self.turn, basis))
         return replace(layer, basis=basis, mirrored=layer.mirrored != self.mirrored)
 
-    def spans(self, spans: Spans, layers: Mapping[str, str] = _AS_THEY_ARE) -> Spans:
+    def spans(self, spans: Spans, layers: Mapping[str, str] = _UNCHANGED_IDS) -> Spans:
         """Converts the fixed rotations of the spans to the new axes. ``layers`` maps each layer to its new
         id."""
         return tuple(

@@ -13,7 +13,7 @@ from enliven.modeling.rigged.nodes import divided, insert_node, new_name
 from enliven.modeling.rigged.posed import held_at, own_turn, posed, with_travel_kept
 from enliven.rotation import conjugate, multiply, normalized
 
-_END = 1e-9
+_JOINT_TOLERANCE = 1e-9
 """A cut within this fraction of a bone's length from its end is made at the joint."""
 
 
@@ -76,22 +76,22 @@ def parted_at(
     shape = shape.with_changes(mesh=None, skin=None)
     project = project.with_characters(shape)
     lower_id = unused(shape.id, project.characters)
-    if time is None and _END < at < 1.0 - _END:
+    if time is None and _JOINT_TOLERANCE < at < 1.0 - _JOINT_TOLERANCE:
         # The rest pose has no motion that must be compensated, so insert a node and cut at that node.
         project, _ = insert_node(project, shape.id, j, at, name=name)
         shape, at = project.shape(shape.id), 1.0
     turns, joints = posed(project, shape, time)
     parent = int(shape.skeleton.parents[j])
-    above, place = (parent, joints[parent]) if at <= _END else (j, joints[j])
-    if at <= _END:
-        upper, lower = _at_begin(shape, j)
-    elif at >= 1.0 - _END:
-        upper, lower = _at_end(shape, j)
+    above, place = (parent, joints[parent]) if at <= _JOINT_TOLERANCE else (j, joints[j])
+    if at <= _JOINT_TOLERANCE:
+        upper, lower = _cut_before_bone(shape, j)
+    elif at >= 1.0 - _JOINT_TOLERANCE:
+        upper, lower = _cut_at_joint(shape, j)
     else:
         assert time is not None
-        upper, lower = _between(project, shape, j, at, time, new_name(shape, j, name))
+        upper, lower = _split_bone(project, shape, j, at, time, new_name(shape, j, name))
         place = joints[parent] + at * (joints[j] - joints[parent])
-    _refuse_bare(shape, upper, lower)
+    _refuse_boneless(shape, upper, lower)
     lower[0] = Bone(lower[0].name, "", lower[0].rest, turns[above], STILL)
     place = place - lower[0].rest
     first = with_travel_kept(project, shape, rebuilt(shape, upper))
@@ -120,7 +120,7 @@ Halves = tuple[list[Bone], list[Bone]]
 root."""
 
 
-def _at_begin(shape: Shape, j: int) -> Halves:
+def _cut_before_bone(shape: Shape, j: int) -> Halves:
     """Separates bone j and its descendants from the other bones."""
     bones = bones_of(shape)
     off = set(shape.skeleton.below(j))
@@ -128,7 +128,7 @@ def _at_begin(shape: Shape, j: int) -> Halves:
     return [bone for i, bone in enumerate(bones) if i not in off], [bones[shape.skeleton.parents[j]], *lower]
 
 
-def _at_end(shape: Shape, j: int) -> Halves:
+def _cut_at_joint(shape: Shape, j: int) -> Halves:
     """Separates the descendants of joint j from the other bones."""
     bones = bones_of(shape)
     off = set(shape.skeleton.below(j)) - {j}
@@ -136,7 +136,7 @@ def _at_end(shape: Shape, j: int) -> Halves:
     return [bone for i, bone in enumerate(bones) if i not in off], [bones[j], *lower]
 
 
-def _between(project: Project, shape: Shape, j: int, at: float, time: float, name: str) -> Halves:
+def _split_bone(project: Project, shape: Shape, j: int, at: float, time: float, name: str) -> Halves:
     """Returns the bones above and below a cut inside bone j, with compensation for the lost part of their
     motion."""
     bones = bones_of(shape)
@@ -150,11 +150,11 @@ def _between(project: Project, shape: Shape, j: int, at: float, time: float, nam
     upper_modeling = multiply(multiply(shape.modeling[j], old), conjugate(first))
     bones[j] = bones[j]._replace(modeling=normalized(upper_modeling))
     bones[j + 1] = bones[j + 1]._replace(modeling=normalized(conjugate(second)))
-    upper, lower = _at_end(node.with_changes(modeling=np.array([bone.modeling for bone in bones])), j)
+    upper, lower = _cut_at_joint(node.with_changes(modeling=np.array([bone.modeling for bone in bones])), j)
     return upper, lower
 
 
-def _refuse_bare(shape: Shape, upper: list[Bone], lower: list[Bone]) -> None:
+def _refuse_boneless(shape: Shape, upper: list[Bone], lower: list[Bone]) -> None:
     """Raises an error if a cut leaves a joint without bones."""
     for bones, side in ((upper, "above"), (lower, "below")):
         if len(bones) < 2:

@@ -22,7 +22,7 @@ def grafted(
     length.
     """
     bones = bones_of(graft)
-    names = _names(host, [bone.name for bone in bones])
+    names = _unused_joint_names(host, [bone.name for bone in bones])
     root = bones[0]
     # The first rotation is W^-1 m_0 R^-1. W is the rotation of the parent bone at the time of the merge, and
     # R converts to the new axes.
@@ -39,14 +39,16 @@ def grafted(
         spans = axes.spans(bone.spans, layers)
         modeling = normalized(axes.rotations(bone.modeling))
         new = Bone(names[bone.name], names[bone.parent], rest, modeling, spans)
-        new_bones.append(_after(turn, new) if bone.parent == root.name and names[root.name] == node else new)
+        new_bones.append(
+            _combined_rotation(turn, new) if bone.parent == root.name and names[root.name] == node else new
+        )
     if names[root.name] != node:
         at_node = host.skeleton.positions[j]
         new_bones.insert(0, Bone(names[root.name], node, at_node, normalized(first), turn.spans))
     return new_bones, names
 
 
-def _after(root: Bone, bone: Bone) -> Bone:
+def _combined_rotation(root: Bone, bone: Bone) -> Bone:
     """Combines the root's rotation with that of a child bone: D_b = m_0 a_0 m_b a_b in one bone."""
     if not moves(root.spans):
         fixed = multiply(root.modeling, before(root.spans))
@@ -56,7 +58,7 @@ def _after(root: Bone, bone: Bone) -> Bone:
     return bone._replace(modeling=normalized(modeling), spans=spans)
 
 
-def _names(host: Shape, names: list[str]) -> dict[str, str]:
+def _unused_joint_names(host: Shape, names: list[str]) -> dict[str, str]:
     """Returns an unused name for each joint of the graft except the root, which becomes the node."""
     used_names: dict[str, object] = dict.fromkeys(host.skeleton.names)
     new_names = {}

@@ -28,8 +28,8 @@ from enliven.modeling.skinning import renumbered
 from enliven.motion.layers import ShapePose
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 
-_SEAM = SeamSettings()
-_END = 1e-9
+_DEFAULT_SEAM = SeamSettings()
+_JOINT_TOLERANCE = 1e-9
 """A node within this fraction of a bone's length from its end is placed at the joint."""
 
 
@@ -42,7 +42,7 @@ def merge(
     *,
     at: float = 1.0,
     loose: bool = False,
-    seam: SeamSettings = _SEAM,
+    seam: SeamSettings = _DEFAULT_SEAM,
     notes: list[str] | None = None,
 ) -> tuple[Project, dict[str, str]]:
     """Joins a shape's root to a node of another shape; the two become one shape.
@@ -88,26 +88,26 @@ def merge(
         raise InputError("a shape cannot be merged with itself", where=f"shape {host_id!r}", mend=mend)
     graft = project.shape(graft_id)
     j = bone_number(project.shape(host_id), joint)
-    if inside(at, f"shape {host_id!r}") <= _END:
+    if inside(at, f"shape {host_id!r}") <= _JOINT_TOLERANCE:
         j = max(int(project.shape(host_id).skeleton.parents[j]), 0)
-    elif at < 1.0 - _END:
+    elif at < 1.0 - _JOINT_TOLERANCE:
         project, name = insert_node(project, host_id, j, at, rigid=True)
         j = project.shape(host_id).skeleton.index(name)
     host = project.shape(host_id)
     ours, theirs = moment(project, host, time), moment(project, graft, time)
     world = ours.turns[j]
-    axes = Axes(_exact(multiply(conjugate(world), theirs.turns[_first_bone(graft, time)])))
-    layers = _layers_beside(host, graft, axes)
+    axes = Axes(_exact_identity(multiply(conjugate(world), theirs.turns[_first_bone(graft, time)])))
+    layers = _converted_layers(host, graft, axes)
     bones, names = grafted(host, j, graft, world, axes, {old: new.id for old, new in layers.items()})
-    pins = (*host.pins, *_pins(graft, names))
+    pins = (*host.pins, *_renamed_pins(graft, names))
     more = {"mesh": None, "skin": None, "pins": pins, "layers": (*host.layers, *layers.values())}
     merged = with_travel_kept(project, host, rebuilt(host, [*bones_of(host), *bones], **more))
     theirs = replace(theirs, joints=theirs.joints + ours.joints[j] - theirs.joints[0])
-    surfaces = _surface(host, ours, time), _surface(graft, theirs, time)
+    surfaces = _skinned_surface(host, ours, time), _skinned_surface(graft, theirs, time)
     numbers = np.array([merged.skeleton.index(names[name]) for name in graft.skeleton.names])
-    moved = _put(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)
+    moved = _place_graft(surfaces[1], graft, host.skeleton.positions[j], axes, numbers, time)
     merged_pose = None if time is None else moment(project, merged, time)
-    mesh, skin = _one_surface(
+    mesh, skin = _merged_surface(
         merged, surfaces[0], moved, merged_pose, loose, seam, [] if notes is None else notes
     )
     del names[graft.skeleton.names[0]]
@@ -115,7 +115,7 @@ def merge(
     return project.without(graft_id).with_characters(merged), names
 
 
-def _layers_beside(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]:
+def _converted_layers(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]:
     """Converts the graft's layers to the host's rest axes. Returns them by their old ids.
 
     A layer equal to one of the host's, as after a cut, is shared with it.
@@ -131,7 +131,7 @@ def _layers_beside(host: Shape, graft: Shape, axes: Axes) -> dict[str, Layer]:
     return converted
 
 
-def _surface(shape: Shape, pose: ShapePose, time: float | None) -> SkinnedSurface | None:
+def _skinned_surface(shape: Shape, pose: ShapePose, time: float | None) -> SkinnedSurface | None:
     """Returns the skinned mesh: posed at ``time``, or at rest if ``time`` is None."""
     if shape.mesh is None or shape.skin is None:
         return None
@@ -139,7 +139,7 @@ def _surface(shape: Shape, pose: ShapePose, time: float | None) -> SkinnedSurfac
     return SkinnedSurface(shape.mesh, shape.skin, posed)
 
 
-def _put(
+def _place_graft(
     surface: SkinnedSurface | None, graft: Shape, node: Float, axes: Axes, numbers: Int, time: float | None
 ) -> SkinnedSurface | None:
     """Moves the graft's rest surface to the node in the host's axes, and renumbers its bones."""
@@ -150,7 +150,7 @@ def _put(
     return SkinnedSurface(mesh, renumbered(surface.skin, numbers), posed)
 
 
-def _one_surface(
+def _merged_surface(
     merged: Shape,
     host: SkinnedSurface | None,
     graft: SkinnedSurface | None,
@@ -177,12 +177,12 @@ def _one_surface(
     return joined(host, graft, maps, heal, loose=loose, notes=notes, where=f"shape {merged.id!r}")
 
 
-def _pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:
+def _renamed_pins(graft: Shape, names: dict[str, str]) -> tuple[Pin, ...]:
     """Returns the graft's pins with the new names of its joints."""
     return tuple(replace(pin, joint=names[pin.joint], start=names[pin.start]) for pin in graft.pins)
 
 
-def _exact(turn: Float) -> Float:
+def _exact_identity(turn: Float) -> Float:
     """Replaces a rotation by the exact identity if it differs only by rounding, so that layers stay
     unchanged."""
     turn = normalized(turn)

@@ -15,7 +15,7 @@ from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, riding, 
 from enliven.modeling.skinning import InsertSettings, nearest_bone, renumbered, shared_skin, upper_part
 from enliven.rotation import IDENTITY, multiply
 
-_DEFAULTS = InsertSettings()
+_DEFAULT_INSERT = InsertSettings()
 
 
 def insert_node(
@@ -26,7 +26,7 @@ def insert_node(
     *,
     name: str | None = None,
     rigid: bool = False,
-    settings: InsertSettings = _DEFAULTS,
+    settings: InsertSettings = _DEFAULT_INSERT,
 ) -> tuple[Project, str]:
     """Splits a bone in two; each half turns by its part of the motion.
 
@@ -120,7 +120,7 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
             f"{removed.name!r} is the root", where=where, mend="Cut the bone below it to drop the rest."
         )
     bones = [
-        _joined(removed, bone, shape) if bone.parent == removed.name else bone
+        _join_bones(removed, bone, shape) if bone.parent == removed.name else bone
         for bone in bones_of(shape)
         if bone.name != removed.name
     ]
@@ -128,7 +128,7 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     return project.with_characters(with_travel_kept(project, shape, rest))
 
 
-def _joined(upper: Bone, lower: Bone, shape: Shape) -> Bone:
+def _join_bones(upper: Bone, lower: Bone, shape: Shape) -> Bone:
     """Joins two bones when the joint between them is removed."""
     lengths = shape.skeleton.lengths
     first = lengths[shape.skeleton.index(upper.name)]

@@ -23,11 +23,14 @@ def set_bone(
     Raises:
         InputError: if the bone does not exist, or ``world`` is not a rotation.
     """
-    shape, j, turns, _ = _seen(project, shape_id, bone, time)
-    world = _rotation(world, shape_id)
+    shape, j, turns, _ = _posed_bone(project, shape_id, bone, time)
+    world = _checked_rotation(world, shape_id)
     own = own_turn(turns, shape, j)
-    return _posed(
-        project, shape, j, multiply(multiply(conjugate(_above(turns, shape, j)), world), conjugate(own))
+    return _with_modeling(
+        project,
+        shape,
+        j,
+        multiply(multiply(conjugate(_parent_rotation(turns, shape, j)), world), conjugate(own)),
     )
 
 
@@ -39,12 +42,12 @@ def turn_bone(
     Raises:
         InputError: if the bone does not exist, or ``turn`` is not a rotation.
     """
-    shape, j, turns, _ = _seen(project, shape_id, bone, time)
-    above = _above(turns, shape, j)
+    shape, j, turns, _ = _posed_bone(project, shape_id, bone, time)
+    above = _parent_rotation(turns, shape, j)
     turned = multiply(
-        multiply(conjugate(above), _rotation(turn, shape_id)), multiply(above, shape.modeling[j])
+        multiply(conjugate(above), _checked_rotation(turn, shape_id)), multiply(above, shape.modeling[j])
     )
-    return _posed(project, shape, j, turned)
+    return _with_modeling(project, shape, j, turned)
 
 
 def drag_joint(
@@ -57,8 +60,8 @@ def drag_joint(
     Raises:
         InputError: if the joint does not exist, or the point is not finite.
     """
-    shape, j, _, joints = _seen(project, shape_id, joint, time)
-    point = _point(point, shape_id)
+    shape, j, _, joints = _posed_bone(project, shape_id, joint, time)
+    point = _checked_point(point, shape_id)
     if j == 0:
         shape = project.shape(shape_id)
         return project.with_characters(shape.with_changes(place=shape.place + point - joints[0]))
@@ -70,32 +73,32 @@ def drag_joint(
     return turn_bone(project, shape_id, j, turn, time)
 
 
-def _seen(
+def _posed_bone(
     project: Project, shape_id: str, bone: int | str, time: float | None
 ) -> tuple[Shape, int, Float, Float]:
     shape = project.shape(shape_id)
     return shape, bone_number(shape, bone), *posed(project, shape, time)
 
 
-def _above(turns: Float, shape: Shape, j: int) -> Float:
+def _parent_rotation(turns: Float, shape: Shape, j: int) -> Float:
     """Returns (4,) the world rotation of bone j's parent."""
     return turns[int(shape.skeleton.parents[j])] if j else IDENTITY
 
 
-def _posed(project: Project, shape: Shape, j: int, modeling: Float) -> Project:
+def _with_modeling(project: Project, shape: Shape, j: int, modeling: Float) -> Project:
     changed = np.array(shape.modeling)
     changed[j] = normalized(modeling)
     return project.with_characters(shape.with_changes(modeling=changed))
 
 
-def _rotation(turn: AnyArray, shape_id: str) -> Float:
+def _checked_rotation(turn: AnyArray, shape_id: str) -> Float:
     turn = np.asarray(turn, np.float64)
     if turn.shape != (4,) or not abs(np.linalg.norm(turn) - 1.0) < 1e-6:
         raise InputError(f"{turn} is not a rotation", where=f"shape {shape_id!r}", mend="Give (w, x, y, z).")
     return turn
 
 
-def _point(point: AnyArray, shape_id: str) -> Float:
+def _checked_point(point: AnyArray, shape_id: str) -> Float:
     point = np.asarray(point, np.float64)
     if point.shape != (3,) or not np.isfinite(point).all():
         raise InputError(

@@ -14,7 +14,7 @@ from enliven.rotation import IDENTITY, canonical, multiply, normalized
 Spans = tuple[Span, ...]
 AT_ONCE = (1.0, 0.0, 0.0, 0.0)
 """``before`` of a span that starts without rotation."""
-_SLIVER = 1e-12
+_MIN_BONE_FRACTION = 1e-12
 """Fractions of a bone below this count as empty."""
 
 
@@ -28,15 +28,15 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
     total = sum(span.share for span in spans)
     for span in spans:
         start, done = done, done + span.share / total
-        if done <= at + _SLIVER:
+        if done <= at + _MIN_BONE_FRACTION:
             upper.append(span)
-        elif start >= at - _SLIVER:
+        elif start >= at - _MIN_BONE_FRACTION:
             lower.append(span)
         else:
-            first, second = _cut(span, (at - start) / (done - start))
+            first, second = _split_span(span, (at - start) / (done - start))
             upper.append(first)
             lower.append(second)
-    return _scaled(upper, 1.0), _scaled(lower, 1.0)
+    return _scale_shares(upper, 1.0), _scale_shares(lower, 1.0)
 
 
 def riding(spans: Spans, layers: frozenset[str]) -> Spans:
@@ -62,7 +62,7 @@ def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDEN
     first = lower[0]
     turned = multiply(between, np.array(first.before))
     lower = (replace(first, before=as_before(turned)), *lower[1:])
-    return _merged((*_scaled(upper, share), *_scaled(lower, 1.0 - share)))
+    return _merge_neighbours((*_scale_shares(upper, share), *_scale_shares(lower, 1.0 - share)))
 
 
 def before(spans: Spans) -> Float:
@@ -81,12 +81,12 @@ def moves(spans: Spans) -> bool:
 def as_before(turn: Float) -> tuple[float, float, float, float]:
     """Converts a rotation to a span's format. It is exactly the identity if it differs only by rounding."""
     w, x, y, z = canonical(normalized(turn)).tolist()
-    if abs(x) + abs(y) + abs(z) < _SLIVER:
+    if abs(x) + abs(y) + abs(z) < _MIN_BONE_FRACTION:
         return AT_ONCE
     return w, x, y, z
 
 
-def _cut(span: Span, at: float) -> tuple[Span, Span]:
+def _split_span(span: Span, at: float) -> tuple[Span, Span]:
     """Splits a span at the fraction ``at`` in (0, 1)."""
     middles = [ref.start + at * (ref.end - ref.start) for ref in span.refs]
     first = tuple(replace(ref, end=middle) for ref, middle in zip(span.refs, middles, strict=True))
@@ -95,7 +95,7 @@ def _cut(span: Span, at: float) -> tuple[Span, Span]:
     return upper, Span((1.0 - at) * span.share, second)
 
 
-def _scaled(spans: Sequence[Span], whole: float) -> Spans:
+def _scale_shares(spans: Sequence[Span], whole: float) -> Spans:
     """Scales the shares of the spans to sum to ``whole``. A bone without spans gets one without motion."""
     total = sum(span.share for span in spans)
     if not spans or total <= 0.0:
@@ -105,11 +105,11 @@ def _scaled(spans: Sequence[Span], whole: float) -> Spans:
     return tuple(replace(span, share=span.share * whole / total) for span in spans)
 
 
-def _merged(spans: Spans) -> Spans:
+def _merge_neighbours(spans: Spans) -> Spans:
     """Merges neighbouring spans if the second continues the first. The shares sum to one."""
     merged = [spans[0]]
     for span in spans[1:]:
-        if _goes_on(merged[-1], span):
+        if _forms_one_span(merged[-1], span):
             ends = tuple(
                 replace(ref, end=after.end) for ref, after in zip(merged[-1].refs, span.refs, strict=True)
             )
@@ -119,18 +119,19 @@ def _merged(spans: Spans) -> Spans:
     return tuple(merged)
 
 
-def _goes_on(first: Span, second: Span) -> bool:
+def _forms_one_span(first: Span, second: Span) -> bool:
     """Returns True if two spans form one: the same layers, without a gap, at the same rate along the bone."""
     if second.before != AT_ONCE or len(first.refs) != len(second.refs):
         return False
     if not first.refs:
         return True
     return min(first.share, second.share) > 0 and all(
-        _continues(a, b, first.share, second.share) for a, b in zip(first.refs, second.refs, strict=True)
+        _is_continuation(a, b, first.share, second.share)
+        for a, b in zip(first.refs, second.refs, strict=True)
     )
 
 
-def _continues(a: Ref, b: Ref, first: float, second: float) -> bool:
-    if a.layer != b.layer or abs(a.end - b.start) > _SLIVER:
+def _is_continuation(a: Ref, b: Ref, first: float, second: float) -> bool:
+    if a.layer != b.layer or abs(a.end - b.start) > _MIN_BONE_FRACTION:
         return False
     return bool(np.isclose((a.end - a.start) * second, (b.end - b.start) * first, rtol=1e-9, atol=1e-15))

@@ -19,7 +19,7 @@ from enliven.errors import InputError
 from enliven.matching import EqualLimbs
 from enliven.rotation import canonical, from_matrix, multiply
 
-_MIRROR = np.array([1.0, 1.0, -1.0, -1.0])
+_MIRROR_SIGNS = np.array([1.0, 1.0, -1.0, -1.0])
 """Factors of (w, x, y, z) that reflect a rotation in the plane x = 0."""
 
 
@@ -63,7 +63,7 @@ def spread_motion(
             layers[fresh[name]] = reflected(layers[name], linear, fresh[name], later)
         for start, end in group.joint_map(own, number).items():
             if end != group.joint:
-                spans[end] = tuple(_copied(span, fresh, linear) for span in shape.spans[start])
+                spans[end] = tuple(_copied_span(span, fresh, linear) for span in shape.spans[start])
     return project.with_characters(shape.with_changes(spans=tuple(spans), layers=tuple(layers.values())))
 
 
@@ -76,12 +76,12 @@ def reflected(layer: Layer, linear: Float, name: str, delay: float = 0.0) -> Lay
     """
     mirrored, basis = layer.mirrored, layer.basis
     if np.linalg.det(linear) < 0.0:
-        linear, mirrored, basis = linear * [-1.0, 1.0, 1.0], not mirrored, basis * _MIRROR
+        linear, mirrored, basis = linear * [-1.0, 1.0, 1.0], not mirrored, basis * _MIRROR_SIGNS
     turned = canonical(multiply(from_matrix(linear), basis))
     return replace(layer, id=name, basis=turned, mirrored=mirrored).later(delay)
 
 
-def _copied(span: Span, names: dict[str, str], linear: Float) -> Span:
+def _copied_span(span: Span, names: dict[str, str], linear: Float) -> Span:
     """Returns the span with other layers, and its fixed rotation turned with the limb."""
     x, y, z = (linear @ np.array(span.before[1:]) * np.linalg.det(linear)).tolist()
     refs = tuple(replace(ref, layer=names[ref.layer]) for ref in span.refs)

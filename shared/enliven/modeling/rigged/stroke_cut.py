@@ -57,7 +57,7 @@ def cut_stroke(
     shape = project.shape(shape_id)
     pose = moment(project, shape, time)
     crossings = crossings_of(shape, stroke, pose.joints)
-    _check(shape, crossings)
+    _check_crossings(shape, crossings)
     edited, upper, lowers = project, shape.with_changes(mesh=None, skin=None), []
     for crossing in crossings:
         j = upper.skeleton.index(shape.skeleton.names[crossing.bone])
@@ -104,7 +104,7 @@ def crossings_of(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossi
     return crossings
 
 
-def _check(shape: Shape, crossings: Sequence[Crossing]) -> None:
+def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
     """Raises an error if the stroke does not determine which parts are cut off."""
     where, names = f"shape {shape.id!r}", shape.skeleton.names
     if not crossings:

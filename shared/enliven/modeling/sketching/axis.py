@@ -11,15 +11,15 @@ from enliven.arrays import Float, Int
 
 TIP = 0.4
 """Distance from the tip at which an axis ends, in radii."""
-_SPUR = 2.4
+_MIN_SPUR_RADII = 2.4
 """Minimum length in radii of a limb in the outer corner of a bend. The corner alone creates a shorter
 branch."""
-_STUB = 1.3
+_MIN_LIMB_RADII = 1.3
 """Minimum length in radii of a limb elsewhere. A shorter branch hardly leaves the shape that it branches
 from."""
-_SHARP = 0.9
+_SHARP_BEND_SUM = 0.9
 """Length of the sum of two unit directions above which a bend is sharp: 127 degrees or less."""
-_CLOSE = 0.9
+_MERGE_DISTANCE_RADII = 0.9
 """Junctions nearer to each other than this number of their radii are merged."""
 
 
@@ -52,49 +52,55 @@ def without_spurs(axis: Axis) -> Axis:
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
         degree = np.bincount(ends, minlength=len(axis.points))
-        for spur in map(_outward(degree), axis.chains):
+        for spur in map(_chain_director(degree), axis.chains):
             if not spur:
                 continue
             others = [c for c in axis.chains if spur[0] in (c[0], c[-1]) and set(c) != set(spur)]
             others = [c if c[0] == spur[0] else c[::-1] for c in others]
-            bend = len(others) == 2 and _in_corner(axis, spur, others[0], others[1])
-            if _length(axis, spur) < (_SPUR if bend else _STUB) * _width(axis, spur):
+            bend = len(others) == 2 and _is_outside_bend(axis, spur, others[0], others[1])
+            if _chain_length(axis, spur) < (_MIN_SPUR_RADII if bend else _MIN_LIMB_RADII) * _chain_radius(
+                axis, spur
+            ):
                 break
         else:
             return axis
         rest = [c for c in axis.chains if spur[0] not in (c[0], c[-1])]
         if bend:
-            others = _to_corner(axis, spur, others)
+            others = _move_fork_to_corner(axis, spur, others)
         if len(others) == 2:
             others = [[*others[0][:0:-1], *others[1]]]
         axis.chains = rest + others
 
 
-def _length(axis: Axis, chain: list[int]) -> float:
+def _chain_length(axis: Axis, chain: list[int]) -> float:
     return float(np.linalg.norm(np.diff(axis.points[chain], axis=0), axis=1).sum())
 
 
-def _width(axis: Axis, chain: list[int]) -> float:
+def _chain_radius(axis: Axis, chain: list[int]) -> float:
     return float(np.median(axis.radii[chain[1:]]))
 
 
-def _in_corner(axis: Axis, spur: list[int], one: list[int], two: list[int]) -> bool:
+def _is_outside_bend(axis: Axis, spur: list[int], one: list[int], two: list[int]) -> bool:
     """Returns True if a branch leaves a fork away from two others that bend sharply there. All start at the
     fork."""
     ways = []
     for chain in (spur, one, two):
         away = axis.points[chain[1:]] - axis.points[spur[0]]
         far = np.linalg.norm(away, axis=1)
-        at = int(np.argmax(far > 2 * _width(axis, spur))) if (far > 2 * _width(axis, spur)).any() else -1
+        at = (
+            int(np.argmax(far > 2 * _chain_radius(axis, spur)))
+            if (far > 2 * _chain_radius(axis, spur)).any()
+            else -1
+        )
         ways.append(away[at] / max(float(far[at]), 1e-300))
     bisector = ways[1] + ways[2]
     size = float(np.linalg.norm(bisector))
-    return bool(size > _SHARP and ways[0] @ bisector < -0.5 * size)
+    return bool(size > _SHARP_BEND_SUM and ways[0] @ bisector < -0.5 * size)
 
 
-def _to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[list[int]]:
+def _move_fork_to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[list[int]]:
     """Moves the fork to the point where its two limbs meet, and removes nearby points from the limbs."""
-    fork, width = spur[0], _width(axis, spur)
+    fork, width = spur[0], _chain_radius(axis, spur)
     back = axis.points[spur[-1]] - axis.points[spur[-2]]
     back /= max(float(np.linalg.norm(back)), 1e-300)
     # The end of the spur lies 0.4 radii before the tip. The two limbs meet one radius before the tip.
@@ -108,7 +114,7 @@ def _to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[lis
     return out
 
 
-def _outward(degree: Int) -> Callable[[list[int]], list[int]]:
+def _chain_director(degree: Int) -> Callable[[list[int]], list[int]]:
     """Returns a function that directs a chain from its fork to its free end, and gives an empty list for
     other chains."""
 
@@ -131,7 +137,9 @@ def merged(axis: Axis) -> Axis:
             if a == b or degree[a] < 3 or degree[b] < 3:
                 continue
             length = np.linalg.norm(np.diff(axis.points[chain], axis=0), axis=1).sum()
-            if length < _CLOSE * max(axis.radii[a], axis.radii[b]) and (short is None or length < short[0]):
+            if length < _MERGE_DISTANCE_RADII * max(axis.radii[a], axis.radii[b]) and (
+                short is None or length < short[0]
+            ):
                 short = (length, chain)
         if short is None:
             return axis

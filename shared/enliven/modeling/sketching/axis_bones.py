@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.modeling.sketching.axis import Axis
 
-_APART = 1.6
+_MIN_JOINT_DISTANCE_RADII = 1.6
 """Minimum distance between two joints of a chain, in radii."""
 
 
@@ -26,7 +26,7 @@ def simplified(points: Float, radii: Float, tolerance: float, longest: float) ->
         longest: maximum length of a bone, in mean diameters; longer ones are split evenly.
     """
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    chosen = _split(points, radii, along, 0, len(points) - 1, tolerance)
+    chosen = _split_chain(points, radii, along, 0, len(points) - 1, tolerance)
     out = [chosen[0]]
     for a, b in itertools.pairwise(chosen):
         mean = float(np.mean(radii[a : b + 1]))
@@ -39,7 +39,7 @@ def simplified(points: Float, radii: Float, tolerance: float, longest: float) ->
     return out
 
 
-def _split(points: Float, radii: Float, along: Float, a: int, b: int, tolerance: float) -> list[int]:
+def _split_chain(points: Float, radii: Float, along: Float, a: int, b: int, tolerance: float) -> list[int]:
     if b - a < 2:
         return [a, b]
     inner = np.arange(a + 1, b)
@@ -54,8 +54,8 @@ def _split(points: Float, radii: Float, along: Float, a: int, b: int, tolerance:
     if error[worst] <= tolerance * mean:
         return [a, b]
     at = int(inner[worst])
-    left = _split(points, radii, along, a, at, tolerance)
-    return left[:-1] + _split(points, radii, along, at, b, tolerance)
+    left = _split_chain(points, radii, along, a, at, tolerance)
+    return left[:-1] + _split_chain(points, radii, along, at, b, tolerance)
 
 
 def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, Float, list[tuple[int, int]]]:
@@ -69,7 +69,7 @@ def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, 
     links: list[tuple[int, int]] = []
     for chain in axis.chains:
         points, radii = axis.points[chain], axis.radii[chain]
-        chosen = _spaced(points, radii, simplified(points, radii, tolerance, longest))
+        chosen = _drop_close_joints(points, radii, simplified(points, radii, tolerance, longest))
         for k in chosen:
             if chain[k] not in number:
                 number[chain[k]] = len(places)
@@ -80,13 +80,13 @@ def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, 
     return np.array(places), np.array(widths), links
 
 
-def _spaced(points: Float, radii: Float, chosen: list[int]) -> list[int]:
+def _drop_close_joints(points: Float, radii: Float, chosen: list[int]) -> list[int]:
     """Removes joints that are too close to the previous one: nearer than the thickness of a knee."""
     out = [chosen[0]]
     for k in chosen[1:-1]:
         far = float(np.linalg.norm(points[k] - points[out[-1]]))
         home = float(np.linalg.norm(points[k] - points[chosen[-1]]))
-        if min(far, home) > _APART * radii[k]:
+        if min(far, home) > _MIN_JOINT_DISTANCE_RADII * radii[k]:
             out.append(k)
     return [*out, chosen[-1]]
 

@@ -15,9 +15,9 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.modeling.sketching.axis import TIP, Axis, merged, smooth, without_spurs
 
-_ROUND = 1.2
+_MAX_BUMP_RADII = 1.2
 """A branch is a bump if it stays within this number of radii from the middle of its chord."""
-_AS_LONG = 0.8
+_ROUND_MOMENT_RATIO = 0.8
 """Ratio of the second moments above which an outline without limbs has no long direction."""
 
 
@@ -51,25 +51,25 @@ class _Tracer:
 
     def axis(self) -> Axis:
         """Prunes bumps inward from every terminal triangle, then connects the rest."""
-        is_pruned, tips = self._pruned()
+        is_pruned, tips = self._prune_bumps()
         remaining = [t for t in range(len(self.triangles)) if not is_pruned[t]]
         if not remaining:
-            return self._blob()
+            return self._single_bone_axis()
         for t in remaining:
             open_sides = [k for k in range(3) if self.beside[t, k] >= 0 and not is_pruned[self.beside[t, k]]]
-            nodes = [self._chord(t, k) for k in open_sides]
+            nodes = [self._chord_node(t, k) for k in open_sides]
             closed = [k for k in range(3) if self.beside[t, k] >= 0 and is_pruned[self.beside[t, k]]]
             if len(nodes) == 2:
                 self.links.append((nodes[0], nodes[1]))
             elif len(nodes) == 3:
-                self._junction(t, nodes)
+                self._add_junction(t, nodes)
             elif len(nodes) == 1:
-                self._end(t, nodes[0], closed, tips)
+                self._add_end(t, nodes[0], closed, tips)
         if len(remaining) == 1:
-            return self._blob()
-        return self._chained()
+            return self._single_bone_axis()
+        return self._link_chains()
 
-    def _pruned(self) -> tuple[list[bool], dict[int, list[int]]]:
+    def _prune_bumps(self) -> tuple[list[bool], dict[int, list[int]]]:
         """Returns the triangles in bumps, and for each triangle next to one the outline points of the
         bump."""
         is_pruned = [False] * len(self.triangles)
@@ -85,7 +85,7 @@ class _Tracer:
             region = sorted({*bumps.get(t, []), *(int(v) for v in self.triangles[t])})
             a, b = self.outline[self.triangles[t, (k + 1) % 3]], self.outline[self.triangles[t, (k + 2) % 3]]
             middle, radius = (a + b) / 2, float(np.linalg.norm(a - b)) / 2
-            if np.linalg.norm(self.outline[region] - middle, axis=1).max() > _ROUND * radius:
+            if np.linalg.norm(self.outline[region] - middle, axis=1).max() > _MAX_BUMP_RADII * radius:
                 continue
             is_pruned[t] = True
             other = int(self.beside[t, k])
@@ -93,46 +93,46 @@ class _Tracer:
             waiting.append(other)
         return is_pruned, bumps
 
-    def _add(self, point: Float, radius: float) -> int:
+    def _add_node(self, point: Float, radius: float) -> int:
         self.points.append(point)
         self.radii.append(radius)
         return len(self.points) - 1
 
-    def _chord(self, t: int, k: int) -> int:
+    def _chord_node(self, t: int, k: int) -> int:
         """Returns the node in the middle of a side."""
         key = int(self.key[t, k])
         if key not in self.chord:
             a, b = self.outline[self.triangles[t, (k + 1) % 3]], self.outline[self.triangles[t, (k + 2) % 3]]
-            self.chord[key] = self._add((a + b) / 2, float(np.linalg.norm(a - b)) / 2)
+            self.chord[key] = self._add_node((a + b) / 2, float(np.linalg.norm(a - b)) / 2)
         return self.chord[key]
 
-    def _junction(self, t: int, nodes: list[int]) -> None:
+    def _add_junction(self, t: int, nodes: list[int]) -> None:
         corners = self.outline[self.triangles[t]]
         middle = corners.mean(0)
-        centre = self._add(middle, float(np.linalg.norm(corners - middle, axis=1).mean()))
+        centre = self._add_node(middle, float(np.linalg.norm(corners - middle, axis=1).mean()))
         self.links += [(node, centre) for node in nodes]
 
-    def _end(self, t: int, node: int, closed: list[int], bumps: dict[int, list[int]]) -> None:
+    def _add_end(self, t: int, node: int, closed: list[int], bumps: dict[int, list[int]]) -> None:
         """Adds an end: the last chord, and the outline beyond it."""
         region = np.array(sorted({*bumps.get(t, []), *(int(v) for v in self.triangles[t])}))
-        at = self._chord(t, closed[0]) if len(closed) == 1 else node
+        at = self._chord_node(t, closed[0]) if len(closed) == 1 else node
         if at != node:
             self.links.append((node, at))
         self.tips[at] = region
 
-    def _blob(self) -> Axis:
+    def _single_bone_axis(self) -> Axis:
         """Returns the axis of an outline without limbs: one bone along its longest extent."""
         middle = self.outline.mean(0)
         spread = (self.outline - middle).T @ (self.outline - middle)
         sizes, axes = np.linalg.eigh(spread)
         # If length and width of the shape are about equal, use the vertical as its axis.
-        along = axes[:, 1] if sizes[0] < _AS_LONG * sizes[1] else np.array([0.0, 1.0])
+        along = axes[:, 1] if sizes[0] < _ROUND_MOMENT_RATIO * sizes[1] else np.array([0.0, 1.0])
         reach = 0.35 * float(np.ptp((self.outline - middle) @ along))
         points = np.stack([middle - reach * along, middle, middle + reach * along])
         inscribed = np.linalg.norm(self.outline - points[:, None], axis=2).min(1)
         return Axis(points, inscribed, [[0, 1, 2]])
 
-    def _chained(self) -> Axis:
+    def _link_chains(self) -> Axis:
         """Converts the links to chains between ends and junctions. Nearby junctions are merged."""
         beside: dict[int, list[int]] = {i: [] for i in range(len(self.points))}
         for a, b in self.links:
@@ -149,15 +149,15 @@ class _Tracer:
                     a, b = beside[chain[-1]]
                     chain.append(b if a == chain[-2] else a)
                 used |= {(chain[0], chain[1]), (chain[-1], chain[-2])}
-                chains.append(self._to_tip(self._to_tip(chain[::-1])[::-1]))
+                chains.append(self._straighten_to_tip(self._straighten_to_tip(chain[::-1])[::-1]))
         if not chains:
-            return self._blob()
+            return self._single_bone_axis()
         axis = Axis(np.array(self.points), np.array(self.radii), chains)
         for chain in chains:
             axis.points[chain] = smooth(axis.points[chain])
         return merged(without_spurs(axis))
 
-    def _to_tip(self, chain: list[int]) -> list[int]:
+    def _straighten_to_tip(self, chain: list[int]) -> list[int]:
         """Straightens the last points of a chain to the tip, since they lie askew in a round or flat end."""
         region = self.tips.get(chain[-1])
         if region is None:
@@ -172,5 +172,5 @@ class _Tracer:
         ahead = points[base] - points[before]
         ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-300)
         reach = float(((self.outline[region] - points[base]) @ ahead).max()) - TIP * radii[base]
-        end = self._add(points[base] + max(reach, 0.1 * radii[base]) * ahead, 0.5 * float(radii[base]))
+        end = self._add_node(points[base] + max(reach, 0.1 * radii[base]) * ahead, 0.5 * float(radii[base]))
         return [*chain[: base + 1], end]

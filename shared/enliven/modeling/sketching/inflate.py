@@ -18,7 +18,7 @@ from enliven.meshes import split_long_edges
 from enliven.modeling.mesh import SYMMETRIC_LU, flipped, poisson, refined, taubin_smoothed
 from enliven.modeling.skinning import cotangents
 
-_LONG = 1.5
+_MAX_EDGE_STEPS = 1.5
 """Edges longer than this number of outline steps are split in half."""
 
 
@@ -41,7 +41,7 @@ def inflated(
     vertices, faces, squared = _both_halves(flat, cells, squared, len(outline), depth)
     while True:
         count = len(vertices)
-        vertices, faces, parents, _ = split_long_edges(vertices, faces, _LONG * step)
+        vertices, faces, parents, _ = split_long_edges(vertices, faces, _MAX_EDGE_STEPS * step)
         if len(parents) == 0 or count > 100_000:
             break
         # Interpolate the squared height, which keeps the midpoint of an edge on the circle.
@@ -90,10 +90,10 @@ def _both_halves(
     # A triangle with all corners on the outline would coincide in both halves. So each of its two copies gets
     # an inner point.
     vertices = np.concatenate([upper, lower])
-    return _opened(vertices, faces, np.concatenate([squared, squared[rim:]]), rim, depth)
+    return _split_inner_edges(vertices, faces, np.concatenate([squared, squared[rim:]]), rim, depth)
 
 
-def _opened(
+def _split_inner_edges(
     vertices: Float, faces: Int, squared: Float, rim: int, depth: float
 ) -> tuple[Float, Int32, Float]:
     """Splits inner edges between two outline points, with separate midpoints in the two halves."""
@@ -121,13 +121,13 @@ def _opened(
                     midpoints.append(middle)
                     heights.append(width**2)
                 corners.append(number[key])
-        out += _fanned(corners, len(vertices))
+        out += _triangulate_polygon(corners, len(vertices))
     all_vertices = np.concatenate([vertices, *([np.array(midpoints)] if midpoints else [])])
     parts = np.concatenate([faces[~touched], np.array(out, np.int64).reshape(-1, 3)])
     return all_vertices, parts.astype(np.int32), np.concatenate([squared, np.array(heights)])
 
 
-def _fanned(corners: list[int], first_made: int) -> list[list[int]]:
+def _triangulate_polygon(corners: list[int], first_made: int) -> list[list[int]]:
     """Triangulates a polygon of three to six corners from the new points."""
     new_corners = [k for k, v in enumerate(corners) if v >= first_made]
     if not new_corners:

@@ -9,9 +9,9 @@ from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.modeling.mesh import area
 
-_ENDS = 0.15
+_MAX_OVERSHOOT_FRACTION = 0.15
 """Maximum overshoot at each end of a stroke beyond the closing point, as a fraction of its length."""
-_WHERE = "stroke"
+_ERROR_PLACE = "stroke"
 
 
 def outline_of(stroke: Float, count: int, smooth: int = 2) -> Float:
@@ -29,40 +29,40 @@ def outline_of(stroke: Float, count: int, smooth: int = 2) -> Float:
     """
     points = np.array(stroke, np.float64).reshape(-1, 2)
     if not np.isfinite(points).all():
-        raise InputError("it is not finite", where=_WHERE, mend="Draw it again.")
+        raise InputError("it is not finite", where=_ERROR_PLACE, mend="Draw it again.")
     extent = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
-    points = _apart(points, 1e-6 * extent)
+    points = _drop_repeated_points(points, 1e-6 * extent)
     if len(points) < 3:
-        raise InputError("it is a dot or a line", where=_WHERE, mend="Draw the outline of the part.")
-    dense = _resampled(points, 2 * count, closed=False)
-    crossings = _crossings(dense, closed=False)
+        raise InputError("it is a dot or a line", where=_ERROR_PLACE, mend="Draw the outline of the part.")
+    dense = _resample_polyline(points, 2 * count, closed=False)
+    crossings = _crossing_segments(dense, closed=False)
     if len(crossings):
         dense = _without_ends(dense, crossings)
-    even = _resampled(_apart(dense, 1e-6 * extent), count, closed=True)
+    even = _resample_polyline(_drop_repeated_points(dense, 1e-6 * extent), count, closed=True)
     # Smoothing can make a thin tip cross itself. In that case, smooth fewer times.
     points = even
     for times in range(smooth, -1, -1):
-        points = _smoothed(even, times)
-        if len(_crossings(points, closed=True)) == 0:
+        points = _smooth_points(even, times)
+        if len(_crossing_segments(points, closed=True)) == 0:
             break
     else:
         raise InputError(
-            "it crosses itself", where=_WHERE, mend="Draw an outline that does not cross itself."
+            "it crosses itself", where=_ERROR_PLACE, mend="Draw an outline that does not cross itself."
         )
     size = area(points)
     length = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).sum())
     if abs(size) < 1e-3 * length**2 / (4 * np.pi):
-        raise InputError("it encloses nothing", where=_WHERE, mend="Draw the outline of the part.")
+        raise InputError("it encloses nothing", where=_ERROR_PLACE, mend="Draw the outline of the part.")
     return points if size > 0 else points[::-1].copy()
 
 
-def _smoothed(points: Float, times: int) -> Float:
+def _smooth_points(points: Float, times: int) -> Float:
     for _ in range(times):
         points = 0.5 * points + 0.25 * (np.roll(points, 1, 0) + np.roll(points, -1, 0))
     return points
 
 
-def _apart(points: Float, least: float) -> Float:
+def _drop_repeated_points(points: Float, least: float) -> Float:
     """Removes points that repeat the previous one, or at the end the first."""
     step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     points = points[np.concatenate([[True], step > least])] if len(points) else points
@@ -71,7 +71,7 @@ def _apart(points: Float, least: float) -> Float:
     return points
 
 
-def _resampled(points: Float, count: int, closed: bool) -> Float:
+def _resample_polyline(points: Float, count: int, closed: bool) -> Float:
     """Returns (count, 2) points at equal steps along a polyline."""
     path = np.concatenate([points, points[:1]]) if closed else points
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
@@ -79,17 +79,19 @@ def _resampled(points: Float, count: int, closed: bool) -> Float:
     return np.stack([np.interp(at, along, path[:, k]) for k in range(2)], 1)
 
 
-def _crossings(points: Float, closed: bool) -> Float:
+def _crossing_segments(points: Float, closed: bool) -> Float:
     """Returns (K, 2) pairs of crossing segments as ``segment + position along it``, the earlier segment
     first."""
     ends = np.roll(points, -1, 0) if closed else points[1:]
     starts = points if closed else points[:-1]
-    return np.array(_crossed(np.ascontiguousarray(starts), np.ascontiguousarray(ends), closed)).reshape(-1, 2)
+    return np.array(
+        _crossing_kernel(np.ascontiguousarray(starts), np.ascontiguousarray(ends), closed)
+    ).reshape(-1, 2)
 
 
 @njit(cache=True, nogil=True)
-def _crossed(starts, ends, closed):
-    """Kernel of :func:`_crossings`. Segments that share an end do not cross."""
+def _crossing_kernel(starts, ends, closed):
+    """Kernel of :func:`_crossing_segments`. Segments that share an end do not cross."""
     crossings = [(0.0, 0.0) for _ in range(0)]
     count = starts.shape[0]
     for i in range(count):
@@ -113,11 +115,13 @@ def _crossed(starts, ends, closed):
 def _without_ends(points: Float, crossings: Float) -> Float:
     """Returns the stroke between its two passages through the point where its ends cross."""
     count = len(points) - 1
-    near_ends = (crossings[:, 0] < _ENDS * count) & (crossings[:, 1] > (1 - _ENDS) * count)
+    near_ends = (crossings[:, 0] < _MAX_OVERSHOOT_FRACTION * count) & (
+        crossings[:, 1] > (1 - _MAX_OVERSHOOT_FRACTION) * count
+    )
     if not near_ends.any():
         where = points[int(crossings[0, 0])]
         problem = f"it crosses itself at ({where[0]:.3g}, {where[1]:.3g})"
-        raise InputError(problem, where=_WHERE, mend="Draw an outline that does not cross itself.")
+        raise InputError(problem, where=_ERROR_PLACE, mend="Draw an outline that does not cross itself.")
     # Cut at the innermost crossing of the two ends, because this removes all of their other crossings too.
     pick = crossings[near_ends]
     start, end = pick[np.argmin(pick[:, 1] - pick[:, 0])]

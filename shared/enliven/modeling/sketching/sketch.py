@@ -84,19 +84,19 @@ def shape_from_stroke(
     settings = settings or SketchSettings()
     axes = plane.axes()
     outline = outline_of(stroke, settings.points)
-    fewer = _points_for(outline, settings.vertices)
+    fewer = _outline_point_count(outline, settings.vertices)
     if fewer < settings.points:
         outline = outline_of(stroke, fewer)
     triangles, axis = flat_axis(outline)
     places, radii, links = bones_of_axis(axis, settings.tolerance, settings.longest)
-    middles, widths = _along(axis)
+    middles, widths = _inner_circles(axis)
     vertices, faces = inflated(outline, triangles, middles, widths, settings.depth, settings.smooth)
     mesh = Mesh(np.asarray(plane.origin) + vertices @ axes, faces, id)
-    skeleton = _skeleton(places, radii, links, plane, axes)
+    skeleton = _build_skeleton(places, radii, links, plane, axes)
     return still_shape(id, skeleton, mesh, bone_heat(mesh, skeleton))
 
 
-def _points_for(outline: Float, vertices: int) -> int:
+def _outline_point_count(outline: Float, vertices: int) -> int:
     """Returns the number of outline points that gives about ``vertices``: triangle edges are as long as its
     steps."""
     step = np.sqrt(7.5 * area(outline) / vertices)
@@ -110,7 +110,7 @@ def flat_axis(outline: Float) -> tuple[Int, Axis]:
     return triangles, axis_of(outline, triangles)
 
 
-def _along(axis: Axis) -> tuple[Float, Float]:
+def _inner_circles(axis: Axis) -> tuple[Float, Float]:
     """Returns the inner points of the axis' chains and their radii: the circles to inflate."""
     inner = np.unique([i for chain in axis.chains for i in chain[1:-1]]).astype(np.int64)
     if len(inner) == 0:
@@ -118,7 +118,7 @@ def _along(axis: Axis) -> tuple[Float, Float]:
     return axis.points[inner], axis.radii[inner]
 
 
-def _skeleton(
+def _build_skeleton(
     places: Float, radii: Float, links: list[tuple[int, int]], plane: SketchPlane, axes: Float
 ) -> Skeleton:
     """Builds the skeleton in space, with the thickest joint as the root. Joints are named by branch and
@@ -133,12 +133,12 @@ def _skeleton(
         alone = len(tree.children[parent]) == 1 and branch[parent]
         if not alone:
             letters += 1
-        branch.append(branch[parent] if alone else _letters(letters))
+        branch.append(branch[parent] if alone else _number_as_letters(letters))
         names.append(f"{branch[j]}{1 + sum(b == branch[j] for b in branch[:j])}")
     return Skeleton(tuple(names), tree.parents, tree.positions)
 
 
-def _letters(number: int) -> str:
+def _number_as_letters(number: int) -> str:
     """Converts a number to letters: 1 is a, 26 z, 27 aa."""
     text = ""
     while number:

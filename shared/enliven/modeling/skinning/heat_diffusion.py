@@ -99,9 +99,9 @@ def heat_weights(
     np.add.at(source, (rows, owners[np.maximum(chosen, 0)].ravel()), shares.ravel())
     matrix = csc_matrix(laplacian + diags(heat))
     if free is None or known is None:
-        weights = _solved(matrix, heat[:, None] * source)
+        weights = _solve_weights(matrix, heat[:, None] * source)
     else:
-        weights = _joined_to(matrix, heat[:, None] * source, of, known, free)
+        weights = _continue_weights(matrix, heat[:, None] * source, of, known, free)
     return np.asarray(weights[of])
 
 
@@ -156,7 +156,7 @@ def _take_nearest_where_hidden(
         chosen[v, 0], distance[v] = np.argmin(far), far.min()
 
 
-def _solved(matrix: csc_matrix, right: Float) -> Float:
+def _solve_weights(matrix: csc_matrix, right: Float) -> Float:
     """Solves for (N, B) weights. Skips columns of zeros."""
     out = np.zeros_like(right)
     warm = np.flatnonzero(right.any(0))
@@ -168,7 +168,7 @@ def _solved(matrix: csc_matrix, right: Float) -> Float:
     return np.clip(out, 0.0, 1.0)
 
 
-def _joined_to(matrix: csc_matrix, right: Float, of: Int, known: Float, free: Bool) -> Float:
+def _continue_weights(matrix: csc_matrix, right: Float, of: Int, known: Float, free: Bool) -> Float:
     """Returns (W, B) weights: the known ones where not free, and elsewhere the solution that continues
     them."""
     loose = np.ones(len(right), bool)
@@ -178,5 +178,7 @@ def _joined_to(matrix: csc_matrix, right: Float, of: Int, known: Float, free: Bo
     inner, rim = np.flatnonzero(loose), np.flatnonzero(~loose)
     if len(inner):
         rows = matrix[inner]
-        weights[inner] = _solved(csc_matrix(rows[:, inner]), right[inner] - rows[:, rim] @ weights[rim])
+        weights[inner] = _solve_weights(
+            csc_matrix(rows[:, inner]), right[inner] - rows[:, rim] @ weights[rim]
+        )
     return weights

@@ -47,7 +47,7 @@ def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinW
     indices, weights = skin.indices.copy(), skin.weights.copy()
     rows, slots = np.nonzero((indices == lower) & (weights > 0))
     old_weights, part = weights[rows, slots], part[rows]
-    first, second = _halves(old_weights, part)
+    first, second = _split_exactly(old_weights, part)
     free = weights[rows].argmin(1)
     full = weights[rows, free] > 0
     first = np.where(full, np.where(part >= 0.5, old_weights, 0), first).astype(np.float32)
@@ -60,7 +60,7 @@ def shared_skin(skin: SkinWeights, upper: int, lower: int, part: Float) -> SkinW
     return SkinWeights(indices, weights)
 
 
-def _halves(whole: Float32, part: Float) -> tuple[Float32, Float32]:
+def _split_exactly(whole: Float32, part: Float) -> tuple[Float32, Float32]:
     """Splits ``whole`` into two float32 weights that sum to it without rounding. The first is about ``part``
     of it."""
     larger = np.maximum(part, 1.0 - part).astype(np.float32) * whole

@@ -7,9 +7,9 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.kernels import njit
 
-_OUTWARD = 0.2
+_MAX_OUTWARD_COSINE = 0.2
 """A bone counts as outside the surface if the direction to it has a cosine to the normal above this value."""
-_FADE = 4
+_FADE_EXPONENT = 4
 """Exponent by which the heat of a bone that replaces an occluded one fades. Of the tested values, this one
 came nearest to weights that artists painted on ten rigs."""
 MOST = 6
@@ -47,7 +47,7 @@ def grid_of(vertices, faces, low, cell, size):
 
 
 @njit(cache=True, nogil=True)
-def _hit(p, d, a, b, c):
+def _line_triangle_hit(p, d, a, b, c):
     """Returns t where the line p + t d hits the triangle a, b, c, or -1 (T. Moeller and B. Trumbore,
     1997)."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -68,12 +68,12 @@ def _hit(p, d, a, b, c):
 
 
 @njit(cache=True, nogil=True)
-def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size):
+def _is_hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size):
     """Returns True if a point lies outside vertex v's own surface, or if a face that does not touch v
     occludes it."""
     p = vertices[v]
     d = target - p
-    if d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2] > _OUTWARD * np.sqrt((d * d).sum()):
+    if d[0] * normal[0] + d[1] * normal[1] + d[2] * normal[2] > _MAX_OUTWARD_COSINE * np.sqrt((d * d).sum()):
         return True
     # Set up the grid traversal of Amanatides and Woo: cell, direction, and next crossing per axis.
     at, step = np.empty(3, np.int64), np.empty(3, np.int64)
@@ -93,7 +93,7 @@ def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size
             i, j, k = faces[inside[m], 0], faces[inside[m], 1], faces[inside[m], 2]
             if i == v or j == v or k == v:
                 continue
-            t = _hit(p, d, vertices[i], vertices[j], vertices[k])
+            t = _line_triangle_hit(p, d, vertices[i], vertices[j], vertices[k])
             if 1e-4 < t < 0.999:
                 return True
         a = 0 if ahead[0] < ahead[1] else 1
@@ -108,7 +108,7 @@ def _hidden(v, target, vertices, normal, faces, offsets, inside, low, cell, size
 
 
 @njit(cache=True, nogil=True)
-def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, tie):
+def _nearest_seen_kernel(vertices, normals, faces, segments, offsets, inside, low, cell, size, tie):
     """Kernel of :func:`nearest_seen`."""
     count, some = vertices.shape[0], min(MOST, segments.shape[0])
     chosen = np.full((count, some), -1, np.int32)
@@ -145,7 +145,7 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
             far = np.sqrt(near[i])
             if chosen_count and far > (1.0 + tie) * distance[v]:
                 break
-            if _hidden(v, points[i], vertices, normals[v], faces, offsets, inside, low, cell, size):
+            if _is_hidden(v, points[i], vertices, normals[v], faces, offsets, inside, low, cell, size):
                 continue
             if chosen_count == 0:
                 distance[v] = far
@@ -153,7 +153,7 @@ def _seen(vertices, normals, faces, segments, offsets, inside, low, cell, size, 
             chosen_count += 1
         # If the nearest segments are occluded, increase the distance.
         if chosen_count:
-            distance[v] *= (distance[v] / max(np.sqrt(near[0]), 1e-300)) ** _FADE
+            distance[v] *= (distance[v] / max(np.sqrt(near[0]), 1e-300)) ** _FADE_EXPONENT
     return chosen, distance
 
 
@@ -182,7 +182,7 @@ def nearest_seen(
     cell = max(extent / 64, 2.0 * float(edges.mean()) if len(edges) else extent)
     size: Int = np.maximum(1, np.ceil((high - low) / cell + 1e-9)).astype(np.int64)
     offsets, inside = grid_of(vertices, faces, low, cell, size)
-    nearest: tuple[Int32, Float] = _seen(
+    nearest: tuple[Int32, Float] = _nearest_seen_kernel(
         vertices, normals, faces, np.ascontiguousarray(segments), offsets, inside, low, cell, size, tie
     )
     return nearest
