@@ -28,7 +28,7 @@ from enliven.takes.body_takes import RecordedHolds
 from enliven.takes.punch_in import PunchIn
 from enliven.takes.shared_motion import shared_motion
 
-_NEAR = 2e-3
+_SAME_NODE_M = 2e-3
 """Distance, metres, within which two nodes are the same: the step size of transmitted poses."""
 
 
@@ -48,7 +48,7 @@ class OverdubTransfer:
     def __init__(self, shape: GraphShape, character: Character) -> None:
         pivots = np.asarray(character.pivots, np.float64)
         surface = np.asarray(character.vertices, np.float64)
-        self._same = _similarity(surface, np.asarray(shape.mesh.vertices))
+        self._same = _mesh_similarity(surface, np.asarray(shape.mesh.vertices))
         self._rest = shape.positions
         self._at = self._same.back(shape.positions)
         nearest = scipy.spatial.cKDTree(surface).query(self._at)[1]
@@ -57,7 +57,7 @@ class OverdubTransfer:
         distances, node = scipy.spatial.cKDTree(pivots).query(self._at)
         # If both meshes share a node, take the node's own transform instead of the motion of the surface
         # around it.
-        is_shared = distances < _NEAR
+        is_shared = distances < _SAME_NODE_M
         self._nodes[is_shared], self._weights[is_shared] = (
             node[is_shared, None],
             np.array([1.0, 0.0, 0.0, 0.0]),
@@ -168,7 +168,7 @@ class _Similarity:
         return np.asarray((points - self.move) @ self.turn / self.size)
 
 
-def _similarity(first: Float, second: Float) -> _Similarity:
+def _mesh_similarity(first: Float, second: Float) -> _Similarity:
     """Returns the similarity from one mesh's vertices to the other's (Umeyama 1991); the identity if they
     differ.
     """
