@@ -8,7 +8,7 @@ from enliven.kernels import njit
 def energy(solver):
     """Returns eq. 4 of the shape state, with each cell at its best rotation and scale, plus the terms of soft
     handles."""
-    solver._fit()
+    solver._fit_cells()
     total = float(
         cells_energy(solver._surface.cells, solver._frames.reshape(-1), float(solver.settings.hold))
     )

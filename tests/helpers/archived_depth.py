@@ -7,19 +7,19 @@ import numpy as np
 
 from enliven.kernels import njit
 from enliven.recording import depth_entropy
-from enliven.recording.depth_codec import _levels
-from enliven.recording.depth_entropy import QUESTIONS, UNARY, _learn, _surroundings
+from enliven.recording.depth_codec import _depth_levels
+from enliven.recording.depth_entropy import QUESTIONS, UNARY, _context_index, _update_state
 from enliven.recording.depth_kernels import predict_level
 
-_HOLES, _LARGE = depth_entropy._HOLES, depth_entropy._LARGE
-_TABLE, _STATES = depth_entropy._TABLE, depth_entropy._STATES
+_HOLE_STATES, _LARGE_STATES_START = depth_entropy._HOLE_STATES, depth_entropy._LARGE_STATES_START
+_TABLE_STATES_START, _STATE_COUNT = depth_entropy._TABLE_STATES_START, depth_entropy._STATE_COUNT
 
 
 def archived(depth):
     """Returns the payload of an (H, W) uint16 image in packing 1 of LAYOUT. Noise makes it larger than the
     image."""
     depth = np.require(depth, requirements=["C", "W", "A"])
-    levels, ranks = _levels(depth)
+    levels, ranks = _depth_levels(depth)
     values = np.concatenate([[0], levels]).astype(np.uint16) if len(levels) else ranks
     out = np.empty(2 * depth.nbytes + 2 * values.nbytes + 64, np.uint8)
     packed = out[: pack_levels(depth, ranks, values, len(levels) > 0, out)].tobytes()
@@ -49,7 +49,7 @@ def _put(coder, out, odds, bit):
 def _ask(coder, data, states, at, bit):
     """Encodes one bit with the probability of a state."""
     _put(coder, data, int(states[at]) >> 8, bit)
-    _learn(states, at, bit)
+    _update_state(states, at, bit)
 
 
 @njit(cache=True, nogil=True)
@@ -67,7 +67,7 @@ def _residual(coder, data, states, base, r):
     rest, bits = size - UNARY, 0
     while bits < 17:
         last = int(rest >> (bits + 1) == 0)
-        _ask(coder, data, states, _LARGE + bits, last)
+        _ask(coder, data, states, _LARGE_STATES_START + bits, last)
         if last:
             break
         bits += 1
@@ -81,7 +81,7 @@ def _write_table(values, data, coder, states):
     former, size = 1, 0
     for level in range(1, values.size):
         step = int(np.int64(values[level])) - int(np.int64(values[level - 1]))
-        _residual(coder, data, states, _TABLE + size * QUESTIONS, step - former)
+        _residual(coder, data, states, _TABLE_STATES_START + size * QUESTIONS, step - former)
         former, size = step, min(abs(step - former), 3)
 
 
@@ -108,7 +108,7 @@ def _write_image(depth, ranks, count, data, coder, states):
             recent = error[x - 1] + former[x] + ((former[x - 1] + former[x + 1]) >> 1)
             r = v - p
             r = r - count if r > half else (r + count if r < least else r)
-            base = _HOLES + _surroundings(w, ww, n, ne, p, recent) * QUESTIONS
+            base = _HOLE_STATES + _context_index(w, ww, n, ne, p, recent) * QUESTIONS
             _residual(coder, data, states, base, r)
             row[x], error[x], last = v, min(abs(r), 2000), v
 
@@ -117,7 +117,7 @@ def _write_image(depth, ranks, count, data, coder, states):
 def pack_levels(depth, ranks, values, tabled, out):
     """Returns the used bytes of ``out``. Arguments are as of ``unpack_levels``, with the level of each value
     (65536,)."""
-    states = np.full(_STATES, 32768 << 8, np.int32)
+    states = np.full(_STATE_COUNT, 32768 << 8, np.int32)
     coder = np.array([0, 0xFFFFFFFF, 0, 0], np.int64)
     if tabled:
         _write_table(values, out, coder, states)

@@ -12,7 +12,7 @@ from enliven.doctor import Check, all_checks
 from enliven.errors import ResourceError
 from enliven.health import Severity
 
-_LACKING = 4
+_FAILED_CHECK_EXIT_CODE = 4
 """Exit code if a check fails. It equals the exit code 4 of :class:`enliven.errors.ResourceError`."""
 
 PATIENCE_S = 5.0
@@ -39,9 +39,9 @@ def doctor(
     if as_json:
         typer.echo(json.dumps([vars(check) for check in checks], indent=2))
     else:
-        plain_console().print(_table(checks))
+        plain_console().print(_check_table(checks))
     if not all(check.ok for check in checks):
-        raise typer.Exit(_LACKING)
+        raise typer.Exit(_FAILED_CHECK_EXIT_CODE)
 
 
 def edge_checks(address: str) -> list[Check]:
@@ -78,7 +78,7 @@ def edge_checks(address: str) -> list[Check]:
     ]
 
 
-def _table(found: list[Check]) -> Table:
+def _check_table(found: list[Check]) -> Table:
     """Builds the table of checks: one row each, with the remedy below a check that failed."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for check in found:

@@ -68,10 +68,10 @@ def writer(output: Path) -> Callable[[Job], str]:
     if exporter.jointed:
         problem = f"{output.suffix} holds skeletons, and a puppet has none"
         raise InputError(problem, where=str(output), mend="Make a .glb: its joints carry the surface.")
-    return partial(_export, exporter)
+    return partial(_write_export, exporter)
 
 
-def _export(exporter: Exporter, job: Job) -> str:
+def _write_export(exporter: Exporter, job: Job) -> str:
     from enliven.exporters import performance_of
 
     how = "morphs" if job.morphs else "skin"

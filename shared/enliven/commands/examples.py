@@ -70,11 +70,11 @@ def new(
     from enliven.modeling.puppet import suggested_puppet
     from enliven.takes import read_take
 
-    mesh_from = MeshTable(_from(output, mesh), height, _axis(up), turned)
-    take_from = TakeTable(_from(output, take), "", animation, start, end)
+    mesh_from = MeshTable(_path_from_session(output, mesh), height, _axis_of(up), turned)
+    take_from = TakeTable(_path_from_session(output, take), "", animation, start, end)
     loaded, notes = load_mesh(mesh)
     clip, more = read_take(take, animation, start, end)
-    _say(*notes, *more)
+    _print_result(*notes, *more)
     project = Project().with_takes(clip)
     puppet_project = suggested_puppet(project, fitted(loaded, mesh_from), clip.id, mesh.stem, points, poses)
     write_session(output, puppet_project, mesh.stem, mesh_from, {clip.id: take_from})
@@ -117,7 +117,7 @@ def check(
         raise typer.Exit(3)
     for number in range(len(character.layers)):
         say(f"enliven: {coverage_of(project, character, number)}")
-        _say(*motion_of(project, character, number).notes)
+        _print_result(*motion_of(project, character, number).notes)
     if lacking:
         raise typer.Exit(3)
 
@@ -165,10 +165,10 @@ def fit(
         raise InputError("it cannot move yet", where=str(session), mend=" ".join(lacking))
     if not any(not layer.muted for layer in character.layers):
         raise InputError("it plays nothing", where=str(session), mend="Add the motion to play: [[layer]].")
-    _say(*source.notes)
+    _print_result(*source.notes)
     for number, layer in enumerate(character.layers):
         if not layer.muted:
-            _say(*motion_of(project, character, number).notes)
+            _print_result(*motion_of(project, character, number).notes)
     span = span_of(project, character, start, end)
     remark = write(Job(project, character, output, span, rate, morphs))
     if sheet and draw:
@@ -176,19 +176,19 @@ def fit(
     say(f"enliven: {len(character.poses)} key poses, {span[1] - span[0]:.2f} s are in {output}{remark}")
 
 
-def _from(session: Path, file: Path) -> str:
+def _path_from_session(session: Path, file: Path) -> str:
     """Returns a file's path as a session beside it names it: relative where the file lies near."""
     home, there = session.resolve().parent, file.resolve()
     return there.relative_to(home).as_posix() if there.is_relative_to(home) else there.as_posix()
 
 
-def _axis(name: str) -> Axis:
+def _axis_of(name: str) -> Axis:
     axes: dict[str, Literal["x", "y", "z"]] = {"x": "x", "y": "y", "z": "z"}
     if name not in axes:
         raise InputError(f"{name!r} is not an axis", where="--up", mend="Give x, y or z.")
     return axes[name]
 
 
-def _say(*notes: str) -> None:
+def _print_result(*notes: str) -> None:
     for note in notes:
         say(f"enliven: {note}", err=True)

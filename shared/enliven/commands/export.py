@@ -61,7 +61,7 @@ def export(
     for note in notes:
         say(f"enliven: {note}", err=True)
     performances = []
-    for exportable in _chosen(exportables, exporter, character or [], source):
+    for exportable in _chosen_characters(exportables, exporter, character or [], source):
         say(f"enliven: sampling {exportable.name}", err=True)
         performances.append(exportable.sample(start, end, rate, morphs, exporter.keyed))
     heard = {"sound": heard_from(sounds, start)} if exporter.heard and sounds else {}
@@ -76,7 +76,9 @@ def export(
     say(f"enliven: {names}, {lasts:.2f} s, are in {output}{baked}")
 
 
-def _chosen(found: list[Exportable], exporter: Exporter, wanted: list[str], source: Path) -> list[Exportable]:
+def _chosen_characters(
+    found: list[Exportable], exporter: Exporter, wanted: list[str], source: Path
+) -> list[Exportable]:
     """Returns the characters of these names, or where none is named, those that the kind of file can hold.
 
     Raises:

@@ -16,7 +16,7 @@ from enliven.errors import EnlivenError
 GROUP = "enliven.commands"
 """The entry-point group by which packages contribute their commands."""
 
-_ORDER = (
+_COMMAND_ORDER = (
     "run",
     "edge",
     "stage",
@@ -48,7 +48,7 @@ class LazyCommands(TyperGroup):
         """The command of that name with its module imported, or None."""
         entry = contributed().get(cmd_name)
         if entry is not None and cmd_name not in self.commands:
-            self.commands[cmd_name] = _command(entry)
+            self.commands[cmd_name] = _load_command(entry)
         return self.commands.get(cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -68,7 +68,13 @@ class LazyCommands(TyperGroup):
 def contributed() -> dict[str, EntryPoint]:
     """Returns the commands of all installed packages by name, the usual ones first."""
     entries = {entry.name: entry for entry in entry_points(group=GROUP)}
-    order = sorted(entries, key=lambda name: (_ORDER.index(name) if name in _ORDER else len(_ORDER), name))
+    order = sorted(
+        entries,
+        key=lambda name: (
+            _COMMAND_ORDER.index(name) if name in _COMMAND_ORDER else len(_COMMAND_ORDER),
+            name,
+        ),
+    )
     return {name: entries[name] for name in order}
 
 
@@ -91,11 +97,11 @@ def _is_of(function: ast.FunctionDef, name: str) -> bool:
     return function.name == name or f"{name}.callback()" in decorators
 
 
-def _command(entry: EntryPoint) -> Any:
+def _load_command(entry: EntryPoint) -> Any:
     """The command, or the group of commands, of an entry point."""
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
     app.callback()(lambda: None)
-    command = _loaded(entry)
+    command = _load_function(entry)
     if isinstance(command, typer.Typer):
         app.add_typer(command, name=entry.name)
     else:
@@ -104,7 +110,7 @@ def _command(entry: EntryPoint) -> Any:
     return group.commands[entry.name]
 
 
-def _loaded(entry: EntryPoint) -> Any:
+def _load_function(entry: EntryPoint) -> Any:
     """The command's function, or its typer group; where it cannot be imported, a function that says so."""
     try:
         return entry.load()

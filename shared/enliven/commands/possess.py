@@ -62,7 +62,7 @@ def possess(
     if parts:
         how = replace(how, holds=(HoldChange(at, parts=parts),))
     if mesh:
-        model, fit = _mesh(mesh, up)
+        model, fit = _read_mesh(mesh, up)
         project, name = possess_another(Project(), model, bodies, how, fit=fit, nodes=nodes, notes=notes)
     elif name:
         project = solve_again(with_possession(source, name, how), name, notes=notes)
@@ -78,7 +78,7 @@ def possess(
     say(f"enliven: {name}, {project.end_of(project.graph(name)):.2f} s, is in {output}")
 
 
-def _mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:
+def _read_mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:
     """Returns a mesh, and whether it has to be brought to a person's size: those that ship have it.
 
     Raises:

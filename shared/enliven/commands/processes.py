@@ -28,10 +28,10 @@ always fails costs little."""
 _STEADY_S = 60.0
 """Running time, in seconds, after which a program counts as stable. The wait then begins at its first value
 again."""
-_GRACE = 8.0
+_TERMINATION_GRACE_S = 8.0
 """Time that ended child processes get before they are killed, in seconds. An edge closes its recording and
 camera in that time."""
-_GLANCE = 0.05
+_POLL_INTERVAL_S = 0.05
 """Interval between two checks of the child processes, in seconds. An end is noticed at once, and the checks
 cost nothing."""
 
@@ -64,8 +64,8 @@ def run_together(processes: Sequence[Process]) -> int:
                 children.append(start_process(process.arguments))
                 code = _wait_until_ready(process, children[-1])
                 if code is not None:
-                    return _meaning(code)
-            return _watch(processes, children)
+                    return _exit_code_of(code)
+            return _wait_for_exit(processes, children)
         except KeyboardInterrupt:
             return 130
 
@@ -114,7 +114,7 @@ def _wait_until_ready(process: Process, child: subprocess.Popen[bytes]) -> int |
     while process.ready is not None and not process.ready():
         if child.poll() is not None:
             return child.returncode
-        time.sleep(_GLANCE)
+        time.sleep(_POLL_INTERVAL_S)
     return None
 
 
@@ -138,11 +138,11 @@ class _Restarts:
         if now - self.started > _STEADY_S:
             self.wait_s = _FIRST_WAIT_S
         self.due = now + self.wait_s
-        log.warning("the %s has ended %s. It starts again in %g s.", name, _reason(code), self.wait_s)
+        log.warning("the %s has ended %s. It starts again in %g s.", name, _exit_reason(code), self.wait_s)
         self.wait_s = min(2 * self.wait_s, _MAX_WAIT_S)
 
 
-def _watch(processes: Sequence[Process], children: list[subprocess.Popen[bytes]]) -> int:
+def _wait_for_exit(processes: Sequence[Process], children: list[subprocess.Popen[bytes]]) -> int:
     """Waits and returns the exit code of the leading program, or of the first that fails for good.
 
     A program with ``again`` that fails is started again, with a growing wait between its starts.
@@ -155,18 +155,18 @@ def _watch(processes: Sequence[Process], children: list[subprocess.Popen[bytes]]
                 continue
             if process.leads or process.again is None:
                 if code < 0:
-                    log.warning("the %s has ended %s.", process.name, _reason(code))
-                return _meaning(code)
+                    log.warning("the %s has ended %s.", process.name, _exit_reason(code))
+                return _exit_code_of(code)
             restart = restarts[number]
             if restart.due is None:
                 restart.plan(process.name, code)
             elif time.monotonic() >= restart.due:
                 children[number] = start_process(process.again)
                 restart.started, restart.due = time.monotonic(), None
-        time.sleep(_GLANCE)
+        time.sleep(_POLL_INTERVAL_S)
 
 
-def _reason(code: int) -> str:
+def _exit_reason(code: int) -> str:
     """Returns how a program ended, for a sentence: by which signal, or with which exit code."""
     if code >= 0:
         return f"with exit code {code}"
@@ -195,7 +195,7 @@ def _ended_together() -> Iterator[list[subprocess.Popen[bytes]]]:
         try:
             yield children
         finally:
-            _end(children)
+            _end_children(children)
 
 
 @contextlib.contextmanager
@@ -212,7 +212,7 @@ def terminate_as_interrupt() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _end(children: Sequence[subprocess.Popen[bytes]]) -> None:
+def _end_children(children: Sequence[subprocess.Popen[bytes]]) -> None:
     """Terminates the children that still run, waits, and kills those that remain; a second Ctrl-C does not
     stop this."""
     with contextlib.suppress(ValueError):
@@ -220,7 +220,7 @@ def _end(children: Sequence[subprocess.Popen[bytes]]) -> None:
     for child in children:
         if child.poll() is None:
             child.terminate()
-    deadline = time.monotonic() + _GRACE
+    deadline = time.monotonic() + _TERMINATION_GRACE_S
     for child in children:
         try:
             child.wait(max(0.1, deadline - time.monotonic()))
@@ -231,7 +231,7 @@ def _end(children: Sequence[subprocess.Popen[bytes]]) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _meaning(code: int) -> int:
+def _exit_code_of(code: int) -> int:
     """Returns a child's exit status as an exit code: 130 if it was interrupted, 1 if it crashed."""
     if code in (-signal.SIGINT, -signal.SIGTERM):
         return 130

@@ -32,14 +32,14 @@ def recover(
         say(f"  {topic}: {recovery.kept[topic]} messages{lost}")
     origin = recovery.first_ns or 0
     for span in recovery.spans:
-        say(f"lost: {_words(span.start_ns, span.end_ns, origin)}")
+        say(f"lost: {_span_in_words(span.start_ns, span.end_ns, origin)}")
     if recovery.nameless:
         say(f"lost: {recovery.nameless} messages of topics without a description")
     if not recovery.spans and not recovery.nameless and not recovery.lost:
         say("nothing was lost")
 
 
-def _words(start_ns: int | None, end_ns: int | None, origin_ns: int) -> str:
+def _span_in_words(start_ns: int | None, end_ns: int | None, origin_ns: int) -> str:
     """Returns a span of time as words, counted from the first moment that was kept."""
     start, end = (None if t is None else f"{max(0, t - origin_ns) * 1e-9:.3f} s" for t in (start_ns, end_ns))
     if start is None and end is None:

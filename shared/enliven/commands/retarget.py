@@ -108,7 +108,7 @@ def retarget(
     plan = (
         None
         if is_own
-        else _plan(
+        else _retarget_plan(
             read_plan(mapping) if mapping else None,
             rig,
             clip,
@@ -175,7 +175,7 @@ def _tell_quality(made: RetargetedShape, rig: Rig, write_map: Path | None) -> No
         count = f"{len(made.limited)} joint{'s' * (len(made.limited) != 1)}"
         message = f"{count} kept within limits (--no-limits frees them): {', '.join(made.limited)}"
         say(f"enliven: {message}")
-    faults = _seen(quality, made.plan.pin)
+    faults = _exceeded_bounds(quality, made.plan.pin)
     for message in faults:
         say(f"enliven: {message}", err=True)
     if not faults:
@@ -193,7 +193,7 @@ def _tell_quality(made: RetargetedShape, rig: Rig, write_map: Path | None) -> No
     say(f"enliven: {message}", err=True)
 
 
-def _seen(quality: MotionQuality, pinned: bool) -> list[str]:
+def _exceeded_bounds(quality: MotionQuality, pinned: bool) -> list[str]:
     """What is beyond its bound, with the joints where it is; ``pinned``: whether feet are held already."""
     from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH
 
@@ -215,7 +215,7 @@ _FAST_ENOUGH = 60.0
 """Maximum frame rate of a GLB if no rate is chosen, in frames per second: the rate of common displays."""
 
 
-def _plan(
+def _retarget_plan(
     plan: Plan | None,
     rig: Rig,
     clip: Clip,

@@ -20,7 +20,7 @@ from enliven.wire import free_ports
 _FILM_SECONDS = 10.0
 """Length of a film if no length is given, in seconds. The shipped recording has nine seconds, and this
 includes its end."""
-_PATIENCE = 3600.0
+_COMPILE_TIMEOUT_S = 3600.0
 """Longest wait for an edge to compile everything, in seconds. On a small machine with much other work, over
 600 s were measured at a load of 10. An edge that fails ends the run at once."""
 
@@ -107,12 +107,12 @@ def run(
         "name": f"run-{os.getpid()}",
         "wait_for_viewer": 60,
     }
-    edge = _words("edge", **source, **moves, **edge_options, **where)
-    edge_restart = _words(
+    edge = _command_words("edge", **source, **moves, **edge_options, **where)
+    edge_restart = _command_words(
         "edge", **source, **moves, **{**edge_options, "record": _record_again(record)}, **where
     )
-    film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_PATIENCE:g}"}
-    view = _words("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
+    film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_COMPILE_TIMEOUT_S:g}"}
+    view = _command_words("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
     # Before the edge listens, it compiles its kernels and prepares the mesh. The very first time this takes a
     # minute.
     processes = [
@@ -154,7 +154,7 @@ def _need_both_programs() -> None:
             )
 
 
-def _words(program: str, /, **options: Any) -> list[str]:
+def _command_words(program: str, /, **options: Any) -> list[str]:
     """Returns a command line: None and False are left out, True is an option alone, a list several of one."""
     words = [program]
     for option, value in options.items():

@@ -29,13 +29,13 @@ def skin_vertices(character: Character, pose: Pose, out: Float32 | None = None) 
     Raises:
         InputError: if the pose belongs to another character, or ``out`` has the wrong shape or type.
     """
-    out = _place(character, pose, out)
+    out = _checked_output(character, pose, out)
     matrices = np.ascontiguousarray(pose.matrices(character.pivots), np.float32)
     _skin_vertices(character.vertices, character.skin.indices, character.skin.weights, matrices, out)
     return out
 
 
-def _place(character: Character, pose: Pose, out: Float32 | None) -> Float32:
+def _checked_output(character: Character, pose: Pose, out: Float32 | None) -> Float32:
     """Returns the checked output array, because the kernels do not check bounds."""
     shape = (len(character.vertices), 3)
     if len(pose.linear) != len(character.pivots):

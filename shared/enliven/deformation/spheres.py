@@ -21,9 +21,9 @@ from enliven.meshes import corner_sums, edge_lengths, face_vectors
 from enliven.rotation import unit
 from enliven.settings import setting
 
-_GROWTH = 1.12
+_RADIUS_GROWTH_FACTOR = 1.12
 """Growth factor of the radius if there are too many spheres."""
-_COVERED = 1.0 + 1e-9
+_COVERED_RADIUS_FACTOR = 1.0 + 1e-9
 """Factor on the radius within which a point counts as covered, to tolerate rounding errors."""
 _MOST_SAMPLES = 4_000_000
 """Maximum number of samples of large faces. It bounds the memory for a mesh with faces far larger than the
@@ -84,7 +84,7 @@ class SphereProxies:
         """Returns (S, 3) world centres in a pose, by eq. 2; written into ``out`` if given."""
         if out is None:
             out = np.empty_like(self.rest)
-        _centres(self.rest, self.indices, self.weights, self.pivots, pose.linear, pose.positions, out)
+        _move_centres(self.rest, self.indices, self.weights, self.pivots, pose.linear, pose.positions, out)
         return out
 
     def radius_in(self, pose: Pose) -> float:
@@ -109,24 +109,27 @@ def pack_spheres(
         raise InputError(
             "a vertex is not finite", where=f"spheres of {character.id!r}", mend="Export it again."
         )
-    radius = _radius(vertices, faces, settings)
+    radius = _sphere_radius(vertices, faces, settings)
     rows, shares = surface_samples(vertices, faces, 0.5 * radius)
     at_vertices = unit(corner_sums(faces, face_vectors(vertices, faces), len(vertices)))
-    points, normals = _blended(vertices, rows, shares), unit(_blended(at_vertices, rows, shares))
+    points, normals = (
+        _interpolated_values(vertices, rows, shares),
+        unit(_interpolated_values(at_vertices, rows, shares)),
+    )
     order = np.random.default_rng(seed).permutation(len(points))
     while True:
         inner = points - settings.inset * radius * normals
-        chosen = _greedy(points, inner, order, radius * _COVERED, settings.most)
+        chosen = _greedy_cover(points, inner, order, radius * _COVERED_RADIUS_FACTOR, settings.most)
         if len(chosen):
             break
-        radius *= _GROWTH
+        radius *= _RADIUS_GROWTH_FACTOR
     of, share = character.skin.indices.astype(np.int64), character.skin.weights.astype(np.float64)
     indices, weights = _four_nodes(of, share, rows[chosen], shares[chosen])
     pivots = np.ascontiguousarray(character.pivots, np.float64)
     return SphereProxies(radius, np.ascontiguousarray(inner[chosen]), indices, weights, pivots)
 
 
-def _radius(vertices: Float, faces: Int32, settings: SphereSettings) -> float:
+def _sphere_radius(vertices: Float, faces: Int32, settings: SphereSettings) -> float:
     """Returns the paper's radius within the settings' limits, larger if the area needs too many spheres."""
     mean = float(np.mean(edge_lengths(vertices, faces)))
     area = float(np.linalg.norm(face_vectors(vertices, faces), axis=1).sum()) / 2
@@ -170,7 +173,7 @@ def _barycentric_grid(count: int) -> Float:
     return np.asarray(grid[(grid < count).all(1)] / count)
 
 
-def _blended(values: Float, rows: Int, shares: Float) -> Float:
+def _interpolated_values(values: Float, rows: Int, shares: Float) -> Float:
     """Returns (P, 3) the interpolated values (V, 3) at points between three vertices."""
     return np.asarray(sum(shares[:, c, None] * values[rows[:, c]] for c in range(3)))
 
@@ -192,7 +195,7 @@ def _four_nodes(nodes: Int, weights: Float, rows: Int, shares: Float) -> tuple[U
 
 
 @njit(cache=True, nogil=True)
-def _greedy(points, inner, order, radius, most):
+def _greedy_cover(points, inner, order, radius, most):
     """Returns the indices of the points that get a sphere; empty if ``most`` spheres are too few.
 
     Each sphere covers the points inside it. Spheres are found through a hash table of cells with their radius
@@ -210,7 +213,7 @@ def _greedy(points, inner, order, radius, most):
         x, y, z = np.floor(p[0] / radius), np.floor(p[1] / radius), np.floor(p[2] / radius)
         covered = False
         for cell in range(27):
-            slot = _slot(x + cell // 9 - 1, y + cell // 3 % 3 - 1, z + cell % 3 - 1, size)
+            slot = _hash_slot(x + cell // 9 - 1, y + cell // 3 % 3 - 1, z + cell % 3 - 1, size)
             s = head[slot]
             while s >= 0 and not covered:
                 c = inner[chosen[s]]
@@ -225,21 +228,21 @@ def _greedy(points, inner, order, radius, most):
             return chosen[:0]
         chosen[count] = order[o]
         c = inner[order[o]]
-        slot = _slot(np.floor(c[0] / radius), np.floor(c[1] / radius), np.floor(c[2] / radius), size)
+        slot = _hash_slot(np.floor(c[0] / radius), np.floor(c[1] / radius), np.floor(c[2] / radius), size)
         after[count], head[slot] = head[slot], count
         count += 1
     return chosen[:count]
 
 
 @njit(cache=True, nogil=True)
-def _slot(x, y, z, size):
+def _hash_slot(x, y, z, size):
     """Returns the slot of a cell in a hash table of ``size``, a power of two."""
     mixed = np.int64(x) * 73856093 ^ np.int64(y) * 19349663 ^ np.int64(z) * 83492791
     return mixed & (size - 1)
 
 
 @njit(cache=True, nogil=True)
-def _centres(rest, indices, weights, pivots, linear, positions, out):
+def _move_centres(rest, indices, weights, pivots, linear, positions, out):
     """Computes c' = sum_k w_k (linear_k (c - pivot_k) + position_k) into ``out``."""
     for s in range(rest.shape[0]):
         for a in range(3):

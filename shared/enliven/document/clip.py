@@ -21,7 +21,7 @@ from enliven.rotation import from_rotation_vector, normalized, rotate, stretch_o
 
 _SAME_KEY = 1e-6
 """Seconds within which two keys count as one: rounding of float32 over a minute."""
-_PIECE = 1 / 120
+_KEY_INTERVAL_S = 1 / 120
 """Seconds between the new keys of a cut piece of a cubic curve. The error of the curve is then below 1e-6."""
 
 
@@ -104,18 +104,18 @@ class CubicKeys:
 
     def at(self, seconds: Float) -> Float:
         """Returns unit quaternions (T, 4) or metres (T, 3). Values are held beyond the first and last key."""
-        values, _ = self._polynomial(np.clip(seconds, self.seconds[0], self.seconds[-1]))
+        values, _ = self._cubic_values(np.clip(seconds, self.seconds[0], self.seconds[-1]))
         return normalized(values) if self.turns else values
 
     def slope(self, seconds: Float) -> Float:
         """Returns the derivative (T, 4 or 3) of :meth:`at` per second, between the first and last key."""
-        values, slope = self._polynomial(seconds)
+        values, slope = self._cubic_values(seconds)
         if not self.turns:
             return slope
         length = np.linalg.norm(values, axis=1, keepdims=True)
-        return np.asarray(_tangential(values / length, slope) / length)
+        return np.asarray(_tangential_slopes(values / length, slope) / length)
 
-    def _polynomial(self, seconds: Float) -> tuple[Float, Float]:
+    def _cubic_values(self, seconds: Float) -> tuple[Float, Float]:
         """Returns the cubic polynomials (T, C) and their derivatives, before rotations are normalised."""
         if len(self.seconds) == 1:
             values = np.repeat(self.values, len(seconds), 0)
@@ -146,7 +146,7 @@ class CubicKeys:
             if abs(self.seconds[nearest] - cut) > _SAME_KEY:
                 k = int(np.searchsorted(self.seconds, cut)) - 1
                 low, high = max(first, self.seconds[k]), min(last, self.seconds[k + 1])
-                more.append(np.linspace(low, high, int((high - low) / _PIECE) + 2))
+                more.append(np.linspace(low, high, int((high - low) / _KEY_INTERVAL_S) + 2))
         own = self.seconds[(self.seconds > first - _SAME_KEY) & (self.seconds < last + _SAME_KEY)]
         seconds = np.unique(np.concatenate([own, *more]))
         seconds = seconds[np.diff(seconds, prepend=-np.inf) > _SAME_KEY]
@@ -155,7 +155,7 @@ class CubicKeys:
         is_own = np.abs(self.seconds[at] - seconds) <= _SAME_KEY
         for side, step in ((0, -1), (1, 1)):
             own_slopes = self.slopes[at, side]
-            slopes[is_own, side] = _tangential(self.values[at], own_slopes)[is_own]
+            slopes[is_own, side] = _tangential_slopes(self.values[at], own_slopes)[is_own]
             # On the side of an uncut piece, a key of the file keeps its exact slope.
             beside = np.clip(np.arange(len(seconds)) + step, 0, len(seconds) - 1)
             whole = is_own & is_own[beside] & (np.abs(at[beside] - at) == 1)
@@ -173,7 +173,7 @@ class CubicKeys:
         return replace(self, values=self.values * scale + by, slopes=self.slopes * scale)
 
 
-def _tangential(values: Float, slopes: Float) -> Float:
+def _tangential_slopes(values: Float, slopes: Float) -> Float:
     """Returns slopes without the part that changes the length of unit quaternions (K, 4).
 
     Slopes of positions (K, 3) are returned unchanged.

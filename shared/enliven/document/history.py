@@ -49,7 +49,7 @@ class History:
         self._at = 0
         self._count: Counter[int] = Counter()
         self._bytes = 0
-        self._hold(project)
+        self._hold_arrays(project)
 
     @property
     def project(self) -> Project:
@@ -118,8 +118,8 @@ class History:
             self._let_go(self._steps.pop().project)
         self._steps.append(_Step(name, project, drag))
         self._at = len(self._steps) - 1
-        self._hold(project)
-        self._forget()
+        self._hold_arrays(project)
+        self._forget_oldest()
         return project
 
     def end_drag(self) -> None:
@@ -149,20 +149,20 @@ class History:
         self._at += 1
         return self.project
 
-    def _hold(self, project: Project) -> None:
-        for array in _arrays(project):
+    def _hold_arrays(self, project: Project) -> None:
+        for array in _arrays_in(project):
             self._count[id(array)] += 1
             if self._count[id(array)] == 1:
                 self._bytes += array.nbytes
 
     def _let_go(self, project: Project) -> None:
-        for array in _arrays(project):
+        for array in _arrays_in(project):
             self._count[id(array)] -= 1
             if self._count[id(array)] == 0:
                 self._bytes -= array.nbytes
                 del self._count[id(array)]
 
-    def _forget(self) -> None:
+    def _forget_oldest(self) -> None:
         """Drops the oldest steps that exceed the memory, but never the project."""
         while self._at > 0 and self._bytes > self._settings.megabytes * 1e6:
             self._let_go(self._steps.pop(0).project)
@@ -174,11 +174,13 @@ def shared_with(project: Project, before: Project) -> Project:
     maps = {}
     for part in fields(project):
         old: Mapping[str, Any] = getattr(before, part.name)
-        maps[part.name] = {k: _shared(new, old.get(k)) for k, new in getattr(project, part.name).items()}
+        maps[part.name] = {
+            k: _shared_parts(new, old.get(k)) for k, new in getattr(project, part.name).items()
+        }
     return Project(**maps)
 
 
-def _shared(new: Any, old: Any) -> Any:
+def _shared_parts(new: Any, old: Any) -> Any:
     """Returns ``old`` if it equals ``new``. For characters of one kind, reuses equal attributes."""
     if old is None or new is old:
         return new
@@ -190,16 +192,16 @@ def _shared(new: Any, old: Any) -> Any:
     return new
 
 
-def _arrays(part: object) -> Iterator[AnyArray]:
+def _arrays_in(part: object) -> Iterator[AnyArray]:
     """Yields every array in a project or a part of one."""
     if isinstance(part, np.ndarray):
         yield part
     elif is_dataclass(part):
         for entry in fields(part):
-            yield from _arrays(getattr(part, entry.name))
+            yield from _arrays_in(getattr(part, entry.name))
     elif isinstance(part, Mapping):
         for value in part.values():
-            yield from _arrays(value)
+            yield from _arrays_in(value)
     elif isinstance(part, tuple):
         for value in part:
-            yield from _arrays(value)
+            yield from _arrays_in(value)

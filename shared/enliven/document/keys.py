@@ -18,7 +18,7 @@ _MAX_KEY_S = 3600.0
 """Maximum time of a key in seconds: an hour has about 100,000 frames."""
 EASES: tuple[str, ...] = ("smooth", "linear", "step")
 """Interpolation from a key to the next: smooth (continuous speed, without overshoot), linear, or a step."""
-_HALVINGS = 60
+_BISECTION_STEPS = 60
 """Number of bisection steps for finding a time: they reduce a thousand seconds to rounding error."""
 
 
@@ -83,7 +83,7 @@ def through_keys(at: Sequence[float], values: Float, eases: Sequence[str], secon
     # Treat a frame as lying on a key if their times differ only by rounding errors.
     left = np.clip(np.searchsorted(times, seconds + 1e-9, side="right") - 1, 0, len(times) - 2)
     wide = np.diff(times)[:, None]
-    slopes = _slopes(wide, np.diff(values, axis=0) / wide)
+    slopes = _key_slopes(wide, np.diff(values, axis=0) / wide)
     u = np.clip((seconds - times[left]) / wide[left, 0], 0.0, 1.0)[:, None]
     ease = np.array(eases)[left][:, None]
     value_before, value_after, span = values[left], values[left + 1], wide[left]
@@ -99,7 +99,7 @@ def through_keys(at: Sequence[float], values: Float, eases: Sequence[str], secon
     )
 
 
-def _slopes(wide: Float, steep: Float) -> Float:
+def _key_slopes(wide: Float, steep: Float) -> Float:
     """Computes (K, C) slopes at K keys for pieces with durations (K - 1, 1) and gradients (K - 1, C).
 
     The slope is 0 at the ends, and where a channel changes direction.
@@ -145,8 +145,8 @@ class Curve:
         self._eases = [key.ease for key in keys]
         wide = np.diff(self._at)
         steep = np.diff(self._values) / wide
-        self._slopes = _slopes(wide[:, None], steep[:, None])[:, 0] if len(wide) else np.zeros(1)
-        ends = [self._within(piece, np.ones(1))[0] for piece in range(len(wide))]
+        self._slopes = _key_slopes(wide[:, None], steep[:, None])[:, 0] if len(wide) else np.zeros(1)
+        ends = [self._integrals_within(piece, np.ones(1))[0] for piece in range(len(wide))]
         self._sums = np.concatenate([[0.0], np.cumsum(ends)])
 
     def __call__(self, seconds: AnyArray | Sequence[float]) -> Float:
@@ -164,7 +164,7 @@ class Curve:
         """Returns the second at which the integral from 0 equals ``area``, for a curve above 0 everywhere."""
         reach = abs(area) / float(self._values.min()) + 1e-9
         low, high = -reach, reach
-        for _ in range(_HALVINGS):
+        for _ in range(_BISECTION_STEPS):
             middle = (low + high) / 2.0
             low, high = (middle, high) if self.area(np.array([middle]))[0] < area else (low, middle)
         return (low + high) / 2.0
@@ -178,11 +178,13 @@ class Curve:
         piece = np.clip(np.searchsorted(self._at, inside, side="right") - 1, 0, max(len(self._at) - 2, 0))
         if len(self._at) > 1:
             share = (inside - self._at[piece]) / np.diff(self._at)[piece]
-            each = [self._within(int(k), np.array([u]))[0] for k, u in zip(piece, share, strict=True)]
+            each = [
+                self._integrals_within(int(k), np.array([u]))[0] for k, u in zip(piece, share, strict=True)
+            ]
             out = out + self._sums[piece] + np.array(each)
         return np.asarray(out)
 
-    def _within(self, piece: int, u: Float) -> Float:
+    def _integrals_within(self, piece: int, u: Float) -> Float:
         """Computes the integrals of a piece from its key to the fraction u (T,) of it (Hermite cubics)."""
         wide = self._at[piece + 1] - self._at[piece]
         value_before, value_after = self._values[piece], self._values[piece + 1]

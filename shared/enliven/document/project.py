@@ -219,13 +219,13 @@ class Project:
 
     def length_of(self, layer: LayerBase) -> float:
         """Returns the duration of the take that a layer plays, in seconds."""
-        return self._recorded(layer).duration
+        return self._recorded_clip(layer).duration
 
     def take_of(self, layer: LayerBase) -> Clip | PoseStream:
         """Returns the take that a layer plays, with the layer's smoothing applied."""
-        return smoothed(self._recorded(layer), layer.smooth)
+        return smoothed(self._recorded_clip(layer), layer.smooth)
 
-    def _recorded(self, layer: LayerBase) -> Clip | PoseStream:
+    def _recorded_clip(self, layer: LayerBase) -> Clip | PoseStream:
         held: Mapping[str, Clip | PoseStream] = self.streams if layer.source == "streams" else self.takes
         return held[layer.take]
 

@@ -165,7 +165,7 @@ def character_of(shape: Shape) -> Character:
         faces=shape.mesh.faces,
         skin=shape.skin,
         pivots=skeleton.positions[above].astype(np.float32),
-        edges=_drawn(skeleton),
+        edges=_drawn_edges(skeleton),
         kind="bones",
         colours=shape.mesh.colours,
         names=skeleton.names,
@@ -173,7 +173,7 @@ def character_of(shape: Shape) -> Character:
     )
 
 
-def _drawn(skeleton: Skeleton) -> Int32:
+def _drawn_edges(skeleton: Skeleton) -> Int32:
     """Returns (E, 2) pairs of transforms with pivots at the two ends of a bone."""
     # The pivot of transform j is its parent joint. So a bone is drawn from its own pivot to the pivot of its
     # first child.

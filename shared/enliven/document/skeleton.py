@@ -133,7 +133,7 @@ def skeleton_of(
             raise InputError(f"a link joins {a} and {b} of {len(names)} joints", where=where)
         beside[a].append(b)
         beside[b].append(a)
-    order, parents = _walk(names, beside, root or 0)
+    order, parents = _depth_first_order(names, beside, root or 0)
     apart = [name for i, name in enumerate(names) if i not in parents]
     if apart:
         mend = "Link them, or load them as a shape of their own."
@@ -146,7 +146,9 @@ def skeleton_of(
     return Skeleton(tuple(names[i] for i in order), np.array(above, np.int32), at), tuple(order)
 
 
-def _walk(names: Sequence[str], beside: list[list[int]], root: int) -> tuple[list[int], dict[int, int]]:
+def _depth_first_order(
+    names: Sequence[str], beside: list[list[int]], root: int
+) -> tuple[list[int], dict[int, int]]:
     """Returns joints in depth-first order from the root, and the parent of each. Raises an error for a
     cycle."""
     order, parents, waiting = [], {root: -1}, [root]
@@ -158,7 +160,7 @@ def _walk(names: Sequence[str], beside: list[list[int]], root: int) -> tuple[lis
             fresh.remove(parents[joint])
         for other in reversed(fresh):
             if other in parents:
-                cycle = _cycle(parents, joint, other)
+                cycle = _closed_cycle(parents, joint, other)
                 called = ", ".join(names[i] for i in cycle)
                 mend = "A skeleton is a tree: remove one of the links."
                 raise InputError(f"these joints form a cycle: {called}", where="skeleton", mend=mend)
@@ -167,7 +169,7 @@ def _walk(names: Sequence[str], beside: list[list[int]], root: int) -> tuple[lis
     return order, parents
 
 
-def _cycle(parents: dict[int, int], joint: int, other: int) -> list[int]:
+def _closed_cycle(parents: dict[int, int], joint: int, other: int) -> list[int]:
     """Returns the joints of the cycle that a link from ``joint`` to ``other`` closes."""
     chains = []
     for end in (joint, other):

@@ -14,7 +14,7 @@ from enliven.document.graph import PoseStream
 from enliven.rotation import normalized
 
 T = TypeVar("T", bound=Clip | PoseStream)
-_KEPT = 64
+_CACHED_TAKES = 64
 """Number of smoothed takes in the cache: enough for several characters while a slider is dragged."""
 
 
@@ -24,11 +24,11 @@ def smoothed(take: T, seconds: float) -> T:
     Args:
         seconds: the standard deviation of the Gaussian weights; 0 returns the take itself.
     """
-    return take if seconds <= 0.0 else _smoothed(take, seconds)
+    return take if seconds <= 0.0 else _smoothed_take(take, seconds)
 
 
-@lru_cache(maxsize=_KEPT)
-def _smoothed(take: Any, seconds: float) -> Any:
+@lru_cache(maxsize=_CACHED_TAKES)
+def _smoothed_take(take: Any, seconds: float) -> Any:
     from scipy.ndimage import gaussian_filter1d  # Imported here, because SciPy is slow to load.
 
     frames = seconds / take.step

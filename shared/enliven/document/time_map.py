@@ -15,15 +15,15 @@ MIN_SPEED = 0.02
 """Minimum speed factor of a speed key. Time must never stop or reverse."""
 MAX_SPEED = 50.0
 """Maximum speed factor of a speed key."""
-_APART = 1e-3
+_MIN_KEY_INTERVAL_S = 1e-3
 """Minimum time in seconds between two keys of a weight or a speed. A shorter interval contains no frame."""
-_MOST = 4.0
+_MAX_LOOP_TIME_RATIO = 4.0
 """Maximum time until all loops start together again, as a multiple of the required minimum."""
-_ALMOST = 0.02
+_MAX_LOOP_MISMATCH = 0.02
 """Maximum mismatch of loops at that time, as a fraction of a loop: too small to be visible as a jump."""
 _SHORTEST_ROUND = 0.05
 """Minimum duration of a loop in seconds. A shorter one counts as a static pose and is ignored."""
-_NEAR = 1e-9
+_TOUCHING_CLIPS_S = 1e-9
 """Maximum distance in seconds of two clips that touch. It allows for rounding."""
 
 
@@ -132,7 +132,7 @@ class TimeMap:
     def ends(self, length: float) -> tuple[float, float]:
         """Returns the seconds of a take of ``length`` seconds at the lane's start and end."""
         lane = self.lane(length)
-        return _within(lane[0].first, length), _within(lane[-1].last, length)
+        return _limited_second(lane[0].first, length), _limited_second(lane[-1].last, length)
 
     def extent(self, length: float) -> float:
         """Returns the duration of the lane in seconds."""
@@ -151,14 +151,14 @@ class TimeMap:
         current, before = lane[number], lane[max(number - 1, 0)]
         weight = 1.0
         if not self.hold:
-            weight = self._weight(lane_time, rounds, lane, number)
+            weight = self._weight_within(lane_time, rounds, lane, number)
         if self.weights:
             weight *= float(curve_of(self.weights)([time - self.offset])[0])
         # After its end, a clip holds its last frame until the next clip begins.
-        second = _within(current.second(min(max(lane_time, current.begin), current.end)), length)
+        second = _limited_second(current.second(min(max(lane_time, current.begin), current.end)), length)
         if number and lane_time < before.end:
             share = eased((lane_time - current.begin) / (before.end - current.begin))
-            return Moment(_within(before.second(lane_time), length), second, share, rounds, weight)
+            return Moment(_limited_second(before.second(lane_time), length), second, share, rounds, weight)
         return Moment(second, second, 0.0, rounds, weight)
 
     def even(self, time: float) -> float:
@@ -174,7 +174,7 @@ class TimeMap:
         """Returns the inverse of :meth:`even`."""
         return self.offset + curve_of(self.speeds).reached(time - self.offset) if self.speeds else time
 
-    def _weight(self, at: float, rounds: int, lane: Sequence[Segment], number: int) -> float:
+    def _weight_within(self, at: float, rounds: int, lane: Sequence[Segment], number: int) -> float:
         """Returns the weight of a layer that does not hold at a second of its lane, within a loop."""
         begin, end = run_of(lane, number)
         if self.loop:
@@ -182,8 +182,8 @@ class TimeMap:
             # loop.
             if (rounds < 0 and self.speed > 0.0) or (rounds > 0 and self.speed < 0.0):
                 return 0.0
-            begin = -math.inf if begin <= _NEAR and rounds else begin
-            end = math.inf if end >= lane[-1].end - _NEAR else end
+            begin = -math.inf if begin <= _TOUCHING_CLIPS_S and rounds else begin
+            end = math.inf if end >= lane[-1].end - _TOUCHING_CLIPS_S else end
         if not begin <= at <= end:
             return 0.0
         return eased(min((at - begin) / self.ease, (end - at) / self.ease, 1.0)) if self.ease > 0.0 else 1.0
@@ -216,7 +216,7 @@ class TimeMap:
     def plays(self, second: float, length: float) -> bool:
         """Returns True if a second of the take plays at any time. It may have been trimmed off."""
         ends = (sorted((segment.first, segment.last)) for segment in self.lane(length))
-        return any(low - _NEAR <= second <= high + _NEAR for low, high in ends)
+        return any(low - _TOUCHING_CLIPS_S <= second <= high + _TOUCHING_CLIPS_S for low, high in ends)
 
     def lasting(self, length: float) -> float:
         """Returns the duration of one loop with a take of ``length`` seconds, in seconds of the project."""
@@ -262,7 +262,7 @@ class TimeMap:
         ordered = sorted(clips, key=lambda one: one.begin)
         first, start = ordered[0], ordered[0].begin
         low, high = sorted((first.first, first.last))
-        if len(ordered) == 1 and abs(low) < _NEAR and abs(high - length) < _NEAR:
+        if len(ordered) == 1 and abs(low) < _TOUCHING_CLIPS_S and abs(high - length) < _TOUCHING_CLIPS_S:
             return replace(self, offset=start, speed=first.speed, segments=())
         lane = tuple(
             replace(segment, begin=segment.begin - start, end=segment.end - start) for segment in ordered
@@ -336,9 +336,11 @@ def closing_time(rounds: Sequence[float], least: float) -> float:
     if not rounds:
         return least
     longest = max(rounds)
-    for count in range(math.ceil(least / longest - _ALMOST), math.ceil(_MOST * least / longest) + 1):
+    for count in range(
+        math.ceil(least / longest - _MAX_LOOP_MISMATCH), math.ceil(_MAX_LOOP_TIME_RATIO * least / longest) + 1
+    ):
         length = count * longest
-        if all(abs(length / seconds - round(length / seconds)) < _ALMOST for seconds in rounds):
+        if all(abs(length / seconds - round(length / seconds)) < _MAX_LOOP_MISMATCH for seconds in rounds):
             return length
     return least
 
@@ -351,16 +353,16 @@ def eased(share: float) -> float:
 def run_of(lane: Sequence[Segment], number: int) -> tuple[float, float]:
     """Returns the start and end of the gapless run of segments around one of them."""
     low = high = number
-    while low > 0 and lane[low - 1].end >= lane[low].begin - _NEAR:
+    while low > 0 and lane[low - 1].end >= lane[low].begin - _TOUCHING_CLIPS_S:
         low -= 1
-    while high + 1 < len(lane) and lane[high].end >= lane[high + 1].begin - _NEAR:
+    while high + 1 < len(lane) and lane[high].end >= lane[high + 1].begin - _TOUCHING_CLIPS_S:
         high += 1
     return lane[low].begin, lane[high].end
 
 
 def _problem_of_keys(weights: Sequence[CurveKey], speeds: Sequence[CurveKey]) -> str:
     for keys in (weights, speeds):
-        if any(b.second - a.second < _APART for a, b in pairwise(keys)):
+        if any(b.second - a.second < _MIN_KEY_INTERVAL_S for a, b in pairwise(keys)):
             return "keys of its weight or speed are at one time, or not in order"
     if any(not 0.0 <= key.value <= 1.0 for key in weights):
         return f"a key gives it the weight {max((key.value for key in weights), key=lambda v: abs(v - 0.5))}"
@@ -371,7 +373,7 @@ def _problem_of_keys(weights: Sequence[CurveKey], speeds: Sequence[CurveKey]) ->
     return ""
 
 
-def _within(second: float, length: float) -> float:
+def _limited_second(second: float, length: float) -> float:
     return min(max(second, 0.0), length)
 
 
@@ -381,10 +383,10 @@ def _problem_of(segments: Sequence[Segment]) -> str:
         return "a clip of it has no begin, no end or no speed"
     if any(segment.end <= segment.begin for segment in segments):
         return "a clip of it has no length"
-    if segments and abs(segments[0].begin) > _NEAR:
+    if segments and abs(segments[0].begin) > _TOUCHING_CLIPS_S:
         return "its first clip does not begin where it begins"
     if any(b.begin <= a.begin or b.end <= a.end for a, b in pairwise(segments)):
         return "one clip of it lies within another"
-    if any(c.begin < a.end - _NEAR for a, c in zip(segments, segments[2:], strict=False)):
+    if any(c.begin < a.end - _TOUCHING_CLIPS_S for a, c in zip(segments, segments[2:], strict=False)):
         return "three clips of it play at once"
     return ""

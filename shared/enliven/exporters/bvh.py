@@ -26,16 +26,16 @@ from enliven.exporters.registry import Exporter
 from enliven.files import write_file
 from enliven.rotation import nearest_rotation
 
-_UNITS = {"m": 1.0, "cm": 100.0}
+_UNITS_PER_METRE = {"m": 1.0, "cm": 100.0}
 """Units of a file per metre."""
-_SAME = 1e-9
+_SAME_ROTATION_DIFFERENCE = 1e-9
 """Maximum difference of two bones' rotation matrices that count as equal: rounding of the last digits."""
-_MOVED = 1e-6
+_MIN_BONE_MOTION_FRACTION = 1e-6
 """Minimum motion of a joint along its bone for position channels, as a fraction of the length of all
 bones."""
 _STILL_STEP = 1.0 / 30.0
 """Frame time of a still pose, in seconds. It has a single frame, because the format cannot mark a still."""
-_CHANNELS = "Zrotation Xrotation Yrotation"
+_ROTATION_CHANNELS = "Zrotation Xrotation Yrotation"
 """Rotations in the order of multiplication, which most recorders use."""
 
 
@@ -89,11 +89,11 @@ def units_in_metre(unit: str = "m") -> float:
     Raises:
         InputError: for an unknown unit.
     """
-    if unit not in _UNITS:
+    if unit not in _UNITS_PER_METRE:
         raise InputError(
-            f"the unit {unit!r} does not exist", where="--unit", mend=f"Known: {', '.join(_UNITS)}."
+            f"the unit {unit!r} does not exist", where="--unit", mend=f"Known: {', '.join(_UNITS_PER_METRE)}."
         )
-    return _UNITS[unit]
+    return _UNITS_PER_METRE[unit]
 
 
 BVH = Exporter(write_bvh, jointed=True, single=True, check=units_in_metre)
@@ -107,38 +107,40 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
         raise InputError("it has no skeleton, and a BVH file holds nothing else", where=where, mend=mend)
     scale, times = units_in_metre(unit), performance.times
     turns = nearest_rotation(performance.linear)
-    places = _places(skeleton, turns, performance) if performance.stretches else None
-    joints = _joints(skeleton, turns, places)
+    places = _joint_places(skeleton, turns, performance) if performance.stretches else None
+    joints = _file_joints(skeleton, turns, places)
     columns = []
     for joint in joints:
         if joint.above < 0:
             columns.append(performance.positions[:, 0] * scale)
         elif joint.moved and places is not None:
             columns.append(places[:, joint.at] * scale)
-        columns.append(_angles(_local(turns, joint.above, joint.bone)))
+        columns.append(_euler_angles(_local_rotations(turns, joint.above, joint.bone)))
     rows = io.StringIO()
     np.savetxt(rows, np.concatenate(columns, 1), "%.6f")
     step = (times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else _STILL_STEP
     head = f"MOTION\nFrames: {len(times)}\nFrame Time: {step:.9g}\n"
-    return "HIERARCHY\n" + "".join(_lines(joints, scale)) + head + rows.getvalue()
+    return "HIERARCHY\n" + "".join(_hierarchy_lines(joints, scale)) + head + rows.getvalue()
 
 
-def _places(skeleton: Skeleton, turns: Float, performance: Performance) -> Float:
+def _joint_places(skeleton: Skeleton, turns: Float, performance: Performance) -> Float:
     """Returns (T, N, 3) metres, each joint's position in the rotated frame of its bone."""
     assert performance.joints is not None
     ways = performance.joints - performance.positions
     return np.asarray(np.einsum("tnba,tnb->tna", turns, ways))
 
 
-def _joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Joint]:
+def _file_joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Joint]:
     """Returns the joints of the file, parents before children, from the bones' rotations (T, N, 3, 3).
 
-    ``places`` is the result of :func:`_places`, or None if bones are rigid.
+    ``places`` is the result of :func:`_joint_places`, or None if bones are rigid.
     """
     joints: list[_Joint] = []
     moves = np.zeros(len(skeleton), bool)
     if places is not None:
-        moves = np.abs(places - skeleton.vectors).max((0, 2)) > _MOVED * skeleton.lengths.sum()
+        moves = (
+            np.abs(places - skeleton.vectors).max((0, 2)) > _MIN_BONE_MOTION_FRACTION * skeleton.lengths.sum()
+        )
     used_names: set[str] = set()
 
     def add(name: str, at: int, bone: int, above: int, depth: int, ends: list[int], more: bool) -> None:
@@ -156,26 +158,26 @@ def _joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Jo
         joints.append(_Joint(joint_name, offset, at, at >= 0 and bool(moves[at]), bone, above, depth, end))
         for joint in [] if alone else ends:
             called = skeleton.names[joint]
-            groups = _groups(linear, skeleton.children[joint])
+            groups = _equal_rotation_groups(linear, skeleton.children[joint])
             if not groups:
                 add(called, joint, bone, bone, depth + 1, [], False)
             for number, group in enumerate(groups):
                 leads = called if number == 0 else f"{called} to {skeleton.names[group[0]]}"
                 add(leads, joint, group[0], bone, depth + 1, group, False)
 
-    with_root, *others = _groups(linear, (0, *skeleton.children[0]))
+    with_root, *others = _equal_rotation_groups(linear, (0, *skeleton.children[0]))
     add(skeleton.names[0], -1, 0, -1, 0, with_root[1:], bool(others))
     for group in others:
         add(f"{skeleton.names[0]} to {skeleton.names[group[0]]}", -1, group[0], 0, 1, group, False)
     return joints
 
 
-def _groups(linear: Float, bones: Sequence[int]) -> list[list[int]]:
+def _equal_rotation_groups(linear: Float, bones: Sequence[int]) -> list[list[int]]:
     """Groups the bones that rotate equally in all frames, in their order."""
     groups: list[list[int]] = []
     for bone in bones:
         for group in groups:
-            if np.abs(linear[:, bone] - linear[:, group[0]]).max() <= _SAME:
+            if np.abs(linear[:, bone] - linear[:, group[0]]).max() <= _SAME_ROTATION_DIFFERENCE:
                 group.append(bone)
                 break
         else:
@@ -183,35 +185,37 @@ def _groups(linear: Float, bones: Sequence[int]) -> list[list[int]]:
     return groups
 
 
-def _lines(joints: Sequence[_Joint], scale: float) -> list[str]:
+def _hierarchy_lines(joints: Sequence[_Joint], scale: float) -> list[str]:
     """Returns the lines from ROOT to the last brace."""
     lines = []
     for joint, after in zip(joints, [*joints[1:], None], strict=True):
         tabs = "\t" * joint.depth
         kind = "JOINT" if joint.depth else "ROOT"
         places = "Xposition Yposition Zposition " if joint.moved or not joint.depth else ""
-        lines.append(f"{tabs}{kind} {joint.name}\n{tabs}{{\n{tabs}\tOFFSET {_three(joint.offset, scale)}\n")
-        lines.append(f"{tabs}\tCHANNELS {6 if places else 3} {places}{_CHANNELS}\n")
+        lines.append(
+            f"{tabs}{kind} {joint.name}\n{tabs}{{\n{tabs}\tOFFSET {_vector_text(joint.offset, scale)}\n"
+        )
+        lines.append(f"{tabs}\tCHANNELS {6 if places else 3} {places}{_ROTATION_CHANNELS}\n")
         if joint.end is not None:
-            inner = f"{tabs}\t\tOFFSET {_three(joint.end, scale)}\n"
+            inner = f"{tabs}\t\tOFFSET {_vector_text(joint.end, scale)}\n"
             lines.append(f"{tabs}\tEnd Site\n{tabs}\t{{\n{inner}{tabs}\t}}\n")
         left = 0 if after is None else after.depth
         lines += ["\t" * depth + "}\n" for depth in range(joint.depth, left - 1, -1)]
     return lines
 
 
-def _three(vector: Float, scale: float) -> str:
+def _vector_text(vector: Float, scale: float) -> str:
     return " ".join(f"{value * scale:.6f}" for value in vector)
 
 
-def _local(linear: Float, above: int, bone: int) -> Float:
+def _local_rotations(linear: Float, above: int, bone: int) -> Float:
     """Returns (T, 3, 3) the rotation of a bone relative to another. If ``above`` is -1, in the world."""
     if above < 0:
         return linear[:, bone]
     return np.asarray(linear[:, above].transpose(0, 2, 1) @ linear[:, bone])
 
 
-def _angles(turns: Float) -> Float:
+def _euler_angles(turns: Float) -> Float:
     """Returns (T, 3) degrees about Z, X and Y with rotation = Z X Y, without jumps of a full turn."""
     away = np.hypot(turns[:, 2, 0], turns[:, 2, 2])
     level = away > 1e-9

@@ -9,16 +9,16 @@ from enliven.document import Clip, CubicKeys, Layer, Project, Shape, Skeleton
 from enliven.exporters.performance import Performance
 from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
 
-_SAME = 1e-2
+_MAX_CURVE_DEVIATION = 1e-2
 """Maximum deviation of a curve from the sampled motion, in radians or as a fraction of the skeleton's length.
 
 Frames at 120 Hz lose up to this much of a fast rotation between them. If a curve deviates more, something
 else moves the bone, too."""
-_POSED = 1e-9
+_MAX_POSED_CHANGE = 1e-9
 """Largest change of a quaternion, or of a position in metres, with which a bone or the root is not posed."""
 
 
-_STIFF = 1e-6
+_MAX_RIGID_STRETCH = 1e-6
 """Maximum stretch of a bone that counts as rigid: rounding of long chains."""
 
 
@@ -50,14 +50,16 @@ def file_keys_of(
     for curve in clip.cubic:
         curves.append(curve.between(first, last).timed(speed, begin - segment.first / speed))
     return tuple(
-        curve for curve in curves if not _is_posed(curve, shape) and _agrees(curve, skeleton, performance)
+        curve
+        for curve in curves
+        if not _is_posed(curve, shape) and _agrees_with_motion(curve, skeleton, performance)
     )
 
 
 def _only_turns(linear: Float) -> bool:
     """Returns True if no map (T, N, 3, 3) stretches or mirrors its bone."""
     gram = np.einsum("tnba,tnbc->tnac", linear, linear)
-    return bool(np.abs(gram - np.eye(3)).max() <= _STIFF and (np.linalg.det(linear) > 0).all())
+    return bool(np.abs(gram - np.eye(3)).max() <= _MAX_RIGID_STRETCH and (np.linalg.det(linear) > 0).all())
 
 
 def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | None]:
@@ -67,7 +69,7 @@ def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | Non
     layer = shape.layers[0]
     clip = project.takes.get(layer.take)
     same = all(
-        _way(other_layer) == _way(layer) and (other_layer.basis == IDENTITY).all()
+        _playing_fields(other_layer) == _playing_fields(layer) and (other_layer.basis == IDENTITY).all()
         for other_layer in shape.layers
     )
     plain = not (layer.loop or layer.muted or layer.mirrored or layer.smooth or layer.weights or layer.speeds)
@@ -78,7 +80,7 @@ def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | Non
     return (clip, layer) if len(lane) == 1 and lane[0].speed > 0.0 else (None, None)
 
 
-def _way(layer: Layer) -> tuple[object, ...]:
+def _playing_fields(layer: Layer) -> tuple[object, ...]:
     """Returns the fields of a layer that define how and when it plays."""
     when = (layer.take, layer.offset, layer.speed, layer.loop, layer.segments, layer.hold, layer.smooth)
     how = (layer.weight, layer.muted, layer.mirrored, layer.mode, layer.weights, layer.speeds, layer.stretch)
@@ -88,20 +90,20 @@ def _way(layer: Layer) -> tuple[object, ...]:
 def _is_posed(keys: CubicKeys, shape: Shape) -> bool:
     """Returns True if an artist rotated the bone of a curve, or moved the root."""
     away = np.abs(shape.modeling[keys.bone]) - IDENTITY if keys.turns else shape.place
-    return bool(np.abs(away).max() > _POSED)
+    return bool(np.abs(away).max() > _MAX_POSED_CHANGE)
 
 
-def _agrees(keys: CubicKeys, skeleton: Skeleton, performance: Performance) -> bool:
+def _agrees_with_motion(keys: CubicKeys, skeleton: Skeleton, performance: Performance) -> bool:
     """Returns True if a curve agrees with the sampled motion at all times."""
     at = keys.at(performance.times)
     if not keys.turns:
         off = np.abs(at - performance.positions[:, 0]).max()
-        return bool(off <= _SAME * max(float(skeleton.lengths.sum()), 1e-9))
-    turns = _turns(performance, keys.bone)
+        return bool(off <= _MAX_CURVE_DEVIATION * max(float(skeleton.lengths.sum()), 1e-9))
+    turns = _bone_rotations(performance, keys.bone)
     if keys.bone:
-        turns = multiply(conjugate(_turns(performance, int(skeleton.parents[keys.bone]))), turns)
-    return bool(2.0 * np.arccos(np.clip(np.abs((at * turns).sum(1)), 0.0, 1.0)).max() <= _SAME)
+        turns = multiply(conjugate(_bone_rotations(performance, int(skeleton.parents[keys.bone]))), turns)
+    return bool(2.0 * np.arccos(np.clip(np.abs((at * turns).sum(1)), 0.0, 1.0)).max() <= _MAX_CURVE_DEVIATION)
 
 
-def _turns(performance: Performance, bone: int) -> Float:
+def _bone_rotations(performance: Performance, bone: int) -> Float:
     return from_matrix(performance.linear[:, bone])

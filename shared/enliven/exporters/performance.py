@@ -14,7 +14,7 @@ from enliven.examples.baking import BakedMorphs, BakeError
 from enliven.meshes import Mesh
 from enliven.rotation import continuous, from_matrix, rotate, to_matrix
 
-_STIFF = 1e-6
+_RIGID_TOLERANCE = 1e-6
 """Tolerance of rigid bones, for stretch and as a fraction of all bones' length: rounding of long chains."""
 
 
@@ -89,11 +89,13 @@ class Performance:
         if self.skeleton is None or self.joints is None:
             return False
         skeleton, gram = self.skeleton, np.einsum("tnba,tnbc->tnac", self.linear, self.linear)
-        if np.abs(gram - np.eye(3)).max() > _STIFF or (np.linalg.det(self.linear) < 0).any():
+        if np.abs(gram - np.eye(3)).max() > _RIGID_TOLERANCE or (np.linalg.det(self.linear) < 0).any():
             return True
         ways = self.joints[:, 1:] - self.positions[:, 1:]
         own = np.einsum("tnba,tnb->tna", self.linear[:, 1:], ways)
-        return bool(np.abs(own - skeleton.vectors[1:]).max(initial=0.0) > _STIFF * skeleton.lengths.sum())
+        return bool(
+            np.abs(own - skeleton.vectors[1:]).max(initial=0.0) > _RIGID_TOLERANCE * skeleton.lengths.sum()
+        )
 
     @property
     def surface(self) -> tuple[Mesh, SkinWeights]:

@@ -68,7 +68,7 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
         ResourceError: if the folder is missing.
     """
     path = Path(path)
-    exporter = _loaded(path.suffix.lower().removeprefix("."), str(path), also)
+    exporter = _load_exporter(path.suffix.lower().removeprefix("."), str(path), also)
     parameters = inspect.signature(exporter.write).parameters
     for option in options:
         if option not in parameters:
@@ -79,7 +79,7 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
     return exporter
 
 
-def _loaded(name: str, where: str, also: tuple[str, ...]) -> Exporter:
+def _load_exporter(name: str, where: str, also: tuple[str, ...]) -> Exporter:
     """Returns the exporter of that name.
 
     It is imported only now, so that the missing library of one exporter does not disable the others.

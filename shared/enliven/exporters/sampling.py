@@ -40,7 +40,7 @@ from enliven.modeling.puppet import frame_times
 from enliven.motion.layers import Player
 from enliven.rotation import multiply, to_matrix
 
-_STICK = 0.08
+_BONE_WIDTH_RATIO = 0.08
 """Width of a drawn bone as a fraction of its length, as in animation programs."""
 _SAME_TIME = 1e-4
 """Maximum difference of two times that count as equal, in seconds. It is shorter than a jump in a glTF
@@ -76,7 +76,7 @@ def performance_of(
     """
     rig = project.character(character) if isinstance(character, str) else character
     if end is None:
-        end, rate = _closing(project, rig, start, rate)
+        end, rate = _closing_time(project, rig, start, rate)
     times = frame_times(start, end, rate, rig.id)
     if keyed and isinstance(rig, Shape):
         times = _with_keys(project, rig, times)
@@ -86,7 +86,7 @@ def performance_of(
     return performance
 
 
-def _closing(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:
+def _closing_time(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:
     """Returns the time in seconds at which a character has played all layers, and a rate (Hz) that fits a
     loop's end."""
     heard = [layer for layer in character.playing if not layer.muted]
@@ -212,7 +212,7 @@ def sticks(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
         return None, None
     along, length = skeleton.vectors[bones], skeleton.lengths[bones, None]
     side = np.cross(along, np.where(np.abs(along[:, 1:2]) < 0.9 * length, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]))
-    side *= _STICK * length / np.linalg.norm(side, axis=1, keepdims=True)
+    side *= _BONE_WIDTH_RATIO * length / np.linalg.norm(side, axis=1, keepdims=True)
     other = np.cross(along / length, side)
     begin = skeleton.positions[skeleton.parents[bones]]
     waist = begin + 0.2 * along

@@ -49,7 +49,7 @@ def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), wanted: 
         ResourceError: if there is none.
     """
     for encoder in ENCODERS:
-        if wanted in (AUTO, encoder.name) and _opens(av, encoder, size):
+        if wanted in (AUTO, encoder.name) and _can_open(av, encoder, size):
             return encoder
     if wanted == AUTO:
         raise ResourceError("PyAV has no film encoder", where="film", mend="Install it again: pip install av")
@@ -60,7 +60,7 @@ def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), wanted: 
     )
 
 
-def _opens(av: ModuleType, encoder: FilmEncoder, size: tuple[int, int]) -> bool:
+def _can_open(av: ModuleType, encoder: FilmEncoder, size: tuple[int, int]) -> bool:
     """Returns True if the encoder opens.
 
     It may be listed although its hardware or system library is missing.

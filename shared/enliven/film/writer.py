@@ -25,7 +25,7 @@ _SOUND_BITS = 128_000
 """Bits per second of sound: more than one channel of music needs."""
 
 
-_ELSEWHERE = "Choose another place for it."
+_OTHER_PLACE_ADVICE = "Choose another place for it."
 """Advice for a film that cannot be written."""
 
 
@@ -62,36 +62,36 @@ class FilmWriter:
         encoder: str = AUTO,
         sound: tuple[Int16, int] | None = None,
     ) -> None:
-        self._av = _pyav()
+        self._av = _import_pyav()
         self.path, self.count, self.codec = path, 0, ""
         self._rate, self._bit_rate, self._encoder = Fraction(rate).limit_denominator(1001), bit_rate, encoder
         self._sound, self._heard = sound, 0
         self._sound_stream: Any = None
         if size is not None:
-            self._choose(size)
+            self._choose_encoder(size)
         self._scope = ExitStack()
-        with self._explained():
+        with self._explain_error():
             path.parent.mkdir(parents=True, exist_ok=True)
-            part = self._scope.enter_context(replace_file(path, _ELSEWHERE))
+            part = self._scope.enter_context(replace_file(path, _OTHER_PLACE_ADVICE))
             self._file = self._av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"})
 
     @contextmanager
-    def _explained(self) -> Iterator[None]:
+    def _explain_error(self) -> Iterator[None]:
         """Converts an error of the operating system to one that names the film, and removes the unfinished
         file."""
         try:
             yield
         except OSError as error:
-            self._abandon()
+            self._remove_unfinished()
             problem = f"the film cannot be written ({error.strerror})"
-            raise ResourceError(problem, where=str(self.path), mend=_ELSEWHERE) from None
+            raise ResourceError(problem, where=str(self.path), mend=_OTHER_PLACE_ADVICE) from None
 
-    def _abandon(self) -> None:
+    def _remove_unfinished(self) -> None:
         """Removes the unfinished file. The existing file stays."""
         with suppress(_Abandoned, OSError), self._scope:
             raise _Abandoned
 
-    def _choose(self, size: tuple[int, int]) -> None:
+    def _choose_encoder(self, size: tuple[int, int]) -> None:
         """Chooses the encoder for images of a size."""
         self.width, self.height = size[0] // 2 * 2, size[1] // 2 * 2
         chosen = choose_encoder(self._av, (self.width, self.height), self._encoder)
@@ -99,7 +99,7 @@ class FilmWriter:
         if self._encoder == AUTO and chosen.format != "H.264":
             log.warning("no H.264 encoder was found, so %s is %s", self.path, chosen.format)
 
-    def _begin(self) -> None:
+    def _begin_video(self) -> None:
         """Adds the video stream to the file."""
         self._stream = self._file.add_stream(self.codec, rate=self._rate, options=self._options)
         self._stream.width, self._stream.height = self.width, self.height
@@ -119,7 +119,7 @@ class FilmWriter:
         stream.layout, stream.bit_rate = "mono", _SOUND_BITS
         self._sound_stream = stream
 
-    def _hear(self) -> None:
+    def _add_sound(self) -> None:
         """Adds the sound up to the end of the last image, since the file interleaves both."""
         if self._sound is None or self._sound_stream is None:
             return
@@ -140,14 +140,14 @@ class FilmWriter:
         Raises:
             ResourceError: if it cannot be written.
         """
-        with self._explained():
-            self._add(picture)
+        with self._explain_error():
+            self._add_picture(picture)
 
-    def _add(self, picture: UInt8) -> None:
+    def _add_picture(self, picture: UInt8) -> None:
         if not self.codec:
-            self._choose((picture.shape[1], picture.shape[0]))
+            self._choose_encoder((picture.shape[1], picture.shape[0]))
         if not self.count:
-            self._begin()
+            self._begin_video()
         rows = picture[: self.height, : self.width]
         frame = self._av.VideoFrame(self.width, self.height, "rgb24" if rows.shape[2] == 3 else "rgb0")
         plane = frame.planes[0]
@@ -156,7 +156,7 @@ class FilmWriter:
         for packet in self._stream.encode(frame):
             self._file.mux(packet)
         self.count += 1
-        self._hear()
+        self._add_sound()
 
     def close(self) -> None:
         """Writes the remaining images of the encoder and the index, and replaces the target file.
@@ -164,7 +164,7 @@ class FilmWriter:
         Raises:
             ResourceError: if it cannot be written.
         """
-        with self._explained():
+        with self._explain_error():
             if self.count:
                 for stream in filter(None, (self._stream, self._sound_stream)):
                     for packet in stream.encode():
@@ -173,7 +173,7 @@ class FilmWriter:
         if self.count:
             self._scope.close()
         else:
-            self._abandon()
+            self._remove_unfinished()
 
     def __enter__(self) -> FilmWriter:
         return self
@@ -186,10 +186,10 @@ class FilmWriter:
             return
         with suppress(OSError, ValueError):
             self._file.close()
-        self._abandon()
+        self._remove_unfinished()
 
 
-def _pyav() -> Any:
+def _import_pyav() -> Any:
     try:
         import av
     except ImportError:

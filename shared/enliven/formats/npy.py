@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.arrays import AnyArray
 
-_KINDS = "biuf"
+_ACCEPTED_ARRAY_KINDS = "biuf"
 """Array kinds that are accepted: booleans, integers and floats. Object arrays are refused: unpickling them
 could run code, and the header would not give their size."""
 
@@ -31,7 +31,7 @@ def array_of(data: bytes) -> AnyArray:
     except Exception:  # The header is a Python literal, and its parser may raise any exception.
         raise ValueError("its head is damaged") from None
     count = math.prod(shape)
-    if kind.kind not in _KINDS or kind.names is not None or min(shape, default=0) < 0:
+    if kind.kind not in _ACCEPTED_ARRAY_KINDS or kind.names is not None or min(shape, default=0) < 0:
         raise ValueError(f"it holds {kind} of shape {shape}")
     if count * kind.itemsize != len(data) - file.tell():
         raise ValueError(f"its head states {count} numbers, and {len(data) - file.tell()} bytes follow")

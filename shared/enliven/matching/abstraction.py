@@ -32,7 +32,7 @@ from enliven.matching.subtrees import Abstraction, SubTree
 def abstract_skeleton(skeleton: Skeleton, root: int | None = 0) -> Abstraction:
     """Returns the hierarchy of a skeleton. ``root`` None determines the root as for an unrooted tree."""
     links = [(int(parent), joint) for joint, parent in enumerate(skeleton.parents) if parent >= 0]
-    return _reduced(skeleton.positions, _neighbours(len(skeleton), links), root)
+    return _reduced_positions(skeleton.positions, _neighbour_lists(len(skeleton), links), root)
 
 
 def abstract(
@@ -61,10 +61,10 @@ def abstract(
             mend="Give another root.",
         )
     skeleton_of(names or [f"joint {j}" for j in range(len(at))], pairs, at, root)
-    return _reduced(at, _neighbours(len(at), pairs), root)
+    return _reduced_positions(at, _neighbour_lists(len(at), pairs), root)
 
 
-def _neighbours(count: int, links: Iterable[tuple[int, int]]) -> list[list[int]]:
+def _neighbour_lists(count: int, links: Iterable[tuple[int, int]]) -> list[list[int]]:
     beside: list[list[int]] = [[] for _ in range(count)]
     for a, b in links:
         beside[a].append(b)
@@ -72,7 +72,7 @@ def _neighbours(count: int, links: Iterable[tuple[int, int]]) -> list[list[int]]
     return beside
 
 
-def _reduced(positions: Float, beside: list[list[int]], root: int | None) -> Abstraction:
+def _reduced_positions(positions: Float, beside: list[list[int]], root: int | None) -> Abstraction:
     """Runs the iterations."""
     work = Reduction(positions, [list(near) for near in beside], root)
     candidates: list[SubTree] = []
@@ -92,5 +92,5 @@ def _reduced(positions: Float, beside: list[list[int]], root: int | None) -> Abs
             work.collapse(fork)
     central = work.nearest_to_mass(beside, leaves[0] if leaves else 0)
     if not candidates and len(beside) > 1:
-        return _reduced(positions, beside, central)
+        return _reduced_positions(positions, beside, central)
     return Abstraction(central, tuple(candidates))

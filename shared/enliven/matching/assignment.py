@@ -52,7 +52,7 @@ def all_choices(gain, count, scores, picks):
             members[i] = i
         for place in range(size):
             current[place] = -np.inf
-            without = place - _own(count, members, 0, k)
+            without = place - _rank_decrease(count, members, 0, k)
             for p in range(k):
                 value = before[without] + gain[k - 1, members[p]]
                 if value > current[place]:
@@ -62,7 +62,7 @@ def all_choices(gain, count, scores, picks):
                     # Leave out the previous member instead. The next member then moves from rank p + 1 down
                     # to p, or back up.
                     without += int(count[members[p], p + 1]) - int(count[members[p + 1], p + 1])
-            _next(members, k)
+            _advance_set(members, k)
         before = current
     copy_row(scores, before)
     for i in range(m):
@@ -71,14 +71,14 @@ def all_choices(gain, count, scores, picks):
     for place in range(len(scores)):
         copy_row(remaining, members)
         for k in range(m, 0, -1):
-            column = last[start[k] + _rank(count, remaining, k)]
+            column = last[start[k] + _set_rank(count, remaining, k)]
             picks[place, k - 1] = column
-            _drop(remaining, k, column)
-        _next(members, m)
+            _remove_member(remaining, k, column)
+        _advance_set(members, m)
 
 
 @njit(cache=True, nogil=True)
-def _own(count, members, p, k):
+def _rank_decrease(count, members, p, k):
     """Returns the decrease of the rank of k members if member p is left out."""
     change = int(count[members[p], p + 1])
     for i in range(p + 1, k):
@@ -87,7 +87,7 @@ def _own(count, members, p, k):
 
 
 @njit(cache=True, nogil=True)
-def _rank(count, members, k):
+def _set_rank(count, members, k):
     """Returns the colexicographic rank of k ascending members."""
     total = 0
     for i in range(k):
@@ -96,7 +96,7 @@ def _rank(count, members, k):
 
 
 @njit(cache=True, nogil=True)
-def _next(members, k):
+def _advance_set(members, k):
     """Advances k ascending members to the next set in colexicographic order."""
     i = 0
     while i + 1 < k and members[i] + 1 == members[i + 1]:
@@ -106,7 +106,7 @@ def _next(members, k):
 
 
 @njit(cache=True, nogil=True)
-def _drop(members, k, value):
+def _remove_member(members, k, value):
     """Removes a value from k ascending members."""
     moved = False
     for i in range(k):
@@ -158,7 +158,7 @@ def assign(gain, state, columns):
     rows_of = np.full(n + 1, -1, np.int64)
     row_price, column_price = np.zeros(m), np.zeros(n + 1)
     for row in range(m):
-        _augment(gain, state, bonus, row, rows_of, row_price, column_price)
+        _assign_row(gain, state, bonus, row, rows_of, row_price, column_price)
     total = 0.0
     for j in range(n):
         if rows_of[j] >= 0:
@@ -168,7 +168,7 @@ def assign(gain, state, columns):
 
 
 @njit(cache=True, nogil=True)
-def _augment(gain, state, bonus, row, rows_of, row_price, column_price):
+def _assign_row(gain, state, bonus, row, rows_of, row_price, column_price):
     """Assigns a column to one more row. Column n represents the row without a column."""
     # Grow a tree of shortest alternating paths (Dijkstra with reduced costs) to a free column.
     n = gain.shape[1]

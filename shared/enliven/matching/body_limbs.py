@@ -22,24 +22,24 @@ LIMBS: dict[str, tuple[Joint, ...]] = {
     "right leg": (Joint.HIP_CENTER, Joint.HIP_RIGHT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT, Joint.FOOT_RIGHT),
 }  # fmt: skip
 """The chains of a person, from the trunk outwards."""
-_TRUNK = (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)
+_TRUNK_CHAIN = (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD)
 """The chain of the trunk, from the hips to the head."""
-_CHAINS = (*LIMBS.values(), _TRUNK)
+_LIMB_CHAINS = (*LIMBS.values(), _TRUNK_CHAIN)
 """The chains by the number of the limb. The last is the trunk."""
 
 
 def limb_number(chain: Sequence[int]) -> int:
     """Returns the number of the limb that a chain of a body's joints belongs to, or -1 for none."""
     joints = tuple(int(joint) for joint in chain)
-    exact = [number for number, limb in enumerate(_CHAINS) if joints == tuple(map(int, limb))]
-    near = [number for number, limb in enumerate(_CHAINS) if joints and joints[-1] in limb[1:]]
+    exact = [number for number, limb in enumerate(_LIMB_CHAINS) if joints == tuple(map(int, limb))]
+    near = [number for number, limb in enumerate(_LIMB_CHAINS) if joints and joints[-1] in limb[1:]]
     return (exact or near or [-1])[0]
 
 
 def joints_of_limb(number: int) -> tuple[int, ...]:
     """Returns the joints at the outer ends of a limb's bones, or none for an unknown number."""
-    is_known = 0 <= number < len(_CHAINS)
-    return tuple(int(joint) for joint in _CHAINS[number][1:]) if is_known else ()
+    is_known = 0 <= number < len(_LIMB_CHAINS)
+    return tuple(int(joint) for joint in _LIMB_CHAINS[number][1:]) if is_known else ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +66,8 @@ def body_source(body: Body, parts: str) -> BodySource:
     """
     wanted = parts_named(parts)
     chains = [chain for chain in LIMBS.values() if wanted & set(chain[1:])]
-    if not chains or wanted <= set(_TRUNK) - {Joint.HEAD}:
-        chains = [_TRUNK]
+    if not chains or wanted <= set(_TRUNK_CHAIN) - {Joint.HEAD}:
+        chains = [_TRUNK_CHAIN]
     starts = {chain[0] for chain in chains}
     root = starts.pop() if len(starts) == 1 else Joint.SPINE
     links = [(int(root), int(chain[1])) for chain in chains]

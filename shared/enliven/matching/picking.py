@@ -98,13 +98,13 @@ class Picker:
         """
         self._time, self._ranking = seconds, ranking
         if self._taken is not None:
-            return Pick(self._taken, self._place(), accepted=True)
+            return Pick(self._taken, self._shown_rank(), accepted=True)
         if not len(ranking):
             self._shown = None
             return Pick(None, -1)
         before = self._shown
-        self._follow(ranking, seconds)
-        progress = self._hold(points, seconds, before == self._shown)
+        self._follow_best(ranking, seconds)
+        progress = self._held_fraction(points, seconds, before == self._shown)
         if self.settings.by_holding and progress >= 1.0:
             self.accept()
         return self.now(progress)
@@ -112,8 +112,8 @@ class Picker:
     def now(self, held: float = 0.0) -> Pick:
         """Returns the match to show, also between frames (after a key press)."""
         if self._taken is not None:
-            return Pick(self._taken, self._place(), accepted=True)
-        place = self._place()
+            return Pick(self._taken, self._shown_rank(), accepted=True)
+        place = self._shown_rank()
         if self._ranking is None or place < 0:
             return Pick(None, -1)
         return Pick(self._ranking[place], place, held if self.settings.by_holding else 0.0)
@@ -134,14 +134,14 @@ class Picker:
         self._taken = self._taken or self.now().match
         return self._taken
 
-    def _place(self) -> int:
+    def _shown_rank(self) -> int:
         if self._ranking is None or self._shown is None:
             return -1
         return self._ranking.find(self._shown)
 
-    def _follow(self, ranking: Ranking, seconds: float) -> None:
+    def _follow_best(self, ranking: Ranking, seconds: float) -> None:
         """Replaces the shown match by the best one after the required time."""
-        settings, place = self.settings, self._place()
+        settings, place = self.settings, self._shown_rank()
         if self._browsed is not None and place >= 0:
             if seconds - self._browsed < settings.browsing:
                 return
@@ -155,7 +155,7 @@ class Picker:
         if place < 0 or seconds - self._beaten_since >= settings.patience:
             self._shown, self._beaten_since, self._browsed = ranking.identity(0), None, None
 
-    def _hold(self, points: Float, seconds: float, same: bool) -> float:
+    def _held_fraction(self, points: Float, seconds: float, same: bool) -> float:
         """Returns the elapsed fraction of the time to hold the pose."""
         pose = points - points[0]
         size = float(np.linalg.norm(pose, axis=1).max())

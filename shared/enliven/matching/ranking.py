@@ -19,7 +19,7 @@ from enliven.matching.subtrees import Abstraction, SubTree
 from enliven.matching.views import ScreenView
 from enliven.settings import setting
 
-_NOWHERE = np.zeros(3)
+_ORIGIN = np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,8 @@ class Matcher:
         trees = self.abstraction.candidates
         self._sizes = tuple(len(tree.branches) for tree in trees)
         self._first = np.concatenate([[0], np.cumsum(self._sizes)]).astype(np.int64)
-        self._average = _averages(trees, len(at))
-        self._rest = self._points(np.asarray(at, np.float64))
+        self._average = _averaging_weights(trees, len(at))
+        self._rest = self._candidate_points(np.asarray(at, np.float64))
 
     def rank(
         self,
@@ -106,32 +106,34 @@ class Matcher:
             positions: (N, 3) the target's joints in the visible pose; None at rest.
         """
         settings = self.settings
-        points = self._rest if positions is None else self._points(np.asarray(positions, np.float64))
+        points = (
+            self._rest if positions is None else self._candidate_points(np.asarray(positions, np.float64))
+        )
         source_points = np.ascontiguousarray(source, np.float64)
         source_first = np.array([0, len(source_points) - 1])
-        plan = _plan(self._sizes, len(source_points) - 1, settings.exhaustive, settings.most)
+        plan = _matching_plan(self._sizes, len(source_points) - 1, settings.exhaustive, settings.most)
         which, columns, scores = rank_rows(
-            self._seen(points, self._first, view),
+            self._seen_branches(points, self._first, view),
             self._first,
-            self._seen(source_points, source_first, source_view or view),
+            self._seen_branches(source_points, source_first, source_view or view),
             plan.first,
             plan.whole,
             settings.missing,
         )
-        order = _best(scores, settings.most, settings.tie)
+        order = _best_indices(scores, settings.most, settings.tie)
         trees = self.abstraction.candidates
         return Ranking(trees, which[order], columns[order], scores[order], plan.total)
 
-    def _seen(self, points: Float, first: Int, view: ScreenView) -> Float:
+    def _seen_branches(self, points: Float, first: Int, view: ScreenView) -> Float:
         """Returns (B, 2) normalized branches on the screen."""
-        eye = _NOWHERE if view.eye is None else view.eye
+        eye = _ORIGIN if view.eye is None else view.eye
         dots = self.settings.measure == "dot"
         branches = seen_branches(
             points, first, view.frame, eye, view.eye is not None, self.settings.blur, dots
         )
         return np.asarray(branches)
 
-    def _points(self, positions: Float) -> Float:
+    def _candidate_points(self, positions: Float) -> Float:
         """Returns (C + B, 3) the candidates' roots, and all their branches."""
         return np.asarray(self._average @ positions)
 
@@ -152,7 +154,7 @@ class _Plan:
 
 
 @lru_cache(maxsize=64)
-def _plan(sizes: tuple[int, ...], m: int, exhaustive: int, most: int) -> _Plan:
+def _matching_plan(sizes: tuple[int, ...], m: int, exhaustive: int, most: int) -> _Plan:
     rows, takes_all, total = [0], [], 0
     for n in sizes:
         few, many = min(m, n), max(m, n)
@@ -164,7 +166,7 @@ def _plan(sizes: tuple[int, ...], m: int, exhaustive: int, most: int) -> _Plan:
     return _Plan(np.cumsum(rows), np.array(takes_all, np.int64), total)
 
 
-def _averages(trees: tuple[SubTree, ...], joints: int) -> csr_matrix:
+def _averaging_weights(trees: tuple[SubTree, ...], joints: int) -> csr_matrix:
     """Returns (C + B, N) the weights of the roots and of the branches' abstract positions."""
     weights = [{tree.root: 1.0} for tree in trees]
     weights += [branch.weights for tree in trees for branch in tree.branches]
@@ -174,7 +176,7 @@ def _averages(trees: tuple[SubTree, ...], joints: int) -> csr_matrix:
     return csr_matrix((values, columns, starts), shape=(len(weights), joints))
 
 
-def _best(scores: Float, most: int, tie: float) -> Int:
+def _best_indices(scores: Float, most: int, tie: float) -> Int:
     """Returns the indices of the best scores, the best first. Ties keep their order."""
     rounded = np.round(scores / tie) if tie > 0.0 else scores
     if len(rounded) > most:

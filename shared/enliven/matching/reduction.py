@@ -54,14 +54,14 @@ class Reduction:
             first, second = self.beside[node]
             chain, node = [*chain, node], second if first == chain[-1] else first
         self.beside[node].remove(chain[-1])
-        self._done[node].append(self._branch((node, *reversed(chain)), self._leaf[leaf]))
+        self._done[node].append(self._weighted_branch((node, *reversed(chain)), self._leaf[leaf]))
         return node
 
-    def _branch(self, chain: tuple[int, ...], leaf: _Leaf) -> Branch:
+    def _weighted_branch(self, chain: tuple[int, ...], leaf: _Leaf) -> Branch:
         at = self._positions[list(chain)]
         lengths = np.linalg.norm(np.diff(at, axis=0), axis=1)
         removed = dict(zip(chain[1:-1], lengths[1:], strict=True))
-        weights = _shared(removed) if removed else leaf.weights
+        weights = _normalized_weights(removed) if removed else leaf.weights
         total_length = float(lengths.sum())
         return Branch(
             chain, (*chain[:-1], *leaf.tail), weights, leaf.length + total_length, leaf.reach + total_length
@@ -78,7 +78,7 @@ class Reduction:
     def collapse(self, fork: int) -> None:
         """Step 4: turns the sub-tree into a leaf."""
         branches = self.branches(fork)
-        shares = _shared({i: branch.length for i, branch in enumerate(branches)})
+        shares = _normalized_weights({i: branch.length for i, branch in enumerate(branches)})
         weights: Weights = {}
         for i, share in shares.items():
             for joint, weight in branches[i].weights.items():
@@ -110,7 +110,7 @@ def centre_of_mass(positions: Float, beside: Sequence[Sequence[int]]) -> Float:
     return np.asarray(lengths @ middles / lengths.sum())
 
 
-def _shared(weights: Weights) -> Weights:
+def _normalized_weights(weights: Weights) -> Weights:
     """Scales the weights to sum one. If all are zero, they become equal."""
     total = float(sum(weights.values()))
     if total <= 0.0:

@@ -68,7 +68,9 @@ def source_of(
         abstraction = abstract(at[used_joints], pairs, abstraction.root, names)
     if not abstraction.candidates:
         raise InputError("it has no bone", where="source", mend="Take two joints or more.")
-    branches = tuple(_renamed(branch, used_joints) for branch in abstraction.candidates[-1].branches)
+    branches = tuple(
+        _renumbered_branch(branch, used_joints) for branch in abstraction.candidates[-1].branches
+    )
     weights = np.zeros((len(branches), len(at)))
     for row, branch in zip(weights, branches, strict=True):
         row[list(branch.weights)] = list(branch.weights.values())
@@ -81,7 +83,7 @@ def source_of_skeleton(skeleton: Skeleton, root: int | None = 0, joints: Iterabl
     return source_of(skeleton.positions, links, root, joints)
 
 
-def _renamed(branch: Branch, joints: Sequence[int]) -> Branch:
+def _renumbered_branch(branch: Branch, joints: Sequence[int]) -> Branch:
     """Returns the branch with the joint numbers of the whole skeleton."""
     return Branch(
         tuple(joints[j] for j in branch.chain),

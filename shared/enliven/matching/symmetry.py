@@ -24,7 +24,7 @@ from enliven.matching.limb_shapes import LimbShapes
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.settings import setting
 
-_MOST = 0.75
+_MIN_MAPPED_FRACTION = 0.75
 """Minimum fraction of similar limbs that a rotation must map to one another. A smaller group may be a
 coincidence: of a spider's eight legs, about three are always rotated copies of one another."""
 
@@ -101,8 +101,8 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
     settings = settings or SymmetrySettings()
     body = LimbShapes(skeleton)
     similar = list(body.alike(settings.tolerance, settings.shortest))
-    turned = [group for joint, like in similar for group in _turned(body, joint, like, settings)]
-    mirrored = [group for joint, like in similar for group in _mirrored(body, joint, like, settings)]
+    turned = [group for joint, like in similar for group in _rotation_group(body, joint, like, settings)]
+    mirrored = [group for joint, like in similar for group in _mirrored_pairs(body, joint, like, settings)]
     paired = {frozenset(limb.joints[0] for limb in group.limbs) for group in mirrored}
     turned = [
         g for g in turned if len(g.limbs) > 2 or frozenset(limb.joints[0] for limb in g.limbs) not in paired
@@ -110,35 +110,37 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
     return tuple(sorted([*_by_plane(mirrored, body), *turned], key=lambda group: -len(group.limbs)))
 
 
-def _turned(body: LimbShapes, joint: int, like: list[int], settings: SymmetrySettings) -> list[EqualLimbs]:
+def _rotation_group(
+    body: LimbShapes, joint: int, like: list[int], settings: SymmetrySettings
+) -> list[EqualLimbs]:
     """Finds the group of most of the similar limbs that are equal under rotation."""
     largest: EqualLimbs | None = None
-    for axis in _axes(body, joint, like):
-        group = _around(body, joint, like, axis, settings)
+    for axis in _candidate_axes(body, joint, like):
+        group = _limbs_equal_around(body, joint, like, axis, settings)
         if group is not None and (largest is None or len(group.limbs) > len(largest.limbs)):
             largest = group
         if largest is not None and len(largest.limbs) == len(like):
             break
-    return [largest] if largest is not None and len(largest.limbs) >= _MOST * len(like) else []
+    return [largest] if largest is not None and len(largest.limbs) >= _MIN_MAPPED_FRACTION * len(like) else []
 
 
-def _axes(body: LimbShapes, joint: int, limbs: list[int]) -> list[Float]:
+def _candidate_axes(body: LimbShapes, joint: int, limbs: list[int]) -> list[Float]:
     """Returns candidate axes of rotation: of all limbs, of each three, or of the two."""
     middles = body.middle[limbs] - body.at[joint]
     if len(limbs) == 2:
-        return [axis for axis in [_unit(middles.sum(0))] if axis is not None]
+        return [axis for axis in [_unit_vector(middles.sum(0))] if axis is not None]
     about = middles - middles.mean(0)
     axes = [np.linalg.eigh(about.T @ about)[1][:, 0]]
     # A limited number of triples is enough: any circle of three or more limbs contains three limbs that are
     # consecutive in the list.
     for a, b, c in itertools.islice(itertools.combinations(middles, 3), 200):
-        axis = _unit(np.cross(b - a, c - a))
+        axis = _unit_vector(np.cross(b - a, c - a))
         if axis is not None:
             axes.append(axis)
     return axes
 
 
-def _around(
+def _limbs_equal_around(
     body: LimbShapes, joint: int, limbs: list[int], axis: Float, settings: SymmetrySettings
 ) -> EqualLimbs | None:
     """Returns the limbs that equal the first one under rotation about an axis, or None if there are none."""
@@ -148,7 +150,9 @@ def _around(
     for first in limbs[: max(1, len(limbs) - 2)]:
         members = []
         for other in limbs:
-            angle = _angle(body.middle[first] - body.at[joint], body.middle[other] - body.at[joint], axis)
+            angle = _angle_about(
+                body.middle[first] - body.at[joint], body.middle[other] - body.at[joint], axis
+            )
             linear = to_matrix(from_rotation_vector(angle * axis))
             matched = body.matched(joint, first, other, linear, settings.tolerance)
             if matched is not None:
@@ -164,17 +168,19 @@ def _around(
     return EqualLimbs("rotation", joint, axis, tuple(best)) if len(best) > 1 else None
 
 
-def _angle(start: Float, end: Float, axis: Float) -> float:
+def _angle_about(start: Float, end: Float, axis: Float) -> float:
     """Computes the angle about the axis from one direction to another, in radians in [0, 2 pi)."""
     a, b = start - (start @ axis) * axis, end - (end @ axis) * axis
     return float(np.arctan2(np.cross(a, b) @ axis, a @ b) % (2 * np.pi))
 
 
-def _mirrored(body: LimbShapes, joint: int, like: list[int], settings: SymmetrySettings) -> list[EqualLimbs]:
+def _mirrored_pairs(
+    body: LimbShapes, joint: int, like: list[int], settings: SymmetrySettings
+) -> list[EqualLimbs]:
     """Returns all pairs that are equal under reflection in a plane through the joint."""
     groups = []
     for a, b in itertools.combinations(like, 2):
-        across = _unit(body.middle[a] - body.middle[b])
+        across = _unit_vector(body.middle[a] - body.middle[b])
         if across is None:
             continue
         if across[int(np.argmax(np.abs(across)))] < 0.0:
@@ -205,6 +211,6 @@ def _by_plane(groups: list[EqualLimbs], body: LimbShapes) -> list[EqualLimbs]:
     return chosen
 
 
-def _unit(vector: Float) -> Float | None:
+def _unit_vector(vector: Float) -> Float | None:
     length = float(np.linalg.norm(vector))
     return vector / length if length > 1e-9 else None

@@ -14,7 +14,7 @@ MIN_DEPTH_M = 1e-3
 this distance."""
 
 
-def _axis(*values: float) -> Float:
+def _float_vector(*values: float) -> Float:
     return np.array(values, np.float64)
 
 
@@ -35,8 +35,8 @@ class ScreenView:
         InputError: if ``direction`` is zero, or parallel to ``up``.
     """
 
-    direction: Float = field(default_factory=lambda: _axis(0.0, 0.0, -1.0))
-    up: Float = field(default_factory=lambda: _axis(0.0, 1.0, 0.0))
+    direction: Float = field(default_factory=lambda: _float_vector(0.0, 0.0, -1.0))
+    up: Float = field(default_factory=lambda: _float_vector(0.0, 1.0, 0.0))
     eye: Float | None = None
     frame: Float = field(init=False)
 
@@ -114,22 +114,22 @@ def best_view(vectors: Float, view: ScreenView, most_turn: float = np.pi / 2, st
     if not len(vectors):
         return view
     starts = [view.direction, *np.linalg.eigh(vectors.T @ vectors)[1].T]
-    directions = [_raised(vectors, start, view.direction, most_turn, steps) for start in starts]
+    directions = [_refined_direction(vectors, start, view.direction, most_turn, steps) for start in starts]
     best = max(directions, key=lambda d: round(projected_length(vectors, d), 9))
-    return _towards(best, view)
+    return _view_along(best, view)
 
 
-def _raised(vectors: Float, start: Float, current: Float, most_turn: float, steps: int) -> Float:
+def _refined_direction(vectors: Float, start: Float, current: Float, most_turn: float, steps: int) -> Float:
     """Refines a direction, within reach of the current one, until no step shows more bone."""
     squares = (vectors**2).sum(1)
-    direction = _within(start, current, most_turn)
+    direction = _limited_direction(start, current, most_turn)
     value = projected_length(vectors, direction)
     for _ in range(steps):
         projected = np.sqrt(np.maximum(squares - (vectors @ direction) ** 2, 1e-12 * squares))
         # sqrt is concave, so sum sqrt(x) <= sum sqrt(x0) + (x - x0) / (2 sqrt(x0)), with equality at x = x0.
         # Maximise this bound.
         scatter = vectors.T @ (vectors / projected[:, None])
-        wanted = _within(np.linalg.eigh(scatter)[1][:, 0], direction, np.pi / 2)
+        wanted = _limited_direction(np.linalg.eigh(scatter)[1][:, 0], direction, np.pi / 2)
         moved, better = _best_between(vectors, direction, wanted, current, most_turn)
         if better <= value * (1.0 + 1e-12):
             break
@@ -141,13 +141,16 @@ def _best_between(
     vectors: Float, here: Float, there: Float, current: Float, most_turn: float
 ) -> tuple[Float, float]:
     """Tries some directions along a step. Returns the best, and its sum of projected lengths."""
-    tried = [_within(here + share * (there - here), current, most_turn) for share in (1.0, 0.5, 0.2, 0.05)]
+    tried = [
+        _limited_direction(here + share * (there - here), current, most_turn)
+        for share in (1.0, 0.5, 0.2, 0.05)
+    ]
     values = [projected_length(vectors, direction) for direction in tried]
     best = int(np.argmax(values))
     return tried[best], values[best]
 
 
-def _within(direction: Float, current: Float, most_turn: float) -> Float:
+def _limited_direction(direction: Float, current: Float, most_turn: float) -> Float:
     """Returns the unit direction, or its opposite, limited to the angle ``most_turn`` from the current
     one."""
     direction = direction / np.linalg.norm(direction)
@@ -161,7 +164,7 @@ def _within(direction: Float, current: Float, most_turn: float) -> Float:
     return np.asarray(np.cos(most_turn) * current + np.sin(most_turn) * across)
 
 
-def _towards(direction: Float, view: ScreenView) -> ScreenView:
+def _view_along(direction: Float, view: ScreenView) -> ScreenView:
     """Returns the view along another direction, with the up vector changed as little as possible."""
     up = view.up
     if abs(float(direction @ up)) > 1.0 - 1e-9:

@@ -18,7 +18,7 @@ from enliven.errors import InputError, plain_reason
 
 RECORD = struct.Struct("<BQ")
 """The head of a record: its kind and its length."""
-_MESSAGE = struct.Struct("<HIQQ")
+_MESSAGE_HEADER = struct.Struct("<HIQQ")
 _MAX_CHUNK = 1 << 28
 """Maximum bytes of a decompressed chunk: our recorder closes one at 1 MiB, its longest message is 128 MiB."""
 _MAX_RATIO = 200
@@ -72,10 +72,10 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
         if opcode != Opcode.CHUNK or length + RECORD.size != len(data):
             raise Damage("no chunk is where one belongs")
         chunk = records.Chunk.read(ReadDataStream(BytesIO(data[RECORD.size :])))
-        content = _decompressed(chunk)
+        content = _decompressed_chunk(chunk)
         if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
             raise Damage("a chunk's checksum is wrong")
-        return _contents(content, min(_MAX_RECORDS, _FREE_RECORDS + len(chunk.data)))
+        return _chunk_contents(content, min(_MAX_RECORDS, _FREE_RECORDS + len(chunk.data)))
     except DAMAGE as error:
         raise Damage(plain_reason(error)) from None
     except _Flood as error:
@@ -88,7 +88,7 @@ class _Flood(Exception):
     """A small chunk that decompresses to a flood."""
 
 
-def _decompressed(chunk: Any) -> bytes:
+def _decompressed_chunk(chunk: Any) -> bytes:
     size, packed = chunk.uncompressed_size, len(chunk.data)
     if chunk.compression == "":
         return bytes(chunk.data)
@@ -101,7 +101,7 @@ def _decompressed(chunk: Any) -> bytes:
     return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
 
 
-def _contents(content: bytes, most: int) -> list[Any]:
+def _chunk_contents(content: bytes, most: int) -> list[Any]:
     """Returns the messages, schemas and channels in the content of a chunk of at most ``most`` records."""
     contents: list[Any] = []
     at = count = 0
@@ -112,11 +112,11 @@ def _contents(content: bytes, most: int) -> list[Any]:
         opcode, length = RECORD.unpack_from(content, at)
         start = at + RECORD.size
         at = start + length
-        if at > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE.size):
+        if at > len(content) or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEADER.size):
             raise Damage("a record reaches beyond its chunk, or is too short")
         if opcode == Opcode.MESSAGE:
-            channel, sequence, logged, published = _MESSAGE.unpack_from(content, start)
-            data = content[start + _MESSAGE.size : at]
+            channel, sequence, logged, published = _MESSAGE_HEADER.unpack_from(content, start)
+            data = content[start + _MESSAGE_HEADER.size : at]
             contents.append(records.Message(channel, logged, data, published, sequence))
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             contents.append(parsed(opcode, content[start:at]))

@@ -79,7 +79,7 @@ def open_container(path: Path) -> Container:
     with open_file(path) as file:
         start = file.read(len(MAGIC))
         if start != MAGIC:
-            raise _foreign(path, start)
+            raise _foreign_file_error(path, start)
         size = file.seek(0, 2)
         try:
             return _from_index(path, file, size)
@@ -212,7 +212,7 @@ def _records_of(data: bytes) -> list[Any]:
     return summary_records
 
 
-def _foreign(path: Path, start: bytes) -> InputError:
+def _foreign_file_error(path: Path, start: bytes) -> InputError:
     problem = "the file is empty" if not start else "it is not a recording (an MCAP file)"
     mend = (
         "Record again."

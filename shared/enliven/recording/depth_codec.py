@@ -66,11 +66,11 @@ Packing 1 (archives of earlier versions): yes-no answers in one arithmetic code;
 """
 
 _HEADER = struct.Struct("<BBHHI")
-_CHECK = struct.Struct("<I")
-_START = _HEADER.size + _CHECK.size
-_ZSTD = 0
+_CHECKSUM = struct.Struct("<I")
+_CONTENT_OFFSET = _HEADER.size + _CHECKSUM.size
+_ZSTD_PACKING = 0
 """Packing by zstd, byte 1 of the layout."""
-_ARITHMETIC = 1
+_ARITHMETIC_PACKING = 1
 """Packing by the arithmetic coder, byte 1 of the layout."""
 
 
@@ -86,13 +86,13 @@ def encode_depth(depth: UInt16, level: int = 1) -> bytes:
     """
     height, width = _checked_shape(depth)
     depth = np.require(depth, requirements=["C", "W", "A"])
-    levels, ranks = _levels(depth)
+    levels, ranks = _depth_levels(depth)
     planes = predict_image(depth, ranks, len(levels) or 65535)
     steps = np.diff(levels, prepend=np.uint16(0)).astype("<u2")
     table = steps.view(np.uint8).reshape(-1, 2).T.tobytes()
     packed = zstandard.ZstdCompressor(level=level).compress(table + planes.tobytes())
-    header = _HEADER.pack(1, _ZSTD, width, height, len(levels))
-    return header + _CHECK.pack(zlib.crc32(packed, zlib.crc32(header))) + packed
+    header = _HEADER.pack(1, _ZSTD_PACKING, width, height, len(levels))
+    return header + _CHECKSUM.pack(zlib.crc32(packed, zlib.crc32(header))) + packed
 
 
 def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
@@ -102,24 +102,24 @@ def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
         InputError: for a payload that is damaged, of a later version, or larger than ``max_pixels``.
     """
     packing, width, height, levels = _checked_header(payload, max_pixels)
-    packed = payload[_START:]
+    packed = payload[_CONTENT_OFFSET:]
     depth = np.empty((height, width), np.uint16)
-    if packing == _ARITHMETIC:
+    if packing == _ARITHMETIC_PACKING:
         values = np.zeros(levels + 1, np.uint16) if levels else np.arange(65536, dtype=np.uint16)
         is_complete = unpack_levels(np.frombuffer(bytearray(packed), np.uint8), values, levels > 0, depth)
     else:
         values, residuals = _unpack_zstd(packed, width, height, levels)
         is_complete = restore_image(residuals, values, len(values) - 1, depth)
     if not is_complete:
-        raise _damaged("a level is outside the table of levels")
+        raise _damage_error("a level is outside the table of levels")
     return depth
 
 
 def _unpack_zstd(packed: bytes, width: int, height: int, levels: int) -> tuple[UInt16, UInt8]:
     """Returns the values of the levels, and (1 or 2, H, W) residuals of packing 0."""
     planes = 1 if 0 < levels <= 255 else 2
-    content = _unpacked(packed, 2 * levels + planes * width * height)
-    return _values(content[: 2 * levels], levels), content[2 * levels :].reshape(planes, height, width)
+    content = _unpacked_content(packed, 2 * levels + planes * width * height)
+    return _level_depths(content[: 2 * levels], levels), content[2 * levels :].reshape(planes, height, width)
 
 
 def _checked_shape(depth: UInt16) -> tuple[int, int]:
@@ -130,7 +130,7 @@ def _checked_shape(depth: UInt16) -> tuple[int, int]:
     return depth.shape[0], depth.shape[1]
 
 
-def _levels(depth: UInt16) -> tuple[UInt16, UInt16]:
+def _depth_levels(depth: UInt16) -> tuple[UInt16, UInt16]:
     """Returns (L,) the table of levels (empty if it saves nothing), and (65536,) the level of each value."""
     occurs = mark_levels(depth)
     levels = np.flatnonzero(occurs).astype(np.uint16)
@@ -143,50 +143,50 @@ def _levels(depth: UInt16) -> tuple[UInt16, UInt16]:
 
 def _checked_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
     """Returns packing, width, height and number of levels of a payload after checking its checksum."""
-    if len(payload) < _START:
-        raise _damaged(f"it is {len(payload)} bytes long")
+    if len(payload) < _CONTENT_OFFSET:
+        raise _damage_error(f"it is {len(payload)} bytes long")
     version, packing, width, height, levels = _HEADER.unpack_from(payload)
     refuse_later_version(version, 1, "depth payload")
-    if version != 1 or packing not in (_ZSTD, _ARITHMETIC):
+    if version != 1 or packing not in (_ZSTD_PACKING, _ARITHMETIC_PACKING):
         raise InputError(
             f"the encoding is version {version}, packing {packing}, which is not known here",
             where="depth payload",
             mend="Update enliven, or record again.",
         )
-    (check,) = _CHECK.unpack_from(payload, _HEADER.size)
-    if zlib.crc32(memoryview(payload)[_START:], zlib.crc32(payload[: _HEADER.size])) != check:
-        raise _damaged("its checksum is wrong")
+    (check,) = _CHECKSUM.unpack_from(payload, _HEADER.size)
+    if zlib.crc32(memoryview(payload)[_CONTENT_OFFSET:], zlib.crc32(payload[: _HEADER.size])) != check:
+        raise _damage_error("its checksum is wrong")
     if not 0 < width * height <= max_pixels or levels > 65535:
-        raise _damaged(f"it states {width}x{height} pixels and {levels} levels")
+        raise _damage_error(f"it states {width}x{height} pixels and {levels} levels")
     return packing, width, height, levels
 
 
-def _unpacked(packed: bytes, size: int) -> UInt8:
+def _unpacked_content(packed: bytes, size: int) -> UInt8:
     """Returns (size,) the content of a zstd frame that must declare exactly this size."""
     try:
         stated = zstandard.frame_content_size(packed)
         if stated != size:
-            raise _damaged(f"its content has {stated} bytes where {size} belong")
+            raise _damage_error(f"its content has {stated} bytes where {size} belong")
         content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
     except zstandard.ZstdError:
-        raise _damaged("it cannot be unpacked") from None
+        raise _damage_error("it cannot be unpacked") from None
     if len(content) != size:
-        raise _damaged(f"its content has {len(content)} bytes where {size} belong")
+        raise _damage_error(f"its content has {len(content)} bytes where {size} belong")
     return np.frombuffer(content, np.uint8)
 
 
-def _values(table: UInt8, levels: int) -> UInt16:
+def _level_depths(table: UInt8, levels: int) -> UInt16:
     """Returns (P + 1,) the millimetres of each level."""
     if not levels:
         return np.arange(65536, dtype=np.uint16)
     steps = table.reshape(2, -1).T.copy().view("<u2").ravel().astype(np.int64)
     values = np.concatenate([[0], np.cumsum(steps)])
     if steps.min() < 1 or values[-1] > 65535:
-        raise _damaged("its table of levels does not ascend")
+        raise _damage_error("its table of levels does not ascend")
     return values.astype(np.uint16)
 
 
-def _damaged(damage: str) -> InputError:
+def _damage_error(damage: str) -> InputError:
     return InputError(
         f"the depth image is damaged: {damage}",
         where="depth payload",

@@ -23,31 +23,31 @@ QUESTIONS = 15
 UNARY = 12
 """Sizes of a residual with a separate question each. Larger ones are coded in bits. Part of
 :data:`~enliven.recording.depth_codec.LAYOUT`."""
-_HOLES = 64
+_HOLE_STATES = 64
 """States of the question "hole?": one for each known-or-not pattern of six neighbours, 2^6."""
-_LARGE = _HOLES + SURROUNDINGS * QUESTIONS
-_TABLE = _LARGE + 20
-_STATES = _TABLE + 4 * QUESTIONS
-_PATIENCE = 60
+_LARGE_STATES_START = _HOLE_STATES + SURROUNDINGS * QUESTIONS
+_TABLE_STATES_START = _LARGE_STATES_START + 20
+_STATE_COUNT = _TABLE_STATES_START + 4 * QUESTIONS
+_ADAPTING_ANSWERS = 60
 """Number of answers after which a question's probability adapts at a constant rate, so that it follows a
 changing image. Part of the layout."""
 
-_RATES = np.array([round(65536 / (n + 1.6)) for n in range(_PATIENCE + 1)], np.int64)
+_ADAPTATION_RATES = np.array([round(65536 / (n + 1.6)) for n in range(_ADAPTING_ANSWERS + 1)], np.int64)
 """(61,) adaptation rate (of 65536) of a probability at the n-th answer."""
 
 
 @njit(cache=True, nogil=True)
-def _learn(states: AnyArray, at: int, bit: int) -> None:
+def _update_state(states: AnyArray, at: int, bit: int) -> None:
     """Moves the probability of a question towards the answer. The low byte of a state counts the answers."""
     state = int(states[at])
     odds, count = state >> 8, state & 255
-    odds += ((65535 * bit - odds) * _RATES[count]) >> 16
+    odds += ((65535 * bit - odds) * _ADAPTATION_RATES[count]) >> 16
     odds = min(max(odds, 32), 65503)
-    states[at] = (odds << 8) | min(count + 1, _PATIENCE)
+    states[at] = (odds << 8) | min(count + 1, _ADAPTING_ANSWERS)
 
 
 @njit(cache=True, nogil=True)
-def _get(coder: AnyArray, data: UInt8, odds: int) -> int:
+def _decode_bit(coder: AnyArray, data: UInt8, odds: int) -> int:
     """Decodes one answer. ``coder`` is (4,) int64: low bound, high bound, bytes read, the value between."""
     low, high, value = coder[0], coder[1], coder[3]
     width = high - low
@@ -67,42 +67,44 @@ def _get(coder: AnyArray, data: UInt8, odds: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _ask(coder: AnyArray, data: UInt8, states: AnyArray, at: int) -> int:
+def _decode_with_state(coder: AnyArray, data: UInt8, states: AnyArray, at: int) -> int:
     """Decodes one answer with the probability of a state."""
-    bit = _get(coder, data, int(states[at]) >> 8)
-    _learn(states, at, bit)
+    bit = _decode_bit(coder, data, int(states[at]) >> 8)
+    _update_state(states, at, bit)
     return int(bit)
 
 
 @njit(cache=True, nogil=True)
-def _shape(difference: int) -> int:
+def _difference_class(difference: int) -> int:
     return min(max(difference, -2), 2) + 2
 
 
 @njit(cache=True, nogil=True)
-def _surroundings(w: int, ww: int, n: int, ne: int, p: int, recent: int) -> int:
+def _context_index(w: int, ww: int, n: int, ne: int, p: int, recent: int) -> int:
     """Returns the index of a pixel's context, 0..SURROUNDINGS-1."""
     size = 0
     while size < 11 and recent >> size > 0:
         size += 1
-    at = (((size * 5 + _shape(n - p)) * 5 + _shape(w - p)) * 5 + _shape(ne - p)) * 5 + _shape(ww - w)
+    at = (
+        ((size * 5 + _difference_class(n - p)) * 5 + _difference_class(w - p)) * 5 + _difference_class(ne - p)
+    ) * 5 + _difference_class(ww - w)
     return int(at)
 
 
 @njit(cache=True, nogil=True)
-def _residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) -> int:
+def _decode_residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) -> int:
     """Decodes a residual: zero? negative? then the size, one by one and then in bits."""
-    if _ask(coder, data, states, base):
+    if _decode_with_state(coder, data, states, base):
         return 0
-    negative = _ask(coder, data, states, base + 1)
+    negative = _decode_with_state(coder, data, states, base + 1)
     for m in range(1, UNARY + 1):
-        if _ask(coder, data, states, base + 1 + m):
+        if _decode_with_state(coder, data, states, base + 1 + m):
             return -m if negative else m
     bits, value = 0, 1
-    while bits < 17 and not _ask(coder, data, states, _LARGE + bits):
+    while bits < 17 and not _decode_with_state(coder, data, states, _LARGE_STATES_START + bits):
         bits += 1
     for _ in range(bits):
-        value = (value << 1) | _get(coder, data, 32768)
+        value = (value << 1) | _decode_bit(coder, data, 32768)
     size = value + UNARY
     return -size if negative else size
 
@@ -112,7 +114,7 @@ def _read_table(values: UInt16, data: UInt8, coder: AnyArray, states: AnyArray) 
     """Decodes the ascending (P + 1,) ``values``. Each step is predicted to equal the previous one."""
     former, size = 1, 0
     for level in range(1, values.size):
-        r = _residual(coder, data, states, _TABLE + size * QUESTIONS)
+        r = _decode_residual(coder, data, states, _TABLE_STATES_START + size * QUESTIONS)
         step = former + r
         value = int(np.int64(values[level - 1])) + step
         if step < 1 or value > 65535:
@@ -138,12 +140,14 @@ def _read_image(depth: UInt16, values: UInt16, data: UInt8, coder: AnyArray, sta
                 (w != 0) | (n != 0) << 1 | (nw != 0) << 2 | (ne != 0) << 3 | (ww != 0) << 4 | (nn != 0) << 5
             )
             row[x], error[x] = 0, 0
-            if _ask(coder, data, states, holes):
+            if _decode_with_state(coder, data, states, holes):
                 depth[y, x - 2] = 0
                 continue
             p = predict_level(w, n, nw, ne, last)
             recent = error[x - 1] + former[x] + ((former[x - 1] + former[x + 1]) >> 1)
-            r = _residual(coder, data, states, _HOLES + _surroundings(w, ww, n, ne, p, recent) * QUESTIONS)
+            r = _decode_residual(
+                coder, data, states, _HOLE_STATES + _context_index(w, ww, n, ne, p, recent) * QUESTIONS
+            )
             v = p + r
             v = v - count if v > count else (v + count if v < 1 else v)
             if v < 1 or v > count:
@@ -163,7 +167,7 @@ def unpack_levels(data: UInt8, values: UInt16, tabled: bool, depth: UInt16) -> b
         tabled: True if the values are in the data.
         depth: (H, W), written.
     """
-    states = np.full(_STATES, 32768 << 8, np.int32)
+    states = np.full(_STATE_COUNT, 32768 << 8, np.int32)
     coder = np.array([0, 0xFFFFFFFF, 4, 0], np.int64)
     for at in range(4):
         coder[3] = (coder[3] << 8) | (int(np.int64(data[at])) if at < data.size else 0)

@@ -16,16 +16,16 @@ from enliven.frames import BodyFrame, DepthFrame
 from enliven.person import Body, J
 from enliven.recording.depth_codec import MAX_PIXELS, decode_depth, encode_depth
 
-_HEAD = struct.Struct("<BBHIq9d")
-_SIZE = struct.Struct("<II")
+_DEPTH_HEADER = struct.Struct("<BBHIq9d")
+_COLOUR_SIZE = struct.Struct("<II")
 _SEQUENCE = struct.Struct("<q")
 _VERSION = 1
 """First byte of a depth message: the version of its layout."""
-_POSE = 1
+_POSE_FLAG = 1
 """Flag of a depth message that contains world_from_camera."""
-_COLOUR = 2
+_COLOUR_FLAG = 2
 """Flag of a depth message that contains a colour image."""
-_COUNTED = 4
+_SEQUENCE_FLAG = 4
 """Flag of a depth message that contains a sequence number."""
 _MOST_COUNTED = 1 << 63
 """Limit of the sequence number, a signed 64-bit integer in the layout. Larger ones are left out."""
@@ -37,10 +37,10 @@ def pack_depth(frame: DepthFrame, level: int) -> bytes:
     depth = encode_depth(frame.depth, level)
     count = frame.sequence
     counted = () if count is None or abs(count) >= _MOST_COUNTED else (_SEQUENCE.pack(count),)
-    flags = _POSE * (frame.world_from_camera is not None) | _COLOUR * (frame.colour is not None)
-    flags |= _COUNTED * len(counted)
+    flags = _POSE_FLAG * (frame.world_from_camera is not None) | _COLOUR_FLAG * (frame.colour is not None)
+    flags |= _SEQUENCE_FLAG * len(counted)
     lens = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)
-    parts = [_HEAD.pack(_VERSION, flags, len(sensor), len(depth), frame.time_ns, *lens), sensor]
+    parts = [_DEPTH_HEADER.pack(_VERSION, flags, len(sensor), len(depth), frame.time_ns, *lens), sensor]
     if frame.world_from_camera is not None:
         parts.append(np.asarray(frame.world_from_camera, "<f8").reshape(4, 4).tobytes())
     parts.append(depth)
@@ -56,27 +56,27 @@ def unpack_depth(data: bytes) -> DepthFrame:
         InputError: if the bytes are not a depth frame, or of a later version.
     """
     if not data or data[0] < _VERSION:
-        raise _damaged("it does not begin like one")
+        raise _damage_error("it does not begin like one")
     refuse_later_version(data[0], _VERSION, "recording, a depth frame")
-    if len(data) < _HEAD.size:
-        raise _damaged("it is too short")
-    _, flags, name_size, depth_size, time_ns, *lens = _HEAD.unpack_from(data)
-    at = _HEAD.size + name_size
-    pose_size = 128 if flags & _POSE else 0
-    end = len(data) - (_SEQUENCE.size if flags & _COUNTED else 0)
+    if len(data) < _DEPTH_HEADER.size:
+        raise _damage_error("it is too short")
+    _, flags, name_size, depth_size, time_ns, *lens = _DEPTH_HEADER.unpack_from(data)
+    at = _DEPTH_HEADER.size + name_size
+    pose_size = 128 if flags & _POSE_FLAG else 0
+    end = len(data) - (_SEQUENCE.size if flags & _SEQUENCE_FLAG else 0)
     if at + pose_size + depth_size > end:
-        raise _damaged("it ends too early")
+        raise _damage_error("it ends too early")
     try:
-        sensor = data[_HEAD.size : at].decode()
+        sensor = data[_DEPTH_HEADER.size : at].decode()
     except UnicodeDecodeError:
-        raise _damaged("the sensor's identity is not UTF-8") from None
+        raise _damage_error("the sensor's identity is not UTF-8") from None
     pose: Float | None = None
     if pose_size:
         pose = np.frombuffer(data, "<f8", 16, at).reshape(4, 4).astype(np.float64)
     at += pose_size
     depth = decode_depth(data[at : at + depth_size])
-    colour = _unpack_colour(data[at + depth_size : end]) if flags & _COLOUR else None
-    sequence = _SEQUENCE.unpack_from(data, end)[0] if flags & _COUNTED else None
+    colour = _unpack_colour(data[at + depth_size : end]) if flags & _COLOUR_FLAG else None
+    sequence = _SEQUENCE.unpack_from(data, end)[0] if flags & _SEQUENCE_FLAG else None
     distortion = (lens[4], lens[5], lens[6], lens[7], lens[8])
     camera = Intrinsics(depth.shape[1], depth.shape[0], lens[0], lens[1], lens[2], lens[3], distortion)
     return DepthFrame(depth, camera, time_ns, sensor, colour, pose, sequence)
@@ -90,23 +90,23 @@ def _pack_colour(colour: UInt8, level: int) -> bytes:
         )
     difference = np.diff(colour, axis=1, prepend=np.uint8(0))
     packed = zstandard.ZstdCompressor(level=level).compress(difference.tobytes())
-    return _SIZE.pack(colour.shape[0], colour.shape[1]) + packed
+    return _COLOUR_SIZE.pack(colour.shape[0], colour.shape[1]) + packed
 
 
 def _unpack_colour(data: bytes) -> UInt8:
-    if len(data) < _SIZE.size:
-        raise _damaged("the colour image is missing")
-    height, width = _SIZE.unpack_from(data)
+    if len(data) < _COLOUR_SIZE.size:
+        raise _damage_error("the colour image is missing")
+    height, width = _COLOUR_SIZE.unpack_from(data)
     size = height * width * 3
-    packed = data[_SIZE.size :]
+    packed = data[_COLOUR_SIZE.size :]
     try:
         if not 0 < size <= 3 * MAX_PIXELS or zstandard.frame_content_size(packed) != size:
-            raise _damaged(f"the colour image states {width}x{height} pixels")
+            raise _damage_error(f"the colour image states {width}x{height} pixels")
         content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
     except zstandard.ZstdError:
-        raise _damaged("the colour image cannot be unpacked") from None
+        raise _damage_error("the colour image cannot be unpacked") from None
     if len(content) != size:
-        raise _damaged("the colour image ends too early")
+        raise _damage_error("the colour image ends too early")
     difference = np.frombuffer(content, np.uint8).reshape(height, width, 3)
     return np.cumsum(difference, axis=1, dtype=np.uint8)
 
@@ -140,12 +140,12 @@ def _body_fields(body: Body) -> dict[str, Any]:
     turns = body.orientations
     fields: dict[str, Any] = {
         "id": int(body.id),
-        "joints": _shaped(body.joints, (J, 3)).tolist(),
-        "confidence": _shaped(body.confidence, (J,)).tolist(),
-        "orientations": None if turns is None else _shaped(turns, (J, 4)).tolist(),
+        "joints": _shaped_values(body.joints, (J, 3)).tolist(),
+        "confidence": _shaped_values(body.confidence, (J,)).tolist(),
+        "orientations": None if turns is None else _shaped_values(turns, (J, 4)).tolist(),
     }
     if body.contacts is not None:
-        fields["contacts"] = _shaped(body.contacts, (2,)).tolist()
+        fields["contacts"] = _shaped_values(body.contacts, (2,)).tolist()
     if body.stature is not None:
         fields["stature"] = float(body.stature)
     return fields
@@ -159,25 +159,25 @@ def unpack_bodies(data: bytes) -> BodyFrame:
     """
     try:
         message = _bodies_decoder.decode(data)
-        bodies = [_body(body) for body in message.bodies]
+        bodies = [_decode_body(body) for body in message.bodies]
     except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError):
-        raise _damaged("its entries are not those of bodies") from None
+        raise _damage_error("its entries are not those of bodies") from None
     return BodyFrame(bodies, message.time_ns, message.sensor)
 
 
-def _body(message: _BodyMessage) -> Body:
+def _decode_body(message: _BodyMessage) -> Body:
     turns = message.orientations
     return Body(
         message.id,
-        _shaped(message.joints, (J, 3)),
-        _shaped(message.confidence, (J,)),
-        None if turns is None else _shaped(turns, (J, 4)),
-        None if message.contacts is None else _shaped(message.contacts, (2,)),
+        _shaped_values(message.joints, (J, 3)),
+        _shaped_values(message.confidence, (J,)),
+        None if turns is None else _shaped_values(turns, (J, 4)),
+        None if message.contacts is None else _shaped_values(message.contacts, (2,)),
         message.stature,
     )
 
 
-def _shaped(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
+def _shaped_values(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
     """Returns ``values`` as float64 of this shape (None becomes NaN)."""
     array = np.asarray(values, np.float64)
     if array.shape != shape:
@@ -185,7 +185,7 @@ def _shaped(values: AnyArray | list[Any], shape: tuple[int, ...]) -> Float:
     return array
 
 
-def _damaged(damage: str) -> InputError:
+def _damage_error(damage: str) -> InputError:
     return InputError(
         f"the message cannot be read: {damage}", where="recording", mend="Record or import it again."
     )

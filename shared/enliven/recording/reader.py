@@ -80,7 +80,7 @@ class Recording:
         self._container = open_container(self.path)
         _check_profile(self._container)
         check_version(self._container)
-        self.info = _info(self._container)
+        self.info = _recording_info(self._container)
         self._report_cut()
 
     def frames(self, file: BinaryIO | None = None) -> Iterator[Frame]:
@@ -105,10 +105,10 @@ class Recording:
 
         ``file`` is the opened recording.
         """
-        for topic, message in self._messages(topics, file):
+        for topic, message in self._read_messages(topics, file):
             yield topic, message.log_time, message.data
 
-    def _messages(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, Any]]:
+    def _read_messages(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, Any]]:
         """Yields (topic, message) ordered by time.
 
         Chunks may overlap; messages of equal time keep their order.
@@ -123,7 +123,7 @@ class Recording:
                     message = heapq.heappop(waiting)[2]
                     buffered -= len(message.data)
                     yield names[message.channel_id], message
-                for record in self._records(opened, ref):
+                for record in self._chunk_records(opened, ref):
                     if isinstance(record, Message) and record.channel_id in names:
                         heapq.heappush(waiting, (record.log_time, count, record))
                         count, buffered = count + 1, buffered + len(record.data)
@@ -134,7 +134,7 @@ class Recording:
             message = heapq.heappop(waiting)[2]
             yield names[message.channel_id], message
 
-    def _records(self, file: Any, ref: ChunkRef) -> list[Any]:
+    def _chunk_records(self, file: Any, ref: ChunkRef) -> list[Any]:
         try:
             return read_chunk(file, ref)
         except Damage as error:
@@ -147,7 +147,7 @@ class Recording:
         if not self._container.complete:
             count = sum(self._container.counts.values())
             skipped = "".join(" " + problem for problem in self.problems)
-            self._warn(
+            self._report_problem(
                 f"{self.path}: the recording was cut off or is damaged at byte {self._container.cut_at}; "
                 f"the {count} whole messages before are read.{skipped}"
             )
@@ -158,9 +158,9 @@ class Recording:
         if any("damaged part" in earlier for earlier in self.problems):
             self.problems.append(problem)
         else:
-            self._warn(problem)
+            self._report_problem(problem)
 
-    def _warn(self, problem: str) -> None:
+    def _report_problem(self, problem: str) -> None:
         self.problems.append(problem)
         warnings.warn(problem, RecordingWarning, stacklevel=4)
 
@@ -184,7 +184,7 @@ def _check_profile(container: Container) -> None:
     )
 
 
-def _info(container: Container) -> RecordingInfo:
+def _recording_info(container: Container) -> RecordingInfo:
     topics: dict[str, TopicInfo] = {}
     for number, channel in sorted(container.channels.items()):
         schema = container.schemas.get(channel.schema_id)

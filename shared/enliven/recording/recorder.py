@@ -68,17 +68,17 @@ class Recorder:
         self._sync_seconds = sync_seconds
         replaces = overwrite and self.path.is_file() and self.path.stat().st_size > 0
         with replace_file(self.path) if replaces else nullcontext(self.path) as begun:
-            self._begin(begun, overwrite)
+            self._begin_file(begun, overwrite)
         if replaces:
             self._file.move(self.path)
 
-    def _begin(self, begun: Path, overwrite: bool) -> None:
+    def _begin_file(self, begun: Path, overwrite: bool) -> None:
         """Opens the file and writes its beginning.
 
         Args:
             begun: the file, or a temporary one that will replace it.
         """
-        self._file = _created(begun, overwrite)
+        self._file = _create_file(begun, overwrite)
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES)  # type: ignore[arg-type]
         self._schemas: dict[tuple[str, str, str], int] = {}
         self._channels: dict[tuple[str, str, str], int] = {}
@@ -97,13 +97,17 @@ class Recorder:
         self._check_time(frame.time_ns, "frames")
         if isinstance(frame, DepthFrame):
             data = pack_depth(frame, self._level)
-            self._write(schemas.DEPTH_TOPIC, schemas.DEPTH, frame.sensor, data, frame.time_ns)
+            self._write_message(schemas.DEPTH_TOPIC, schemas.DEPTH, frame.sensor, data, frame.time_ns)
         else:
-            self._write(schemas.BODIES_TOPIC, schemas.BODIES, frame.sensor, pack_bodies(frame), frame.time_ns)
+            self._write_message(
+                schemas.BODIES_TOPIC, schemas.BODIES, frame.sensor, pack_bodies(frame), frame.time_ns
+            )
 
     def write_truth(self, frame: BodyFrame) -> None:
         """Appends the true bodies of a moment (topic ``/truth/bodies``)."""
-        self._write(schemas.TRUTH_TOPIC, schemas.BODIES, frame.sensor, pack_bodies(frame), frame.time_ns)
+        self._write_message(
+            schemas.TRUTH_TOPIC, schemas.BODIES, frame.sensor, pack_bodies(frame), frame.time_ns
+        )
 
     def write(
         self,
@@ -123,7 +127,7 @@ class Recorder:
             ResourceError: if it cannot be written.
         """
         kind = MessageKind(schema_name, schema_encoding, schema_text, message_encoding)
-        self._write(topic, kind, sensor, data, time_ns)
+        self._write_message(topic, kind, sensor, data, time_ns)
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Adds a named record of texts for humans: performer, place, command line, calibration."""
@@ -136,7 +140,7 @@ class Recorder:
     def sync(self) -> None:
         """Passes everything written to the operating system, as complete chunks."""
         self._carry_out(self._writer.flush)
-        self._repeat()
+        self._repeat_descriptions()
         self._filled = 0
         self._synced = time.monotonic()
 
@@ -155,9 +159,9 @@ class Recorder:
     ) -> None:
         self.close()
 
-    def _write(self, topic: str, kind: MessageKind, sensor: str, data: bytes, time_ns: int) -> None:
+    def _write_message(self, topic: str, kind: MessageKind, sensor: str, data: bytes, time_ns: int) -> None:
         self._check_time(time_ns, f"topic {topic}")
-        channel = self._channel(topic, kind, sensor)
+        channel = self._channel_id(topic, kind, sensor)
         self._carry_out(self._writer.add_message, channel, time_ns, data, time_ns)
         self._filled += len(data)
         full = self._live and self._filled >= self._room
@@ -186,7 +190,7 @@ class Recorder:
             self._file.close()
             raise self._failure from None
 
-    def _repeat(self) -> None:
+    def _repeat_descriptions(self) -> None:
         """Writes new schemas and channels a second time, outside the chunk that contains them."""
         if self._unrepeated:
             builder = RecordBuilder()
@@ -195,7 +199,7 @@ class Recorder:
             self._unrepeated = []
             self._carry_out(self._file.write, builder.end())
 
-    def _channel(self, topic: str, kind: MessageKind, sensor: str) -> int:
+    def _channel_id(self, topic: str, kind: MessageKind, sensor: str) -> int:
         """Returns the id of the channel of a topic, kind and sensor.
 
         It is registered at its first message.
@@ -206,21 +210,21 @@ class Recorder:
             if schema not in self._schemas:
                 name, encoding, text = schema[0], schema[1], schema[2].encode()
                 number = self._schemas[schema] = self._writer.register_schema(name, encoding, text)
-                self._note(Schema(id=number, name=name, encoding=encoding, data=text))
+                self._note_description(Schema(id=number, name=name, encoding=encoding, data=text))
             of, more = self._schemas[schema], {"sensor": sensor} if sensor else {}
             number = self._channels[key] = self._writer.register_channel(
                 topic, kind.message_encoding, of, more
             )
-            self._note(Channel(number, topic, kind.message_encoding, more, of))
+            self._note_description(Channel(number, topic, kind.message_encoding, more, of))
         return self._channels[key]
 
-    def _note(self, record: Schema | Channel) -> None:
+    def _note_description(self, record: Schema | Channel) -> None:
         """Stores a schema or channel for repetition. An archive is complete, and repeats none."""
         if self._live:
             self._unrepeated.append(record)
 
 
-def _created(path: Path, overwrite: bool) -> WholeFile:
+def _create_file(path: Path, overwrite: bool) -> WholeFile:
     try:
         return WholeFile(path, "wb" if overwrite else "xb")
     except FileExistsError:

@@ -21,7 +21,9 @@ from enliven.recording.container import Container, check_version, open_container
 from enliven.recording.recorder import Recorder
 from enliven.recording.schemas import ABOUT_NAME, PROFILE
 
-_CHUNK = re.compile(rb"\x06(?=.{5}\x00\x00\x00.{28}(\x04\x00\x00\x00zstd|\x00\x00\x00\x00))", re.DOTALL)
+_CHUNK_START_PATTERN = re.compile(
+    rb"\x06(?=.{5}\x00\x00\x00.{28}(\x04\x00\x00\x00zstd|\x00\x00\x00\x00))", re.DOTALL
+)
 """The beginning of a chunk: opcode, a length below 2^40, 28 bytes of times, size and checksum, its
 compression."""
 _FIXED_BYTES = 36
@@ -32,7 +34,7 @@ _CHUNK_HEAD_BYTES = 64
 """Maximum bytes of a chunk before its data. Blocks overlap by this, so that no head is cut."""
 _BLOCK_BYTES = 1 << 20
 """Bytes of a block that is searched for chunks. An unreadable sector hides the heads of one such block."""
-_BETWEEN = {
+_RECORDS_BETWEEN_CHUNKS = {
     Opcode.MESSAGE_INDEX,
     Opcode.METADATA,
     Opcode.SCHEMA,
@@ -89,8 +91,8 @@ def recover(path: Path, output: Path) -> Recovery:
     check_version(container)
     recovery = Recovery(cut=not container.complete)
     with open_file(path) as file:
-        refs = _candidates(container, file)
-        for _, records in _whole(file, refs):
+        refs = _candidate_chunks(container, file)
+        for _, records in _checked_chunks(file, refs):
             # Descriptions may follow the messages that they describe, so read all of them first.
             for record in records or ():
                 if not isinstance(record, Message):
@@ -98,7 +100,7 @@ def recover(path: Path, output: Path) -> Recovery:
         recorder = Recorder(output, sync_seconds=math.inf)
         try:
             with recorder:
-                _copy(container, file, refs, recorder, recovery)
+                _copy_messages(container, file, refs, recorder, recovery)
             if not recovery.kept:
                 raise InputError(
                     "it contains no whole message", where=str(path), mend="It cannot be recovered."
@@ -107,7 +109,7 @@ def recover(path: Path, output: Path) -> Recovery:
             output.unlink(missing_ok=True)
             raise
     if container.complete:
-        recovery.lost = _stated(container) - recovery.kept
+        recovery.lost = _stated_counts(container) - recovery.kept
     return recovery
 
 
@@ -119,7 +121,7 @@ def _container_of(path: Path) -> Container:
         return Container(path)
 
 
-def _copy(
+def _copy_messages(
     container: Container, file: BinaryIO, refs: list[ChunkRef], recorder: Recorder, recovery: Recovery
 ) -> None:
     """Copies every chunk's messages, and records the spans with missing ones."""
@@ -127,7 +129,7 @@ def _copy(
         if name != ABOUT_NAME:
             recorder.add_metadata(name, values)
     end, end_ns, lost = len(b"\x89MCAP0\r\n"), None, False
-    for ref, records in _whole(file, refs):
+    for ref, records in _checked_chunks(file, refs):
         if records is None:
             lost = True
             continue
@@ -135,14 +137,14 @@ def _copy(
             recovery.spans.append(LostSpan(end_ns, ref.start_ns))
         messages = [record for record in records if isinstance(record, Message)]
         for message in messages:
-            _put(container, message, recorder, recovery)
+            _write_message(container, message, recorder, recovery)
         last = max((m.log_time for m in messages), default=ref.end_ns)
         end, end_ns, lost = ref.offset + ref.length, last, False
     if lost or recovery.cut:
         recovery.spans.append(LostSpan(end_ns, None))
 
 
-def _put(container: Container, message: Any, recorder: Recorder, recovery: Recovery) -> None:
+def _write_message(container: Container, message: Any, recorder: Recorder, recovery: Recovery) -> None:
     """Writes one message into the new recording, with the description of its topic."""
     channel: Channel | None = container.channels.get(message.channel_id)
     schema = None if channel is None else container.schemas.get(channel.schema_id)
@@ -157,12 +159,12 @@ def _put(container: Container, message: Any, recorder: Recorder, recovery: Recov
         recovery.first_ns = message.log_time
 
 
-def _candidates(container: Container, file: BinaryIO) -> list[ChunkRef]:
+def _candidate_chunks(container: Container, file: BinaryIO) -> list[ChunkRef]:
     """Returns all possible chunks in the file's order: those of the index, and those found by their head."""
     refs = {ref.offset: ref for ref in container.chunks}
     size = file.seek(0, 2)
-    for first, data in _blocks(file, size):
-        for match in _CHUNK.finditer(data):
+    for first, data in _file_blocks(file, size):
+        for match in _CHUNK_START_PATTERN.finditer(data):
             at, name = match.start(), len(match[1])
             inside, start, end, content = (
                 int.from_bytes(data[at + field : at + field + 8], "little") for field in (1, 9, 17, 37 + name)
@@ -174,7 +176,7 @@ def _candidates(container: Container, file: BinaryIO) -> list[ChunkRef]:
     return [refs[offset] for offset in sorted(refs)]
 
 
-def _blocks(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
+def _file_blocks(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
     """Yields the offset and the bytes of overlapping blocks. Unreadable blocks are left out.
 
     The file is not memory-mapped, because a failing device would then kill the process.
@@ -185,7 +187,7 @@ def _blocks(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
             yield offset, file.read(_BLOCK_BYTES + _CHUNK_HEAD_BYTES)
 
 
-def _whole(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, list[Any] | None]]:
+def _checked_chunks(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, list[Any] | None]]:
     """Yields every chunk with its records, None if it is damaged.
 
     A false match inside another chunk is left out.
@@ -212,13 +214,13 @@ def _only_small(file: BinaryIO, start: int, end: int) -> bool:
             head = file.read(_HEAD_BYTES)
         except ResourceError:
             return False
-        if head[0] not in _BETWEEN and head[0] != Opcode.HEADER:
+        if head[0] not in _RECORDS_BETWEEN_CHUNKS and head[0] != Opcode.HEADER:
             return False
         at += _HEAD_BYTES + int.from_bytes(head[1:], "little")
     return at == end
 
 
-def _stated(container: Container) -> Counter[str]:
+def _stated_counts(container: Container) -> Counter[str]:
     """Returns the number of messages by topic according to the recording's own index."""
     counts: Counter[str] = Counter()
     for number, count in container.counts.items():

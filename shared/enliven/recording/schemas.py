@@ -56,8 +56,8 @@ offset size
     + DEPTH_CODEC_LAYOUT
 )
 
-_NUMBER = {"type": ["number", "null"]}
-_BODY = {
+_NUMBER_SCHEMA = {"type": ["number", "null"]}
+_BODY_SCHEMA = {
     "type": "object",
     "required": ["id", "joints", "confidence"],
     "properties": {
@@ -65,20 +65,23 @@ _BODY = {
         "joints": {
             "type": "array",
             "description": "20 joints in the Kinect SDK 1.x order: [x, y, z] metres, world frame, +Y up",
-            "items": {"type": "array", "items": _NUMBER},
+            "items": {"type": "array", "items": _NUMBER_SCHEMA},
         },
-        "confidence": {"type": "array", "description": "20 numbers, 0 (guess) to 1", "items": _NUMBER},
+        "confidence": {"type": "array", "description": "20 numbers, 0 (guess) to 1", "items": _NUMBER_SCHEMA},
         "orientations": {
             "type": ["array", "null"],
             "description": "20 quaternions [w, x, y, z] world_from_bone, or null",
-            "items": {"type": "array", "items": _NUMBER},
+            "items": {"type": "array", "items": _NUMBER_SCHEMA},
         },
         "contacts": {
             "type": ["array", "null"],
             "description": "probability that the left and the right foot stand on the floor, or null",
-            "items": _NUMBER,
+            "items": _NUMBER_SCHEMA,
         },
-        "stature": {**_NUMBER, "description": "metres from soles to crown, standing straight, or null"},
+        "stature": {
+            **_NUMBER_SCHEMA,
+            "description": "metres from soles to crown, standing straight, or null",
+        },
     },
 }
 BODIES_SCHEMA = json.dumps(
@@ -90,7 +93,7 @@ BODIES_SCHEMA = json.dumps(
         "properties": {
             "time_ns": {"type": "integer", "description": "nanoseconds of the sensor's clock"},
             "sensor": {"type": "string"},
-            "bodies": {"type": "array", "items": _BODY},
+            "bodies": {"type": "array", "items": _BODY_SCHEMA},
         },
     },
     indent=1,

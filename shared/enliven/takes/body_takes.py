@@ -60,7 +60,7 @@ class RecordedHolds:
         changes = []
         for event in events:
             who, former = (None if performer < 0 else performer for performer in (event.body, event.former))
-            changes.append(HoldChange(self._second(event.time_ns), who, event.parts, event.mode, former))
+            changes.append(HoldChange(self._take_second(event.time_ns), who, event.parts, event.mode, former))
         return Possession(
             self.take.id,
             tuple(changes),
@@ -68,12 +68,12 @@ class RecordedHolds:
             float(np.ptp(character.vertices[:, 1])),
             first.size,
             tuple(first.place),
-            self._second(poses[0].time_ns),
-            self._second(poses[-1].time_ns),
+            self._take_second(poses[0].time_ns),
+            self._take_second(poses[-1].time_ns),
             np.asarray(character.pivots, np.float64),
         )
 
-    def _second(self, time_ns: int) -> float:
+    def _take_second(self, time_ns: int) -> float:
         """Returns the second of the take for a time of the sensor's clock, as in :attr:`BodyTake.seconds`."""
         return float((time_ns - self.begin_ns) * 1e-9)
 

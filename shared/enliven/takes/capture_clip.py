@@ -112,8 +112,8 @@ def clip_of_bodies(
     rest_joints = joints[rest] if isinstance(rest, int) else rest.joints
     positions = rest_of(np.array(PARENTS), rest_joints, joints)
     skeleton = Skeleton(tuple(names or BODY_NAMES), np.array(PARENTS, np.int32), positions)
-    turns = turns_of(skeleton, joints, _known(bodies, still))
-    return _even(id, skeleton, times - times[0], turns, joints[:, 0], step)
+    turns = turns_of(skeleton, joints, _measured_rotations(bodies, still))
+    return _evenly_sampled_clip(id, skeleton, times - times[0], turns, joints[:, 0], step)
 
 
 def resampled(clip: Clip, step: float) -> Clip:
@@ -121,10 +121,10 @@ def resampled(clip: Clip, step: float) -> Clip:
     end.
     """
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
-    tracks: dict[str, Any] = {name: _mixed(track, times, step) for name, track in clip.tracks}
+    tracks: dict[str, Any] = {name: _interpolated_track(track, times, step) for name, track in clip.tracks}
     if clip.mirrors is not None:
-        tracks["mirrors"] = np.where(_mixed(clip.mirrors, times, step) < 0.0, -1.0, 1.0)
-    return replace(_even(clip.id, clip.skeleton, times, clip.turns, clip.root, step), **tracks)
+        tracks["mirrors"] = np.where(_interpolated_track(clip.mirrors, times, step) < 0.0, -1.0, 1.0)
+    return replace(_evenly_sampled_clip(clip.id, clip.skeleton, times, clip.turns, clip.root, step), **tracks)
 
 
 def between_times(clip: Clip, start: float, stop: float) -> Clip:
@@ -137,23 +137,25 @@ def between_times(clip: Clip, start: float, stop: float) -> Clip:
     return replace(cut, fine=clip.fine.between(first * clip.step, (len(cut.turns) + first - 1) * clip.step))
 
 
-def _even(id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, step: float) -> Clip:
+def _evenly_sampled_clip(
+    id: str, skeleton: Skeleton, times: Float, turns: Float, root: Float, step: float
+) -> Clip:
     """Returns a clip with frames ``step`` seconds apart, from rotations and root at ``times`` (F,) that
     begin at 0.
     """
-    before, after, part = _between(times, step)
+    before, after, part = _frame_fractions(times, step)
     even_turns = slerp(turns[before], turns[after], part[:, None])
-    return Clip(id, skeleton, continuous(even_turns), _mixed(root, times, step), step)
+    return Clip(id, skeleton, continuous(even_turns), _interpolated_track(root, times, step), step)
 
 
-def _mixed(track: Float, times: Float, step: float) -> Float:
+def _interpolated_track(track: Float, times: Float, step: float) -> Float:
     """Returns (G, ...) the values of (F, ...) at ``times`` (F,), interpolated every ``step`` seconds."""
-    before, after, part = _between(times, step)
+    before, after, part = _frame_fractions(times, step)
     part = part.reshape(-1, *(1,) * (track.ndim - 1))
     return np.asarray(track[before] + part * (track[after] - track[before]))
 
 
-def _between(times: Float, step: float) -> tuple[Int, Int, Float]:
+def _frame_fractions(times: Float, step: float) -> tuple[Int, Int, Float]:
     """Returns (G,) the frames before and after times ``step`` seconds apart, and the interpolation
     factors.
     """
@@ -165,7 +167,7 @@ def _between(times: Float, step: float) -> tuple[Int, Int, Float]:
     return before, after, (wanted - times[before]) / width
 
 
-def _known(bodies: Sequence[Body], still: Body) -> Float | None:
+def _measured_rotations(bodies: Sequence[Body], still: Body) -> Float | None:
     """Returns (F, 20, 4) rotations since rest from the bodies' orientations, or None if a body has none."""
     if still.orientations is None or any(body.orientations is None for body in bodies):
         return None

@@ -25,29 +25,31 @@ def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
     middle = half_way(np.concatenate([low[:, None], p[:, list(roles.spine)], top[:, None]], 1))
     out = np.empty((capture.frames, 16, 3, 3))
     across_hips, across_shoulders = hips[:, 0] - hips[:, 1], shoulders[:, 0] - shoulders[:, 1]
-    out[:, Limb.PELVIS] = _axes(middle - low, across_hips)
-    out[:, Limb.CHEST] = _axes(top - middle, across_shoulders)
-    out[:, Limb.ABDOMEN] = _axes(top - low, unit(across_hips) + unit(across_shoulders))
+    out[:, Limb.PELVIS] = _limb_axes(middle - low, across_hips)
+    out[:, Limb.CHEST] = _limb_axes(top - middle, across_shoulders)
+    out[:, Limb.ABDOMEN] = _limb_axes(top - low, unit(across_hips) + unit(across_shoulders))
     # The head rotates with its joint. On average it faces in the same direction as the chest.
     head = capture.rotations[:, roles.head]
     usual = nearest_rotation((out[:, Limb.CHEST].transpose(0, 2, 1) @ head).mean(0))
     out[:, Limb.SKULL] = head @ usual.T
     beyond = np.where(np.linalg.norm(tips - wrists, axis=-1, keepdims=True) > 1e-6, tips, 2 * wrists - elbows)
-    standing = _standing(toes, ankles, capture.seconds, knees, hips)
+    standing = _standing_feet(toes, ankles, capture.seconds, knees, hips)
     for side in (0, 1):
-        hinge = _hinge(shoulders[:, side], elbows[:, side], wrists[:, side], out[:, Limb.CHEST], 1.0)
-        out[:, Limb.UPPER_ARM_LEFT + side] = _axes(shoulders[:, side] - elbows[:, side], hinge)
-        out[:, Limb.FOREARM_LEFT + side] = _axes(elbows[:, side] - wrists[:, side], hinge)
-        out[:, Limb.HAND_LEFT + side] = _axes(wrists[:, side] - beyond[:, side], hinge)
-        hinge = _hinge(hips[:, side], knees[:, side], ankles[:, side], out[:, Limb.PELVIS], -1.0)
-        out[:, Limb.THIGH_LEFT + side] = _axes(hips[:, side] - knees[:, side], hinge)
-        out[:, Limb.SHANK_LEFT + side] = _axes(knees[:, side] - ankles[:, side], hinge)
+        hinge = _hinge_axis(shoulders[:, side], elbows[:, side], wrists[:, side], out[:, Limb.CHEST], 1.0)
+        out[:, Limb.UPPER_ARM_LEFT + side] = _limb_axes(shoulders[:, side] - elbows[:, side], hinge)
+        out[:, Limb.FOREARM_LEFT + side] = _limb_axes(elbows[:, side] - wrists[:, side], hinge)
+        out[:, Limb.HAND_LEFT + side] = _limb_axes(wrists[:, side] - beyond[:, side], hinge)
+        hinge = _hinge_axis(hips[:, side], knees[:, side], ankles[:, side], out[:, Limb.PELVIS], -1.0)
+        out[:, Limb.THIGH_LEFT + side] = _limb_axes(hips[:, side] - knees[:, side], hinge)
+        out[:, Limb.SHANK_LEFT + side] = _limb_axes(knees[:, side] - ankles[:, side], hinge)
         shank = out[:, Limb.SHANK_LEFT + side, :, 0]
-        out[:, Limb.FOOT_LEFT + side] = _foot(toes[:, side] - ankles[:, side], shank, standing[:, side])
+        out[:, Limb.FOOT_LEFT + side] = _foot_frames(
+            toes[:, side] - ankles[:, side], shank, standing[:, side]
+        )
     return out, standing
 
 
-def _standing(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Float) -> Bool:
+def _standing_feet(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Float) -> Bool:
     """Returns (F, 2) whether a foot is low and hardly moves in a frame; true for at least the best fifth
     of frames.
     """
@@ -69,14 +71,14 @@ def half_way(path: Float) -> Float:
     return np.asarray(path[f, k] + part[:, None] * (path[f, k + 1] - path[f, k]))
 
 
-def _axes(up: Float, left: Float) -> Float:
+def _limb_axes(up: Float, left: Float) -> Float:
     """Returns (F, 3, 3) frames with +Y along ``up`` and +X as near to ``left`` as possible."""
     y = unit(up)
     x = unit(left - (left * y).sum(-1, keepdims=True) * y)
     return np.stack([x, y, np.cross(x, y)], -1)
 
 
-def _hinge(first: Float, middle: Float, last: Float, trunk: Float, sense: float) -> Float:
+def _hinge_axis(first: Float, middle: Float, last: Float, trunk: Float, sense: float) -> Float:
     """Returns (F, 3) the hinge axis of a limb, towards the body's left; straight limbs use the trunk's axis.
 
     Args:
@@ -93,7 +95,7 @@ def _hinge(first: Float, middle: Float, last: Float, trunk: Float, sense: float)
     )
 
 
-def _foot(along: Float, shank_left: Float, standing: Bool) -> Float:
+def _foot_frames(along: Float, shank_left: Float, standing: Bool) -> Float:
     """Returns (F, 3, 3) foot frames; a standing foot is level, whatever slope was captured.
 
     Args:

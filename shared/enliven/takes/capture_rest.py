@@ -8,9 +8,9 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.formats.motion import UNITS, Capture, guess_unit
 
-_STANDS = 0.9
+_MIN_STANDING_HEIGHT_FRACTION = 0.9
 """Minimum height of a zero pose that counts as standing, as a fraction of the height in the frames."""
-_MOVES = 0.002
+_MIN_ROOT_MOTION_FRACTION = 0.002
 """Minimum motion of a joint relative to its parent to count as a separate root, as a fraction of the
 extent. It is more than rounding."""
 _HIP_TO_ANKLE = 0.9
@@ -28,7 +28,7 @@ def rooted(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float
     extent = float(np.median(np.ptp(positions, axis=1).max(1)))
     while parents.count(0) == 1 and len(names) > 2:
         local = np.einsum("fji,fj->fi", rotations[:, 0], positions[:, 1] - positions[:, 0])
-        if np.ptp(local, axis=0).max() < _MOVES * extent:
+        if np.ptp(local, axis=0).max() < _MIN_ROOT_MOTION_FRACTION * extent:
             break
         names, parents = names[1:], [max(parent - 1, -1) for parent in parents[1:]]
         positions, rotations = positions[:, 1:], rotations[:, 1:]
@@ -49,7 +49,7 @@ def moved_links(parents: list[int], offsets: Float, positions: Float, rotations:
     """
     moved = _local_links(parents, positions, rotations) - offsets
     extent = float(np.median(np.ptp(positions, axis=1).max(1)))
-    moved[:, np.abs(moved).max((0, 2)) < _MOVES * extent] = 0.0
+    moved[:, np.abs(moved).max((0, 2)) < _MIN_ROOT_MOTION_FRACTION * extent] = 0.0
     return moved
 
 
@@ -85,7 +85,10 @@ def zero_stands(parents: list[int], offsets: Float, positions: Float) -> bool:
     lowest = positions[:, :, 1].min(1)
     tall, high = np.median(positions[:, :, 1].max(1) - lowest), np.median(positions[:, 0, 1] - lowest)
     legs = zero[0, 1] - zero[:, 1].min()
-    return bool(np.ptp(zero[:, 1]) > _STANDS * tall and _STANDS * high < legs < high / _STANDS**2)
+    return bool(
+        np.ptp(zero[:, 1]) > _MIN_STANDING_HEIGHT_FRACTION * tall
+        and _MIN_STANDING_HEIGHT_FRACTION * high < legs < high / _MIN_STANDING_HEIGHT_FRACTION**2
+    )
 
 
 def metres(unit: str | float | None, at_rest: Float, where: str) -> float:

@@ -50,19 +50,19 @@ def find_roles(capture: Capture) -> Roles:
         InputError: if a joint is missing; the message lists the existing joints.
     """
     names = [re.sub(r"[^a-z0-9]", "", name.split(":")[-1].lower()) for name in capture.names]
-    elbows = _pair(capture, names, _ELBOWS, "elbow")
-    knees = _pair(capture, names, _KNEES, "knee")
+    elbows = _matching_pair(capture, names, _ELBOWS, "elbow")
+    knees = _matching_pair(capture, names, _KNEES, "knee")
     head = next((j for j, name in enumerate(names) if name == "head"), -1)
     if head < 0:
-        raise _missing(capture, "head")
+        raise _missing_role_error(capture, "head")
     shoulders = capture.parents[elbows[0]], capture.parents[elbows[1]]
     hips = capture.parents[knees[0]], capture.parents[knees[1]]
     if min(*shoulders, *hips) < 0:
-        raise _missing(capture, "shoulder or hip")
-    wrists = _below(capture, names, elbows, _WRISTS)
-    ankles = _below(capture, names, knees, _ANKLES)
-    trunk = _shared(capture, (*shoulders, head))
-    root = _shared(capture, (*hips, trunk[-1]))[-1]
+        raise _missing_role_error(capture, "shoulder or hip")
+    wrists = _matching_children(capture, names, elbows, _WRISTS)
+    ankles = _matching_children(capture, names, knees, _ANKLES)
+    trunk = _common_ancestors(capture, (*shoulders, head))
+    root = _common_ancestors(capture, (*hips, trunk[-1]))[-1]
     return Roles(
         root=root,
         spine=tuple(trunk[trunk.index(root) :]),
@@ -70,15 +70,21 @@ def find_roles(capture: Capture) -> Roles:
         shoulders=shoulders,
         elbows=elbows,
         wrists=wrists,
-        tips=(_beyond(capture, names, wrists[0], ()), _beyond(capture, names, wrists[1], ())),
+        tips=(
+            _next_descendant(capture, names, wrists[0], ()),
+            _next_descendant(capture, names, wrists[1], ()),
+        ),
         hips=hips,
         knees=knees,
         ankles=ankles,
-        toes=(_beyond(capture, names, ankles[0], _TOES), _beyond(capture, names, ankles[1], _TOES)),
+        toes=(
+            _next_descendant(capture, names, ankles[0], _TOES),
+            _next_descendant(capture, names, ankles[1], _TOES),
+        ),
     )
 
 
-def _pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str) -> tuple[int, int]:
+def _matching_pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str) -> tuple[int, int]:
     """Returns the left and the right joint of the first name part that matches on both sides."""
     for part in parts:
         sides = [
@@ -87,10 +93,10 @@ def _pair(capture: Capture, names: list[str], parts: tuple[str, ...], role: str)
         ]
         if min(sides) >= 0:
             return sides[0], sides[1]
-    raise _missing(capture, role)
+    raise _missing_role_error(capture, role)
 
 
-def _missing(capture: Capture, role: str) -> InputError:
+def _missing_role_error(capture: Capture, role: str) -> InputError:
     return InputError(
         f"there is no {role} among the joints",
         where="motion capture",
@@ -106,41 +112,41 @@ def _ancestors(capture: Capture, joint: int) -> list[int]:
     return chain[::-1]
 
 
-def _shared(capture: Capture, joints: tuple[int, ...]) -> list[int]:
+def _common_ancestors(capture: Capture, joints: tuple[int, ...]) -> list[int]:
     """Returns the common ancestors of all the joints."""
     chains = [_ancestors(capture, j) for j in joints]
     return [j for j in chains[0] if all(j in chain for chain in chains)]
 
 
-def _children(capture: Capture, joint: int) -> list[int]:
+def _children_of(capture: Capture, joint: int) -> list[int]:
     return [j for j, parent in enumerate(capture.parents) if parent == joint]
 
 
-def _below(
+def _matching_children(
     capture: Capture, names: list[str], joints: tuple[int, int], parts: tuple[str, ...]
 ) -> tuple[int, int]:
     """Returns for each joint its child with a matching name, or its first child."""
     children = []
     for joint in joints:
-        below = _children(capture, joint)
+        below = _children_of(capture, joint)
         if not below:
-            raise _missing(capture, f"{parts[0]} below {capture.names[joint]}")
+            raise _missing_role_error(capture, f"{parts[0]} below {capture.names[joint]}")
         named = [j for part in parts for j in below if part in names[j]]
         children.append((named or below)[0])
     return children[0], children[1]
 
 
-def _beyond(capture: Capture, names: list[str], joint: int, parts: tuple[str, ...]) -> int:
+def _next_descendant(capture: Capture, names: list[str], joint: int, parts: tuple[str, ...]) -> int:
     """Returns the nearest descendant at a different position that is not a thumb, or the joint itself."""
     fringe = [joint]
     while fringe:
-        fringe = [j for f in fringe for j in _children(capture, f) if "thumb" not in names[j]]
-        distant = [j for j in fringe if _distance(capture.positions, joint, j) > 1e-3]
+        fringe = [j for f in fringe for j in _children_of(capture, f) if "thumb" not in names[j]]
+        distant = [j for j in fringe if _distance_between(capture.positions, joint, j) > 1e-3]
         named = [j for part in parts for j in distant if part in names[j]]
         if named or distant:
             return (named or distant)[0]
     return joint
 
 
-def _distance(positions: Float, a: int, b: int) -> float:
+def _distance_between(positions: Float, a: int, b: int) -> float:
     return float(np.median(np.linalg.norm(positions[:, a] - positions[:, b], axis=-1)))

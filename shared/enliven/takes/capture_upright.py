@@ -37,7 +37,7 @@ A person that turns somersaults has no such direction."""
 _FLOOR_TOLERANCE = 0.05
 """Maximum distance of the lowest joint from zero along an axis, as a ratio of the body's length, for the
 file to have its floor there. Markers are some centimetres above the floor."""
-_FEET = re.compile(r"foot|ankle|paw|hoof|feet", re.IGNORECASE)
+_FOOT_NAME_PATTERN = re.compile(r"foot|ankle|paw|hoof|feet", re.IGNORECASE)
 """Names of the lowest joint of a leg, also in captures of animals."""
 
 
@@ -82,11 +82,11 @@ def metres_of_legs(capture: Capture) -> float | None:
     """Returns the metres per unit of the file, from the length of a person's legs; None if no legs are
     found by name.
     """
-    roles = _roles(capture)
+    roles = _joint_roles(capture)
     return None if roles is None else UNITS[guess_unit(leg_length(capture, roles))]
 
 
-def _roles(capture: Capture) -> Roles | None:
+def _joint_roles(capture: Capture) -> Roles | None:
     try:
         return find_roles(capture)
     except InputError:
@@ -100,8 +100,8 @@ def _up_axis(capture: Capture) -> str:
     crawls or lies the whole time, the rest pose stands along another axis. That axis is used if the floor is
     at zero only along it.
     """
-    roles = _roles(capture)
-    ups = _ups(capture, roles, capture.positions)
+    roles = _joint_roles(capture)
+    ups = _up_vectors(capture, roles, capture.positions)
     moving = np.median(ups, axis=0)
     if not moving.any():
         return "+Y"
@@ -109,7 +109,7 @@ def _up_axis(capture: Capture) -> str:
     is_steady = float(np.mean(unit(ups), axis=0) @ unit(moving)) > _MIN_STEADINESS
     if roles is None and not is_clear:
         return "+Y"
-    still = _ups(capture, roles, _zero_pose(capture)[None])[0]
+    still = _up_vectors(capture, roles, _zero_pose(capture)[None])[0]
     resting, stands = _nearest_axis(still)
     stands = stands and np.linalg.norm(still) > _MIN_REST_HEIGHT * np.linalg.norm(moving)
     if not stands or resting == axis:
@@ -118,14 +118,18 @@ def _up_axis(capture: Capture) -> str:
     return resting if is_lying or not is_steady else axis
 
 
-def _ups(capture: Capture, roles: Roles | None, positions: Float) -> Float:
+def _up_vectors(capture: Capture, roles: Roles | None, positions: Float) -> Float:
     """Returns (F, 3) vectors that point up: from the ankles to the head, or along an animal's legs; zero
     if unknown.
     """
     if roles is not None:
         return np.asarray(positions[:, roles.head] - positions[:, list(roles.ankles)].mean(1))
     parents = np.array(capture.parents)
-    feet = [j for j, name in enumerate(capture.names) if _FEET.search(name) and not name.endswith(" end")]
+    feet = [
+        j
+        for j, name in enumerate(capture.names)
+        if _FOOT_NAME_PATTERN.search(name) and not name.endswith(" end")
+    ]
     legs = [(parents[parents[j]], j) for j in feet if parents[j] >= 0 and parents[parents[j]] >= 0]
     if not legs:
         return np.zeros((len(positions), 3))

@@ -28,7 +28,7 @@ from enliven.takes.rigged import rigged_of
 Sample = Callable[[float, float | None, float | None, bool, bool], Performance]
 """A function of start and end seconds (None: all), frames per second (None: the native rate), whether to
 use morph targets, and whether to use the clips' own keys."""
-_RATE = 30.0
+_DEFAULT_FRAMES_PER_SECOND = 30.0
 """Frames per second of motion without a rate of its own: that of the sensors."""
 
 
@@ -100,18 +100,18 @@ def _of_project(project: Project) -> list[Exportable]:
     exportables = list[Exportable]()
     for character in project.characters.values():
         if not rig_of(character).lacking(project, character):
-            exportables.append(_character(project, character))
+            exportables.append(_exportable_character(project, character))
     return [*exportables, *(_of_clip(clip, 1) for clip in project.takes.values())]
 
 
 def _of_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
     """Returns each animation of a model, the first before the others; the static model if it has none."""
     if not clips:
-        return [_character(Project().with_characters(shape), shape)]
+        return [_exportable_character(Project().with_characters(shape), shape)]
     exportables = list[Exportable]()
     for clip in clips:
         project, moved = playing(Project(), shape, clip)
-        sample = partial(_sampled, project, moved, own=1 / clip.step)
+        sample = partial(_sample_character, project, moved, own=1 / clip.step)
         exportables.append(
             Exportable(clip.id, sample, True, shape.mesh is not None, min(len(exportables), 1))
         )
@@ -127,7 +127,7 @@ def _of_recording(path: Path) -> list[Exportable]:
     exportables = dict[str, Exportable]()
     for key, own_poses in moving.items():
         character, name = characters[key], unused(characters[key].id, exportables)
-        sample = partial(_recorded, name, character, own_poses, begin)
+        sample = partial(_sample_recorded, name, character, own_poses, begin)
         exportables[name] = Exportable(name, sample, character.kind == "bones")
     for clip in clips_of_frames(body_frames(recording), path.stem, TakeSettings()):
         name = unused(clip.id, exportables)
@@ -135,16 +135,16 @@ def _of_recording(path: Path) -> list[Exportable]:
     return list(exportables.values())
 
 
-def _character(project: Project, character: RigBase) -> Exportable:
+def _exportable_character(project: Project, character: RigBase) -> Exportable:
     jointed, solid = bool((character.parents >= 0).any()), character.mesh is not None
-    return Exportable(character.id, partial(_sampled, project, character), jointed, solid)
+    return Exportable(character.id, partial(_sample_character, project, character), jointed, solid)
 
 
 def _of_clip(clip: Clip, rank: int = 0) -> Exportable:
     return Exportable(clip.id, partial(_of_frames, clip), True, True, rank)
 
 
-def _sampled(
+def _sample_character(
     project: Project,
     character: RigBase,
     start: float,
@@ -152,7 +152,7 @@ def _sampled(
     rate: float | None,
     morphs: bool,
     keyed: bool,
-    own: float = _RATE,
+    own: float = _DEFAULT_FRAMES_PER_SECOND,
 ) -> Performance:
     """Samples a character of a project, at its ``own`` frames per second if no other rate is requested."""
     keyed = keyed and rate is None
@@ -160,7 +160,7 @@ def _sampled(
     return performance_of(project, character, start, end, rate or own, how=how, keyed=keyed)
 
 
-def _recorded(
+def _sample_recorded(
     name: str,
     character: Character,
     poses: list[Pose],
@@ -176,11 +176,13 @@ def _recorded(
         still, clip, offset = rigged_of(replace(character, id=name), poses, begin)
         project, shape = playing(Project(), still, clip)
         late = shape.later(offset)
-        return _sampled(project.with_characters(late), late, start, end, rate, morphs, keyed, 1 / clip.step)
+        return _sample_character(
+            project.with_characters(late), late, start, end, rate, morphs, keyed, 1 / clip.step
+        )
     named = replace(character, id=name)
     project = with_performance(Project(), (name, 0), named, poses, begin, [], None)
     (graph,), (stream,) = project.graphs.values(), project.streams.values()
-    return _sampled(project, graph, start, end, rate, morphs, keyed, 1 / stream.step)
+    return _sample_character(project, graph, start, end, rate, morphs, keyed, 1 / stream.step)
 
 
 def _of_frames(clip: Clip, start: float, end: float | None, rate: float | None, *_: bool) -> Performance:

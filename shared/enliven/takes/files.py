@@ -20,8 +20,11 @@ from enliven.takes.capture_clip import between_times, clip_of_capture
 from enliven.takes.capture_upright import read_capture
 from enliven.takes.recorded import clips_of_recording
 
-_MODELS = ", ".join(GLTF_SUFFIXES)
-_KNOWN = f"Known: .bvh, .txt (CMU's exponential maps), .mcap, .enliven with takes; with animations {_MODELS}."
+_MODEL_SUFFIXES = ", ".join(GLTF_SUFFIXES)
+_KNOWN_FORMATS_ADVICE = (
+    "Known: .bvh, .txt (CMU's exponential maps), .mcap, .enliven with takes; "
+    f"with animations {_MODEL_SUFFIXES}."
+)
 
 
 def read_take(
@@ -37,7 +40,7 @@ def read_take(
         InputError: if the animation does not exist, or the times are outside of it.
     """
     path = Path(path)
-    clip, notes = _read(path, animation)
+    clip, notes = _read_clips(path, animation)
     if start == 0.0 and end is None:
         return clip, notes
     stop = clip.duration if end is None else end
@@ -47,21 +50,23 @@ def read_take(
     return between_times(clip, start, stop), notes
 
 
-def _read(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
+def _read_clips(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
     kind = path.suffix.lower()
     if kind in GLTF_SUFFIXES:
         rig = read_gltf(path)
-        clip = _named(rig.clips, path, animation)
+        clip = _named_clip(rig.clips, path, animation)
         # A jump between two poses may be intended in a model. So remove the added pose only if it is the rest
         # pose.
         return _without_added(clip, joint_places(clip), tuple(rig.notes), only_rest=True)
     if kind == ".mcap":
-        return _named(clips_of_recording(path), path, animation), ()
+        return _named_clip(clips_of_recording(path), path, animation), ()
     if kind == ".enliven":
-        return _named(list(read_project(path).takes.values()), path, animation), ()
+        return _named_clip(list(read_project(path).takes.values()), path, animation), ()
     if kind not in (".bvh", ".txt"):
         raise InputError(
-            f"{kind or 'a file without an ending'} is not a motion file", where=str(path), mend=_KNOWN
+            f"{kind or 'a file without an ending'} is not a motion file",
+            where=str(path),
+            mend=_KNOWN_FORMATS_ADVICE,
         )
     capture = read_capture(path)
     clip = clip_of_capture(capture, path.stem)
@@ -79,10 +84,10 @@ def _without_added(
     return clip.mapped(lambda track: track[span]), (*notes, *told_added(begin, end))
 
 
-def _named(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:
+def _named_clip(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:
     """Returns the clip with that name (a glTF name may end in it, after a bar), or the first."""
     if not clips:
-        raise InputError("it has no animation", where=str(path), mend=_KNOWN)
+        raise InputError("it has no animation", where=str(path), mend=_KNOWN_FORMATS_ADVICE)
     for clip in clips:
         if wanted is None or wanted in (clip.id, clip.id.rpartition("|")[2]):
             return clip

@@ -48,17 +48,17 @@ _MIN_POSES = 2
 """Minimum number of poses of a character that counts as performed."""
 _FEWEST_EXAMPLES = 2
 """Minimum number of examples of an example-driven character. With fewer, the performer possesses its mesh."""
-_STILL = 0.005
+_MIN_MOTION = 0.005
 """Minimum motion, metres or entries of a rotation matrix. The steps of transmitted poses are a tenth of
 it."""
-_TURNED = 0.01
+_MIN_ROTATION_RADIANS = 0.01
 """Minimum rotation of a bone, radians (half a degree). Transmitted rotations have finer steps."""
 
 Key = tuple[str, int]
 """The id and the revision of a character."""
 
 
-_WHOLE = TakeSettings(gap=math.inf)
+_UNSPLIT_TAKE_SETTINGS = TakeSettings(gap=math.inf)
 """Creates one take per performer, even if the tracker lost them for a while."""
 ONLOOKER = " onlooker"
 """Suffix of a take's name, before its number, if its performer held nothing while others did."""
@@ -99,7 +99,7 @@ class PerformedMotion:
     @property
     def moved(self) -> list[Key]:
         """The characters that moved."""
-        return [key for key, poses in self.poses.items() if len(poses) >= _MIN_POSES and _moves(poses)]
+        return [key for key, poses in self.poses.items() if len(poses) >= _MIN_POSES and _is_moving(poses)]
 
 
 def with_performed(
@@ -122,39 +122,40 @@ def with_performed(
     new_ids, before = list[str](), project
     own_frames = [frame for frame in performed.frames if frame.time_ns >= performed.since_ns]
     merged = merge_performers(own_frames, performed.events)
-    for clip in _clips(merged, performed):
+    for clip in _performer_clips(merged, performed):
         project = project.with_takes(replace(clip, id=unused(clip.id, project.takes)))
         new_ids.append(list(project.takes)[-1])
     for key in performed.moved:
         existing, poses = project.characters.get(key[0]), performed.poses[key]
         character = performed.characters[key]
         if isinstance(existing, Shape) and len(existing.skeleton) == len(poses[0].positions):
-            project = _layered(project, existing, key, performed, begin, replaces=replaces)
+            project = _with_motion_layer(project, existing, key, performed, begin, replaces=replaces)
             new_ids.append(existing.id)
         elif isinstance(existing, Puppet) and character.kind == "points":
             project = _played_by(project, existing, performed, merged, begin, replaces=replaces)
             new_ids.append(existing.id)
-        elif isinstance(existing, GraphShape) and _keeps(
+        elif isinstance(existing, GraphShape) and _keeps_earlier_motion(
             project, existing, performed, key, begin, replaces=replaces
         ):
             holds = holds_among(performed.frames, performed.events, unused(performed.name, project.bodies))
-            punch = _punch(project, performed, key, begin) if replaces else None
+            punch = _motion_span(project, performed, key, begin) if replaces else None
             project = with_layer_over(project, existing, key, character, poses, begin, holds, punch)
             new_ids.append(existing.id)
         else:
-            project, name = _added(project, key, performed, begin)
+            project, name = _with_character(project, key, performed, begin)
             new_ids.append(name)
     return as_take(before, project, performed.name, beside or performed.name), tuple(dict.fromkeys(new_ids))
 
 
-def _clips(merged: MergedPerformers, performed: PerformedMotion) -> list[Clip]:
+def _performer_clips(merged: MergedPerformers, performed: PerformedMotion) -> list[Clip]:
     """Returns one clip for each performer; performers that held nothing while others did are onlookers."""
     ids = {who for event in performed.events for who in (event.body, event.former, *event.holders)}
     holding = {merged.people[who] for who in ids if who in merged.people}
     actors = [who for who in merged.everyone if who in holding or not holding]
     others = [who for who in merged.everyone if who not in actors]
     clips_by_person = {
-        who: clips_of_frames(merged.alone(who), performed.name, _WHOLE)[:1] for who in actors + others
+        who: clips_of_frames(merged.alone(who), performed.name, _UNSPLIT_TAKE_SETTINGS)[:1]
+        for who in actors + others
     }
     clips = list[Clip]()
     for people, name in ((actors, performed.name), (others, f"{performed.name}{ONLOOKER}")):
@@ -164,34 +165,35 @@ def _clips(merged: MergedPerformers, performed: PerformedMotion) -> list[Clip]:
     return clips
 
 
-def _punch(project: Project, performed: PerformedMotion, key: Key, begin: int) -> PunchIn:
+def _motion_span(project: Project, performed: PerformedMotion, key: Key, begin: int) -> PunchIn:
     """Returns the time span of a character's motion, in seconds of the project."""
     poses = performed.poses[key]
     first, last = (1e-9 * (pose.time_ns - begin) for pose in (poses[0], poses[-1]))
     return PunchIn.of(project, first, last)
 
 
-def _keeps(
+def _keeps_earlier_motion(
     project: Project, shape: GraphShape, performed: PerformedMotion, key: Key, begin: int, *, replaces: bool
 ) -> bool:
     """Returns whether a possessed mesh continues to play some of its earlier motion."""
     if not plays(project, shape):
         return False
-    punch = _punch(project, performed, key, begin)
+    punch = _motion_span(project, performed, key, begin)
     # Muted alternatives may be enabled again, so they must be kept.
     has_muted = any(layer.muted for layer in shape.playing)
     return not replaces or has_muted or punch.leaves(project, shape.playing)
 
 
-def _moves(poses: Sequence[Pose]) -> bool:
+def _is_moving(poses: Sequence[Pose]) -> bool:
     first = poses[0]
     return any(
-        max(np.abs(pose.positions - first.positions).max(), np.abs(pose.linear - first.linear).max()) > _STILL
+        max(np.abs(pose.positions - first.positions).max(), np.abs(pose.linear - first.linear).max())
+        > _MIN_MOTION
         for pose in poses
     )
 
 
-def _layered(
+def _with_motion_layer(
     project: Project, shape: Shape, key: Key, performed: PerformedMotion, begin: int, *, replaces: bool
 ) -> Project:
     """Returns a project in which the moved bones of a shape have an additional layer."""
@@ -200,9 +202,9 @@ def _layered(
     root = between(np.array([pose.positions[0] for pose in used_poses], np.float64), seconds, grid)
     own = own_turns(shape, from_matrix(linear))
     angles = 2 * np.arccos(np.minimum(np.abs(own[:, :, 0]).min(0), 1.0))
-    moved = np.flatnonzero(angles > _TURNED).tolist()
-    travels = bool(np.ptp(root, axis=0).max() > _STILL)
-    chains = _limbs(shape, moved)
+    moved = np.flatnonzero(angles > _MIN_ROTATION_RADIANS).tolist()
+    travels = bool(np.ptp(root, axis=0).max() > _MIN_MOTION)
+    chains = _moved_limbs(shape, moved)
     take = Clip(
         unused(f"{performed.name} on {shape.id}", project.takes),
         shape.skeleton,
@@ -226,7 +228,7 @@ def _layered(
     return project
 
 
-def _limbs(shape: Shape, moved: Sequence[int]) -> list[tuple[int, ...]]:
+def _moved_limbs(shape: Shape, moved: Sequence[int]) -> list[tuple[int, ...]]:
     """Returns the chains of the bones that moved; a chain continues while exactly one child bone moved
     too.
     """
@@ -255,7 +257,7 @@ def _played_by(
     holders = [event.body for event in performed.events if event.character == puppet.id and event.body >= 0]
     who = merged.people.get(holders[-1]) if holders else None
     alone = merged.frames if who is None else merged.alone(who)
-    clips = clips_of_frames(alone, f"{performed.name} in {puppet.id}", _WHOLE)
+    clips = clips_of_frames(alone, f"{performed.name} in {puppet.id}", _UNSPLIT_TAKE_SETTINGS)
     if not clips:
         return project
     take = replace(clips[0], id=unused(clips[0].id, project.takes))
@@ -283,7 +285,9 @@ def _is_bare(character: RigBase | None) -> bool:
     )
 
 
-def _added(project: Project, key: Key, performed: PerformedMotion, begin: int) -> tuple[Project, str]:
+def _with_character(
+    project: Project, key: Key, performed: PerformedMotion, begin: int
+) -> tuple[Project, str]:
     """Returns a project with a performed character added. A possessed character with the same id is
     replaced.
     """

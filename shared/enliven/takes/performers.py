@@ -19,9 +19,9 @@ from enliven.wire import HoldMessage
 
 _MAX_GAP_S = 3.0
 """Maximum gap, seconds, between two tracks of the same person. Longer absences are mostly exits."""
-_REACH = 1.0
+_SEARCH_RADIUS_M = 1.0
 """Maximum distance, metres, from the place where a person was lost: the tracker's error and one step."""
-_SPEED = 1.5
+_WALKING_SPEED_M_PER_S = 1.5
 """Assumed walking speed of a lost person, metres per second."""
 _BLEND_NS = 300_000_000
 """Duration, nanoseconds, of the blend from the held pose to the new one before a person is found again."""
@@ -68,8 +68,8 @@ def merge_performers(frames: Sequence[BodyFrame], events: Iterable[HoldMessage] 
         bodies = [replace(body, id=people[body.id]) for body in frame.bodies]
         unique = {body.id: body for body in reversed(bodies)}
         merged.append(replace(frame, bodies=list(reversed(unique.values()))))
-        last |= {body.id: (frame.time_ns, _place(body)) for body in unique.values()}
-    return MergedPerformers(_bridged(merged), people)
+        last |= {body.id: (frame.time_ns, _floor_position(body)) for body in unique.values()}
+    return MergedPerformers(_bridge_losses(merged), people)
 
 
 def _person_of(
@@ -86,19 +86,23 @@ def _person_of(
         return former
     lost = {person: sighting for person, sighting in last.items() if person not in present}
     gaps = {person: (time_ns - seen_ns) * 1e-9 for person, (seen_ns, _) in lost.items()}
-    away = {person: float(np.linalg.norm(_place(body) - place)) for person, (_, place) in lost.items()}
+    away = {
+        person: float(np.linalg.norm(_floor_position(body) - place)) for person, (_, place) in lost.items()
+    }
     soon = [person for person, gap in gaps.items() if gap <= _MAX_GAP_S]
-    near = [person for person in soon if away[person] <= _REACH + _SPEED * gaps[person]]
+    near = [
+        person for person in soon if away[person] <= _SEARCH_RADIUS_M + _WALKING_SPEED_M_PER_S * gaps[person]
+    ]
     return min(near, key=lambda person: away[person], default=body.id)
 
 
-def _place(body: Body) -> Float:
+def _floor_position(body: Body) -> Float:
     """Returns (2,) metres, the floor position of a body's hips; far away if it is not known."""
     place = body.joints[Joint.HIP_CENTER, [0, 2]]
     return place if np.isfinite(place).all() else np.full(2, 1e6)
 
 
-def _bridged(frames: list[BodyFrame]) -> list[BodyFrame]:
+def _bridge_losses(frames: list[BodyFrame]) -> list[BodyFrame]:
     """Lets each lost person hold still until shortly before they are found again."""
     added: dict[int, list[Body]] = {}
     last_seen: dict[int, tuple[int, Body]] = {}

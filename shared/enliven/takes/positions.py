@@ -19,7 +19,7 @@ from enliven.kernels import njit
 from enliven.motion.kinematics import about, cross, dot, length, load, minus, mul, row, store, swing_to, turn
 from enliven.rotation import nearest_quaternion
 
-_SHORT = 1e-6
+_MIN_DIRECTION_LENGTH_M = 1e-6
 """Length, metres, below which a bone has no direction."""
 
 
@@ -50,7 +50,7 @@ def rest_of(parents: AnyArray, at_rest: Float, positions: Float) -> Float:
         if parent < 0:
             continue
         length = float(np.median(np.linalg.norm(positions[:, j] - positions[:, parent], axis=1)))
-        joints[j] = joints[parent] + _direction(at_rest[j] - at_rest[parent]) * length
+        joints[j] = joints[parent] + _unit_direction(at_rest[j] - at_rest[parent]) * length
     return joints
 
 
@@ -73,10 +73,16 @@ def filled(parents: AnyArray, positions: Float, seen: Bool) -> Float:
     return completed
 
 
-def _direction(v: Float) -> Float:
+def _unit_direction(v: Float) -> Float:
     """Returns unit vectors; up for a vector of zero length."""
     length = np.linalg.norm(v, axis=-1, keepdims=True)
-    return np.asarray(np.where(length > _SHORT, v / np.where(length > _SHORT, length, 1.0), [0.0, 1.0, 0.0]))
+    return np.asarray(
+        np.where(
+            length > _MIN_DIRECTION_LENGTH_M,
+            v / np.where(length > _MIN_DIRECTION_LENGTH_M, length, 1.0),
+            [0.0, 1.0, 0.0],
+        )
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -107,7 +113,7 @@ def root_turn(parents, vectors, positions):
     moment = np.zeros((3, 3))
     count, only = 0, 0
     for j in range(1, len(parents)):
-        if parents[j] == 0 and length(row(vectors, j)) > _SHORT:
+        if parents[j] == 0 and length(row(vectors, j)) > _MIN_DIRECTION_LENGTH_M:
             count, only = count + 1, j
             for a in range(3):
                 for b in range(3):
@@ -126,7 +132,7 @@ def swung(q, rest, now):
 
     If a joint coincides with its parent, the direction is undefined, and the bone keeps ``q``.
     """
-    if length(rest) < _SHORT or length(now) < _SHORT:
+    if length(rest) < _MIN_DIRECTION_LENGTH_M or length(now) < _MIN_DIRECTION_LENGTH_M:
         return q
     return mul(swing_to(turn(q, rest[0], rest[1], rest[2]), now), q)
 
@@ -140,7 +146,7 @@ def twisted(parents, vectors, positions, joint, q):
     """
     bone = row(vectors, joint)
     size = length(bone)
-    if size < _SHORT:
+    if size < _MIN_DIRECTION_LENGTH_M:
         bone, size = (0.0, 1.0, 0.0), 1.0
     n = turn(q, bone[0] / size, bone[1] / size, bone[2] / size)
     sine, cosine, count = 0.0, 0.0, 0

@@ -162,7 +162,7 @@ def with_performance(
     ids = unused(character.id, project.characters), unused(character.id, project.streams)
     if character.kind == "points":
         poses, seconds, grid = even_times(character, poses, begin)
-        shape, stream = _solved(character, poses, seconds, grid, ids, notes)
+        shape, stream = _solved_puppet(character, poses, seconds, grid, ids, notes)
         return project.with_streams(stream).with_characters(shape)
     later_poses = [] if holds is None else [pose for pose in poses if pose.time_ns >= holds.begin_ns]
     possession = None
@@ -179,7 +179,7 @@ def with_performance(
     return as_solved(project.with_streams(stream).with_characters(shape), shape.id)
 
 
-def _solved(
+def _solved_puppet(
     character: Character,
     poses: list[Pose],
     seconds: Float,

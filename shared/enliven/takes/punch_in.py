@@ -12,7 +12,7 @@ from enliven.document import LayerBase, Project, Ref, Segment, unused
 FADE = 0.1
 """Duration, seconds, of the cross-fade between a recording and the motion that it replaces. No jump is
 visible, and no beat of a performance is lost."""
-_STANDS = 1e-9
+_HELD_CLIP_SPEED = 1e-9
 """Speed, in seconds of a take per second of a lane, of a clip that holds one frame, because a clip's speed
 cannot be 0."""
 _MIN_CLIP_S = 1e-3
@@ -62,10 +62,10 @@ class PunchIn:
 
             changed = layer.with_lane(lane)
             return None if kept_lane[0] is None else changed
-        ease = min(FADE if layer.hold else layer.ease, self._half)
+        ease = min(FADE if layer.hold else layer.ease, self._half_length)
         low, high = self.begin + ease, self.end - ease
         before, after = list[Segment](), list[Segment]()
-        for clip in self._clips(layer, project.length_of(layer), ease):
+        for clip in self._layer_clips(layer, project.length_of(layer), ease):
             if min(clip.end, low) - clip.begin > _MIN_CLIP_S:
                 before.append(replace(clip, end=min(clip.end, low)))
             start = max(clip.begin, high)
@@ -91,13 +91,13 @@ class PunchIn:
     @property
     def played(self) -> dict[str, Any]:
         """Playback settings of a recording that plays only within the span."""
-        return {"hold": False, "ease": min(FADE, self._half)}
+        return {"hold": False, "ease": min(FADE, self._half_length)}
 
     @property
-    def _half(self) -> float:
+    def _half_length(self) -> float:
         return (self.end - self.begin) / 2.0
 
-    def _clips(self, layer: LayerBase, length: float, ease: float) -> list[Segment]:
+    def _layer_clips(self, layer: LayerBase, length: float, ease: float) -> list[Segment]:
         """Returns the clips of a layer, including repetitions and held frames, in the order of time."""
         clips = list(layer.clips(length))
         if layer.loop:
@@ -113,13 +113,13 @@ class PunchIn:
         if layer.loop or not layer.hold:
             return clips
         before = Segment(
-            min(0.0, clips[0].begin) - ease - _MIN_CLIP_S, clips[0].begin, clips[0].first, _STANDS
+            min(0.0, clips[0].begin) - ease - _MIN_CLIP_S, clips[0].begin, clips[0].first, _HELD_CLIP_SPEED
         )
         extended = [before]
         for clip, end in zip(clips, [*(c.begin for c in clips[1:]), self.until + ease], strict=True):
             extended.append(clip)
             if end > clip.end + _MIN_CLIP_S:
-                extended.append(Segment(clip.end, end, clip.last, _STANDS))
+                extended.append(Segment(clip.end, end, clip.last, _HELD_CLIP_SPEED))
         return extended
 
 
@@ -161,12 +161,15 @@ def punch_bones(project: Project, shape_id: str, chain: Sequence[int], punch: Pu
             layers.append(replace(remaining, id=instead[layer.id]))
     for bone in bones:
         spans[bone] = tuple(
-            replace(span, refs=tuple(_renamed(ref, instead) for ref in span.refs if ref.layer in instead))
+            replace(
+                span,
+                refs=tuple(_renamed_reference(ref, instead) for ref in span.refs if ref.layer in instead),
+            )
             for span in spans[bone]
         )
     shape = shape.with_changes(spans=tuple(spans), layers=tuple(layers))
     return project.with_characters(shape)
 
 
-def _renamed(ref: Ref, names: dict[str, str]) -> Ref:
+def _renamed_reference(ref: Ref, names: dict[str, str]) -> Ref:
     return replace(ref, layer=names[ref.layer])

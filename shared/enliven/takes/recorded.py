@@ -97,20 +97,20 @@ def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) 
     Bodies at a single time, for example from a single depth image, give clips of one pose that is held for a
     step.
     """
-    visits = _visits(frames, settings.gap)
+    visits = _visits_of(frames, settings.gap)
     if len({ns for visit in visits for ns, _ in visit}) == 1:
         parts = [[(ns, body), (ns + round(settings.step * 1e9), body)] for ((ns, body),) in visits]
     else:
         parts = [visit for visit in visits if (visit[-1][0] - visit[0][0]) * 1e-9 >= settings.shortest]
     ids = [name] if len(parts) == 1 else [f"{name} {number}" for number in range(1, len(parts) + 1)]
-    return [_clip(id, part, settings.step) for id, part in zip(ids, parts, strict=True)]
+    return [_visit_clip(id, part, settings.step) for id, part in zip(ids, parts, strict=True)]
 
 
 _Visit = list[tuple[int, Body]]
 """Times in nanoseconds, ascending, with the body of one person at each."""
 
 
-def _visits(frames: Iterable[Frame], gap: float) -> list[_Visit]:
+def _visits_of(frames: Iterable[Frame], gap: float) -> list[_Visit]:
     """Returns the visits of the frames' people in the order of arrival, each from appearance to
     disappearance.
     """
@@ -129,6 +129,6 @@ def _visits(frames: Iterable[Frame], gap: float) -> list[_Visit]:
     return visits
 
 
-def _clip(id: str, visit: _Visit, step: float) -> Clip:
+def _visit_clip(id: str, visit: _Visit, step: float) -> Clip:
     times = np.array([ns - visit[0][0] for ns, _ in visit]) * 1e-9
     return clip_of_bodies([body for _, body in visit], times, id, step=step)

@@ -58,12 +58,12 @@ def skeleton_of_bones(character: Character) -> Skeleton:
                 raise InputError(problem, where=f"character {character.id!r}", mend="Record it again.")
             parents[bone] = begins[0]
     for bone in np.flatnonzero(np.isnan(positions[:, 0])):
-        positions[bone] = _end(character, int(bone), pivots[bone], positions[parents[parents[bone]]])
+        positions[bone] = _limb_end(character, int(bone), pivots[bone], positions[parents[parents[bone]]])
     names = character.names or ("root", *(f"bone {bone}" for bone in range(1, count)))
     return Skeleton(names, parents.astype(np.int32), positions)
 
 
-def _end(character: Character, bone: int, begin: Float, before: Float) -> Float:
+def _limb_end(character: Character, bone: int, begin: Float, before: Float) -> Float:
     """Returns (3,) the end of a limb's last bone: twice as far as its vertices' centre, or straight on."""
     strongest = character.skin.indices[np.arange(len(character.vertices)), character.skin.weights.argmax(1)]
     own = character.vertices[strongest == bone]

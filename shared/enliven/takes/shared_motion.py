@@ -8,9 +8,9 @@ from enliven.arrays import Float
 from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, rotation_matrix
 
-_ROUNDS = 12
+_REWEIGHTING_ITERATIONS = 12
 """Iterations of reweighted least squares. The last ones move a chair by less than a millimetre."""
-_NEAR = 2e-3
+_MIN_WEIGHTED_DISTANCE_M = 2e-3
 """Distance, metres, below which weights no longer grow: the step size of transmitted poses."""
 
 
@@ -22,29 +22,31 @@ def shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
     squares (Weiszfeld's algorithm). A minority of nodes that move differently has hardly any effect.
     """
     turns, moves = np.zeros((len(positions), 3, 3)), np.zeros((len(positions), 3))
-    _shared(np.ascontiguousarray(positions, np.float64), np.asarray(rest, np.float64), turns, moves)
+    _fit_shared_motion(
+        np.ascontiguousarray(positions, np.float64), np.asarray(rest, np.float64), turns, moves
+    )
     return turns, moves
 
 
 @njit(cache=True, nogil=True)
-def _shared(positions, rest, turns, moves):
+def _fit_shared_motion(positions, rest, turns, moves):
     """Computes ``turns`` (F, 3, 3) and ``moves`` (F, 3)."""
     weights, spread = np.empty(rest.shape[0]), np.empty((3, 3))
     middle, centre = np.empty(3), np.empty(3)
     for f in range(positions.shape[0]):
         weights[:] = 1.0
-        for _ in range(_ROUNDS):
-            _weighted(positions[f], rest, weights, middle, centre, spread)
+        for _ in range(_REWEIGHTING_ITERATIONS):
+            _weighted_moments(positions[f], rest, weights, middle, centre, spread)
             rotation_matrix(nearest_quaternion(spread), turns[f])
             for i in range(3):
                 moves[f, i] = middle[i]
                 for j in range(3):
                     moves[f, i] -= turns[f, i, j] * centre[j]
-            _weigh(positions[f], rest, turns[f], moves[f], weights)
+            _update_weights(positions[f], rest, turns[f], moves[f], weights)
 
 
 @njit(cache=True, nogil=True)
-def _weighted(positions, rest, weights, middle, centre, spread):
+def _weighted_moments(positions, rest, weights, middle, centre, spread):
     """Computes both weighted centres, and sum w (p - middle) (r - centre)^T over the sum of weights."""
     total = weights.sum()
     middle[:], centre[:], spread[:] = 0.0, 0.0, 0.0
@@ -60,7 +62,7 @@ def _weighted(positions, rest, weights, middle, centre, spread):
 
 
 @njit(cache=True, nogil=True)
-def _weigh(positions, rest, turn, move, weights):
+def _update_weights(positions, rest, turn, move, weights):
     """Sets each weight to one over the distance of its node from its position under the motion."""
     for n in range(rest.shape[0]):
         square = 0.0
@@ -69,4 +71,4 @@ def _weigh(positions, rest, turn, move, weights):
             for j in range(3):
                 gap -= turn[i, j] * rest[n, j]
             square += gap * gap
-        weights[n] = 1.0 / max(np.sqrt(square), _NEAR)
+        weights[n] = 1.0 / max(np.sqrt(square), _MIN_WEIGHTED_DISTANCE_M)

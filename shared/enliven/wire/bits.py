@@ -43,7 +43,7 @@ def best_parameter(column: Int32) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True)
-def _put(out: UInt8, at: int, value: int, count: int) -> int:
+def _write_bits(out: UInt8, at: int, value: int, count: int) -> int:
     """Writes the low ``count`` bits of ``value`` at bit ``at``, most significant first.
 
     Returns the next bit position.
@@ -72,7 +72,7 @@ def encode_columns(table: Int32) -> UInt8:
     at: Any = np.int64(0)
     for c in range(columns):
         k = parameters[c]
-        at = _put(out, at, k, PARAMETER_BITS)
+        at = _write_bits(out, at, k, PARAMETER_BITS)
         if k == ALL_ZERO:
             continue
         for r in range(rows):
@@ -80,16 +80,16 @@ def encode_columns(table: Int32) -> UInt8:
             folded = 2 * n if n >= 0 else -2 * n - 1
             quotient = folded >> k
             if quotient < ESCAPE:
-                at = _put(out, at, (1 << (quotient + 1)) - 2, quotient + 1)
-                at = _put(out, at, folded, k)
+                at = _write_bits(out, at, (1 << (quotient + 1)) - 2, quotient + 1)
+                at = _write_bits(out, at, folded, k)
             else:
-                at = _put(out, at, (1 << ESCAPE) - 1, ESCAPE)
-                at = _put(out, at, folded, ESCAPE_BITS)
+                at = _write_bits(out, at, (1 << ESCAPE) - 1, ESCAPE)
+                at = _write_bits(out, at, folded, ESCAPE_BITS)
     return out
 
 
 @njit(cache=True, nogil=True)
-def _take(data: UInt8, at: int, count: int) -> int:
+def _read_bits(data: UInt8, at: int, count: int) -> int:
     """Returns the ``count`` bits at bit ``at``. The caller has checked that they exist."""
     value, remaining = 0, count
     while remaining > 0:
@@ -114,14 +114,14 @@ def decode_columns(data: UInt8, table: Int32) -> bool:
     for c in range(columns):
         if at + PARAMETER_BITS > end:
             return False
-        k = _take(data, at, PARAMETER_BITS)
+        k = _read_bits(data, at, PARAMETER_BITS)
         at += PARAMETER_BITS
         for r in range(rows):
             if k == ALL_ZERO:
                 table[r, c] = 0
                 continue
             quotient = 0
-            while quotient < ESCAPE and at < end and _take(data, at, once):
+            while quotient < ESCAPE and at < end and _read_bits(data, at, once):
                 quotient += 1
                 at += 1
             count = ESCAPE_BITS
@@ -129,9 +129,9 @@ def decode_columns(data: UInt8, table: Int32) -> bool:
                 at, count = at + 1, k
             if at + count > end:
                 return False
-            folded = _take(data, at, count)
+            folded = _read_bits(data, at, count)
             if quotient < ESCAPE:
                 folded |= quotient << k
             at += count
             table[r, c] = folded >> 1 if folded & 1 == 0 else -(folded >> 1) - 1
-    return bool(end - at < 8 and _take(data, at, end - at) == 0)
+    return bool(end - at < 8 and _read_bits(data, at, end - at) == 0)

@@ -70,7 +70,7 @@ def message_to_pose(message: PoseMessage, codec: PoseCodec) -> Pose:
 
 def bodies_to_message(bodies: Iterable[Body], time_ns: int, captured_ns: int = 0) -> BodiesMessage:
     """Returns the message of bodies. A joint that is not finite becomes the origin with confidence 0."""
-    return BodiesMessage(time_ns, captured_ns, [_packed(body) for body in bodies])
+    return BodiesMessage(time_ns, captured_ns, [_packed_body(body) for body in bodies])
 
 
 def as_sent(bodies: Iterable[Body]) -> list[Body]:
@@ -90,7 +90,7 @@ def as_sent(bodies: Iterable[Body]) -> list[Body]:
     ]
 
 
-def _packed(body: Body) -> PackedBody:
+def _packed_body(body: Body) -> PackedBody:
     finite = np.asarray(np.isfinite(body.joints).all(-1))
     steps = np.rint(np.where(finite[:, None], body.joints, 0.0) / JOINT_STEP)
     confidence = np.nan_to_num(np.where(finite, body.confidence, 0.0))
@@ -98,24 +98,24 @@ def _packed(body: Body) -> PackedBody:
     return PackedBody(
         int(body.id),
         np.clip(steps, -32768, 32767).astype("<i2").tobytes(),
-        _shares(confidence),
+        _fraction_bytes(confidence),
         b"" if body.orientations is None else pack_quaternions(body.orientations),
-        b"" if body.contacts is None else _shares(np.nan_to_num(body.contacts)),
+        b"" if body.contacts is None else _fraction_bytes(np.nan_to_num(body.contacts)),
         round(min(max(stature, 0.0), 10.0) * 1000),
     )
 
 
-def _shares(values: AnyArray) -> bytes:
+def _fraction_bytes(values: AnyArray) -> bytes:
     """Returns numbers in [0, 1] as bytes."""
     return bytes(np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8).tobytes())
 
 
 def message_to_bodies(message: BodiesMessage) -> list[Body]:
     """Returns the bodies of a message, in the precision of the wire."""
-    return [_unpacked(body) for body in message.bodies]
+    return [_unpacked_body(body) for body in message.bodies]
 
 
-def _unpacked(body: PackedBody) -> Body:
+def _unpacked_body(body: PackedBody) -> Body:
     contacts = np.frombuffer(body.contacts, np.uint8) / 255.0
     return Body(
         body.id,
@@ -134,15 +134,15 @@ def health_to_messages(states: Iterable[HealthState]) -> list[HealthMessage]:
             str(state.kind)[:64] or "unknown",
             int(state.severity),
             state.since_ns,
-            _clipped(state.what),
-            _clipped(state.mend),
+            _clipped_sentence(state.what),
+            _clipped_sentence(state.mend),
             state.performer,
         )
         for state in worst_first(list(states))[:MAX_HEALTH]
     ]
 
 
-def _clipped(sentence: str) -> str:
+def _clipped_sentence(sentence: str) -> str:
     """Returns the sentence truncated to 160 bytes."""
     return sentence.encode()[:160].decode(errors="ignore")
 
@@ -188,11 +188,11 @@ def cues_to_message(
         -1 if body is None else int(body),
         time_ns,
         held,
-        *_numbered(owners),
+        *_numbered_owners(owners),
     )
 
 
-def _numbered(owners: AnyArray | None) -> tuple[list[int], bytes]:
+def _numbered_owners(owners: AnyArray | None) -> tuple[list[int], bytes]:
     """Returns the distinct owners, at most 64, and (K,) the owner of each node.
 
     Further owners become the last one.
@@ -232,7 +232,7 @@ def props_to_message(props: Props) -> PropsMessage:
         to_bytes(props.colours[sendable], "u1"),
         to_bytes(np.clip(steps, -32768, 32767), "<i2"),
         pack_quaternions(props.turns[sendable]),
-        _clipped(props.note),
+        _clipped_sentence(props.note),
     )
 
 

@@ -51,7 +51,7 @@ def character_to_message(character: Character, revision: int) -> CharacterMessag
         None if character.held is None else to_bytes(character.held, "<i4"),
         None if character.pulls is None else to_bytes(character.pulls, "<f4"),
         None if surface is None else _surface_message(surface),
-        _names(character),
+        _joint_names(character),
         materials_to_message(character.materials),
         None if character.stiffness is None else to_bytes(character.stiffness, "<f4"),
     )
@@ -74,7 +74,7 @@ def message_to_character(message: CharacterMessage) -> Character:
         message.id,
         from_bytes(message.vertices, "<f4", 3),
         from_bytes(message.faces, "<i4", 3),
-        _skin(message),
+        _skin_weights(message),
         from_bytes(message.pivots, "<f4", 3),
         from_bytes(message.edges, "<i4", 2),
         message.kind if message.held is None else "points",
@@ -88,13 +88,13 @@ def message_to_character(message: CharacterMessage) -> Character:
     )
 
 
-def _names(character: Character) -> list[str] | None:
+def _joint_names(character: Character) -> list[str] | None:
     """Returns the names of the joints. None if one is empty or too long for the wire."""
     names = list(character.names or ())
     return names if names and all(0 < len(name) <= MAX_JOINT_NAME for name in names) else None
 
 
-def _skin(message: CharacterMessage) -> SkinWeights:
+def _skin_weights(message: CharacterMessage) -> SkinWeights:
     """Returns the skin weights. Without any, every vertex follows the first transform."""
     if message.indices:
         return SkinWeights(from_bytes(message.indices, "<u2", 4), from_bytes(message.weights, "<f4", 4))

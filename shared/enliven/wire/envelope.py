@@ -34,7 +34,7 @@ _ID_KEY = b"\xa2id"
 _NUMBER_BYTES = {0xCC: 2, 0xCD: 3, 0xCE: 5, 0xCF: 9}
 """Bytes of an integer in MessagePack by its first byte. All others take one byte."""
 
-_UNENCODABLE = "a name or a number in it cannot be sent"
+_UNENCODABLE_REASON = "a name or a number in it cannot be sent"
 """Reason for refusing text with lone surrogates, and integers of more than 64 bits."""
 
 _ENCODER = msgspec.msgpack.Encoder()
@@ -80,7 +80,7 @@ def pack_checked(message: Any) -> bytes:
         data = pack_stream(message)
     except (OverflowError, ValueError):
         raise MalformedMessageError(topic.name, "it cannot be encoded") from None
-    _checked(topic, data[len(topic.name) + 1 :])
+    _checked_message(topic, data[len(topic.name) + 1 :])
     return data
 
 
@@ -94,9 +94,11 @@ def check_request(body: Any) -> None:
     try:
         unpack_control(pack_control(Request(0, body)), REQUEST)
     except MalformedMessageError as error:
-        raise InputError(_described(error.why), where=where, mend="Give a value in its range.") from None
+        raise InputError(
+            _reason_sentence(error.why), where=where, mend="Give a value in its range."
+        ) from None
     except (OverflowError, ValueError):
-        raise InputError(_UNENCODABLE, where=where, mend="Give another name or number.") from None
+        raise InputError(_UNENCODABLE_REASON, where=where, mend="Give another name or number.") from None
 
 
 def check_character(character: Character) -> None:
@@ -110,15 +112,15 @@ def check_character(character: Character) -> None:
     try:
         data = payload(message)
     except (OverflowError, ValueError):
-        raise InputError(_UNENCODABLE, where=where, mend=mend) from None
+        raise InputError(_UNENCODABLE_REASON, where=where, mend=mend) from None
     try:
-        message = _decoder(CharacterMessage, ()).decode(data)
+        message = _checking_decoder(CharacterMessage, ()).decode(data)
     except (msgspec.MsgspecError, ValueError) as error:
-        raise InputError(_described(str(error)), where=where, mend=mend) from None
+        raise InputError(_reason_sentence(str(error)), where=where, mend=mend) from None
     message_to_character(message)
 
 
-def _described(reason: str) -> str:
+def _reason_sentence(reason: str) -> str:
     """Returns a decoder's reason as a sentence for users: the field and its error."""
     problem, _, place = reason.partition(" - at `$")
     field = place.rstrip("`").lstrip(".").removeprefix("body").lstrip(".") or "a value"
@@ -143,7 +145,7 @@ def unpack_stream(data: bytes) -> tuple[Topic, Any]:
     topic = STREAMS.get(name.decode("ascii", "replace"))
     if not separator or topic is None:
         raise MalformedMessageError("unknown topic", repr(bytes(name[:32])))
-    return topic, _checked(topic, data[len(name) + 1 :])
+    return topic, _checked_message(topic, data[len(name) + 1 :])
 
 
 def pack_control(message: Any) -> bytes:
@@ -186,10 +188,10 @@ def unpack_control(data: bytes, topic: Topic) -> Any:
     Raises:
         MalformedMessageError: for any invalid bytes.
     """
-    return _checked(topic, data)
+    return _checked_message(topic, data)
 
 
-def _checked(topic: Topic, data: bytes) -> Any:
+def _checked_message(topic: Topic, data: bytes) -> Any:
     """Returns the message after the version byte, checked for version, size, types and lengths."""
     if not data:
         raise MalformedMessageError(topic.name, "it is empty")
@@ -199,13 +201,13 @@ def _checked(topic: Topic, data: bytes) -> Any:
         raise MalformedMessageError(topic.name, f"{len(data) - 1} bytes are more than {topic.max_bytes}")
     try:
         asked = tuple(REQUESTS) if topic is REQUEST else ()
-        return _decoder(topic.type, asked).decode(memoryview(data)[1:])
+        return _checking_decoder(topic.type, asked).decode(memoryview(data)[1:])
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise MalformedMessageError(topic.name, str(error)) from None
 
 
 @functools.cache
-def _decoder(kind: Any, bodies: tuple[type[Any], ...]) -> msgspec.msgpack.Decoder[Any]:
+def _checking_decoder(kind: Any, bodies: tuple[type[Any], ...]) -> msgspec.msgpack.Decoder[Any]:
     """Returns the checking decoder of a class of messages.
 
     ``bodies`` are the classes that a request may contain.

@@ -28,7 +28,7 @@ def board_to_message(board: MatchList) -> MatchesMessage:
         board.body,
         board.time_ns,
         shown,
-        [_packed(row) for row in rows],
+        [_packed_match(row) for row in rows],
         board.total,
         float(np.clip(board.held, 0.0, 1.0)),
     )
@@ -42,13 +42,13 @@ def message_to_board(message: MatchesMessage) -> MatchList:
         message.body,
         message.time_ns,
         message.shown,
-        tuple(_unpacked(match) for match in message.matches),
+        tuple(_unpacked_match(match) for match in message.matches),
         message.total,
         message.held,
     )
 
 
-def _packed(row: MatchRow) -> PackedMatch:
+def _packed_match(row: MatchRow) -> PackedMatch:
     room, lines = _MOST_JOINTS, list[Float]()
     for line in row.lines[:64]:
         lines.append(line[: min(room, 255)])
@@ -63,7 +63,7 @@ def _packed(row: MatchRow) -> PackedMatch:
     )
 
 
-def _unpacked(match: PackedMatch) -> MatchRow:
+def _unpacked_match(match: PackedMatch) -> MatchRow:
     points = np.frombuffer(match.points, "<i2").reshape(-1, 3) * JOINT_STEP
     ends = np.cumsum([0, *match.sizes])
     lines = tuple(points[a:b] for a, b in itertools.pairwise(ends))

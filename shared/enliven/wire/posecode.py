@@ -91,7 +91,7 @@ class PoseCodec:
                 mend="Publish the character again after a change of its graph.",
             )
         linear, positions = pose.linear.astype(np.float64), pose.positions.astype(np.float64)
-        table, clamped = _differences(
+        table, clamped = _prediction_residuals(
             linear, positions, self._pivots, self._order, self._parents, self._shared
         )
         return EncodedPose(self._check + encode_columns(table).tobytes(), int(clamped))
@@ -107,7 +107,7 @@ class PoseCodec:
         table = np.empty((len(self._pivots), COLUMNS), np.int32)
         if not decode_columns(np.frombuffer(data, np.uint8, offset=4), table):
             raise ValueError("the packed transforms are truncated or damaged")
-        linear, positions = _restore(table, self._pivots, self._order, self._parents, self._shared)
+        linear, positions = _restore_pose(table, self._pivots, self._order, self._parents, self._shared)
         return linear, positions
 
 
@@ -119,7 +119,7 @@ def warm_up() -> None:
     table = np.empty((1, COLUMNS), np.int32)
     # Use bytes as in a message: they give a read-only array, which is a separate type for numba.
     decode_columns(np.frombuffer(b"\xff" * (COLUMNS // 2), np.uint8), table)
-    _restore(table, np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1), False)
+    _restore_pose(table, np.zeros((1, 3)), np.zeros(1, np.int64), np.full(1, -1), False)
 
 
 def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
@@ -141,7 +141,7 @@ def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
     for step in range(count):
         order[step], joined[node] = node, True
         distance = _squared_distances(pivots, pivots[node])
-        penalized = distance + _APART
+        penalized = distance + _UNLINKED_PENALTY_M2
         penalized[neighbours[node]] = distance[neighbours[node]]
         nearer = ~joined & (penalized < cost)
         cost[nearer], parents[nearer] = penalized[nearer], node
@@ -149,7 +149,7 @@ def spanning_tree(pivots: Float, edges: AnyArray) -> tuple[Int, Int]:
     return order, parents
 
 
-_APART = 1e9
+_UNLINKED_PENALTY_M2 = 1e9
 """Square metres added to pairs of pivots without an edge."""
 
 
@@ -160,7 +160,7 @@ def _squared_distances(points: Float, point: Float) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _expect(
+def _predict_position(
     i: int, parent: int, pivots: Float, linear: Float, positions: Float, shared: bool, out: Float
 ) -> None:
     """Writes to ``out`` (3,) the position of transform i that its decoded parent predicts.
@@ -220,7 +220,7 @@ def _difference_linear(
 
 
 @njit(cache=True, nogil=True)
-def _tame(source: Float, a: Float) -> bool:
+def _limit_linear_part(source: Float, a: Float) -> bool:
     """Copies a linear part, scaled down if an entry exceeds ``LARGEST_LINEAR``.
 
     Returns True if it was scaled.
@@ -249,7 +249,7 @@ def _is_finite(linear: Float, position: Float) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _rooms(count: int) -> tuple[Float, Int32, Float]:
+def _decoding_arrays(count: int) -> tuple[Float, Int32, Float]:
     """Returns arrays for decoded quaternions (the identity at the end), decoded stretches, and work space."""
     quaternions = np.empty((count + 1, 4))
     quaternions[count, 0], quaternions[count, 1:] = 1.0, 0.0
@@ -257,13 +257,13 @@ def _rooms(count: int) -> tuple[Float, Int32, Float]:
 
 
 @njit(cache=True, nogil=True)
-def _differences(
+def _prediction_residuals(
     linear: Float, positions: Float, pivots: Float, order: Int, parents: Int, shared: bool
 ) -> tuple[Int32, int]:
     """Returns (J, 12) residuals of the predictions, in tree order, and the number of clamped transforms."""
     count, clamped = len(order), 0
     table = np.zeros((count, COLUMNS), np.int32)
-    quaternions, stretches, rooms = _rooms(count)
+    quaternions, stretches, rooms = _decoding_arrays(count)
     seen_linear, seen_positions = np.empty((count, 3, 3)), np.empty((count, 3))
     a, expected = np.empty((3, 3)), np.empty(3)
     for k in range(count):
@@ -272,10 +272,10 @@ def _differences(
         finite = _is_finite(linear[i], positions[i])
         changed = not finite
         if finite:
-            changed = _tame(linear[i], a)
+            changed = _limit_linear_part(linear[i], a)
             _difference_linear(a, i, parent, quaternions, stretches, rooms, row)
         _decode_linear(i, parent, row, quaternions, stretches, rooms[0], seen_linear)
-        _expect(i, parent, pivots, seen_linear, seen_positions, shared, expected)
+        _predict_position(i, parent, pivots, seen_linear, seen_positions, shared, expected)
         for c in range(3):
             if finite:
                 off = (positions[i, c] - expected[c]) / POSITION_STEP
@@ -287,16 +287,18 @@ def _differences(
 
 
 @njit(cache=True, nogil=True)
-def _restore(table: Int32, pivots: Float, order: Int, parents: Int, shared: bool) -> tuple[Float32, Float32]:
+def _restore_pose(
+    table: Int32, pivots: Float, order: Int, parents: Int, shared: bool
+) -> tuple[Float32, Float32]:
     """Returns (J, 3, 3) linear parts and (J, 3) positions from the residuals."""
     count = len(order)
-    quaternions, stretches, rooms = _rooms(count)
+    quaternions, stretches, rooms = _decoding_arrays(count)
     linear, positions, expected = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty(3)
     for k in range(count):
         i = order[k]
         parent = parents[i]
         _decode_linear(i, parent, table[k], quaternions, stretches, rooms[0], linear)
-        _expect(i, parent, pivots, linear, positions, shared, expected)
+        _predict_position(i, parent, pivots, linear, positions, shared, expected)
         for c in range(3):
             positions[i, c] = expected[c] + table[k, c] * POSITION_STEP
     return linear.astype(np.float32), positions.astype(np.float32)

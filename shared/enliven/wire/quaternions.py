@@ -22,8 +22,8 @@ ERROR = 2 * math.sqrt(3.0) * STEP
 """Maximum error of a rotation, in radians (0.27 degrees). Three components are off by half a step, and the
 fourth by at most sqrt(3) times that."""
 
-_OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
-_SHIFTS = np.array([20, 10, 0])
+_OTHER_COMPONENTS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
+_COMPONENT_SHIFTS = np.array([20, 10, 0])
 
 
 def pack_quaternions(quaternions: AnyArray) -> bytes:
@@ -32,8 +32,10 @@ def pack_quaternions(quaternions: AnyArray) -> bytes:
     missing = np.abs(q).argmax(1)
     rows = np.arange(len(q))
     q = np.where(q[rows, missing, None] < 0, -q, q)
-    steps = np.rint(q[rows[:, None], _OTHERS[missing]] / STEP).astype(np.int64).clip(-511, 511) + 511
-    bits = (missing << 30) | (steps << _SHIFTS).sum(1)
+    steps = (
+        np.rint(q[rows[:, None], _OTHER_COMPONENTS[missing]] / STEP).astype(np.int64).clip(-511, 511) + 511
+    )
+    bits = (missing << 30) | (steps << _COMPONENT_SHIFTS).sum(1)
     return bytes(bits.astype("<u4").tobytes())
 
 
@@ -41,9 +43,9 @@ def unpack_quaternions(data: bytes) -> Float:
     """Returns (N, 4) unit quaternions, w >= 0, from 4 N bytes."""
     bits = np.frombuffer(data, "<u4").astype(np.int64)
     missing = bits >> 30
-    others = ((((bits[:, None] >> _SHIFTS) & 1023) - 511) * STEP).astype(np.float64)
+    others = ((((bits[:, None] >> _COMPONENT_SHIFTS) & 1023) - 511) * STEP).astype(np.float64)
     quaternions = np.empty((len(bits), 4))
     rows = np.arange(len(bits))
-    quaternions[rows[:, None], _OTHERS[missing]] = others
+    quaternions[rows[:, None], _OTHER_COMPONENTS[missing]] = others
     quaternions[rows, missing] = np.sqrt(np.maximum(0.0, 1.0 - (others * others).sum(1)))
     return canonical(normalized(quaternions))

@@ -31,17 +31,17 @@ class Endpoint:
     control_port: int = CONTROL_PORT
 
     def __str__(self) -> str:
-        return f"{_bracketed(self.host)}:{self.pose_port}:{self.control_port}"
+        return f"{_bracketed_host(self.host)}:{self.pose_port}:{self.control_port}"
 
     @property
     def stream_address(self) -> str:
         """The address for a viewer's SUB socket."""
-        return f"tcp://{_bracketed(self.host)}:{self.pose_port}"
+        return f"tcp://{_bracketed_host(self.host)}:{self.pose_port}"
 
     @property
     def control_address(self) -> str:
         """The address for a viewer's DEALER socket."""
-        return f"tcp://{_bracketed(self.host)}:{self.control_port}"
+        return f"tcp://{_bracketed_host(self.host)}:{self.control_port}"
 
 
 def parse_endpoint(text: str) -> Endpoint:
@@ -101,5 +101,5 @@ def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int, unread: in
     return socket
 
 
-def _bracketed(host: str) -> str:
+def _bracketed_host(host: str) -> str:
     return f"[{host}]" if ":" in host else host

@@ -63,7 +63,7 @@ class Topic:
     @property
     def of_character(self) -> bool:
         """True if each of its messages is about one character, and is removed with it."""
-        return self.key is _character
+        return self.key is _character_id
 
 
 TOPICS: list[Topic] = []
@@ -83,26 +83,28 @@ def register(topic: Topic) -> Topic:
     return topic
 
 
-def _character(message: Any) -> str:
+def _character_id(message: Any) -> str:
     """Returns the id of a message's character: the newest message of each character is kept."""
     return str(message.character)
 
 
-def _stream(name: str, kind: type[Any], most: int, **how: Any) -> Topic:
+def _register_stream(name: str, kind: type[Any], most: int, **how: Any) -> Topic:
     """Registers a topic with a message in every frame. Takes store all of them."""
     return register(Topic(name, kind, "stream", most, 30, "every", recorded=True, **how))
 
 
-POSE = _stream("pose", PoseMessage, 260 * 1024, latched=True, key=_character)
-BODIES = _stream("bodies", BodiesMessage, 16 * 1024)
-CUES = _stream("cues", CuesMessage, 32 * 1024, latched=True, key=_character)
-PROPS = _stream("props", PropsMessage, 32 * 1024, latched=True)
-MATCHES = _stream("matches", MatchesMessage, 128 * 1024, latched=True, key=_character)
+POSE = _register_stream("pose", PoseMessage, 260 * 1024, latched=True, key=_character_id)
+BODIES = _register_stream("bodies", BodiesMessage, 16 * 1024)
+CUES = _register_stream("cues", CuesMessage, 32 * 1024, latched=True, key=_character_id)
+PROPS = _register_stream("props", PropsMessage, 32 * 1024, latched=True)
+MATCHES = _register_stream("matches", MatchesMessage, 128 * 1024, latched=True, key=_character_id)
 HOLDS = register(
-    Topic("holds", HoldMessage, "stream", 40 * 1024, 0, "every", latched=True, key=_character, recorded=True)
+    Topic(
+        "holds", HoldMessage, "stream", 40 * 1024, 0, "every", latched=True, key=_character_id, recorded=True
+    )
 )
 STAGE = register(Topic("stage", StageMessage, "stream", 128 * 1024, 0, "every", latched=True, recorded=True))
-SIZES = register(Topic("sizes", SizeMessage, "stream", 1024, 0, "newest", latched=True, key=_character))
+SIZES = register(Topic("sizes", SizeMessage, "stream", 1024, 0, "newest", latched=True, key=_character_id))
 SCAN = register(Topic("scan", ScanMessage, "stream", 4 * 1024, 0, "newest", latched=True))
 SCAN_PIECE = register(
     Topic(

@@ -13,11 +13,11 @@ from typing import Literal
 GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
 """The first 64 bytes of both sides: signature, version 3.1, no keys."""
 
-_MORE = 1
+_MORE_FLAG = 1
 """Flag of a frame that is followed by another frame of the same message."""
-_LONG = 2
+_LONG_FLAG = 2
 """Flag of a frame with a length of 8 bytes instead of 1."""
-_COMMAND = 4
+_COMMAND_FLAG = 4
 """Flag of a frame that is a command of the protocol, not a message."""
 _MOST_PARTS = 8
 """Maximum parts of one message: a viewer sends one, libzmq's REQ sockets two."""
@@ -38,7 +38,7 @@ def framed(data: bytes, flags: int = 0) -> bytes:
 
 def head(length: int, flags: int = 0) -> bytes:
     """Returns the bytes that precede ``length`` bytes of data, so that long data need not be copied."""
-    return bytes([flags, length]) if length < 256 else struct.pack(">BQ", flags | _LONG, length)
+    return bytes([flags, length]) if length < 256 else struct.pack(">BQ", flags | _LONG_FLAG, length)
 
 
 class ZmtpSession:
@@ -76,24 +76,24 @@ class ZmtpSession:
             ZmtpError: for bytes that are not ZMTP 3, or too long.
         """
         if not self._greeted:
-            return self._greeting()
-        frame = self._frame()
+            return self._answer_greeting()
+        frame = self._next_frame()
         if frame is None:
             return None
         flags, data = frame
-        if flags & _COMMAND:
-            return self._command(data)
+        if flags & _COMMAND_FLAG:
+            return self._handle_command(data)
         if not self.ready:
             raise ZmtpError("a message before the introduction")
         self._parts.append(data)
-        if flags & _MORE:
+        if flags & _MORE_FLAG:
             if len(self._parts) >= _MOST_PARTS or sum(map(len, self._parts)) > self._most:
                 raise ZmtpError(f"a message of more than {_MOST_PARTS} parts or {self._most} bytes")
             return []
         parts, self._parts = self._parts, []
         return parts
 
-    def _greeting(self) -> list[bytes] | None:
+    def _answer_greeting(self) -> list[bytes] | None:
         """Checks the other side's first 64 bytes, as far as they have arrived, and answers them."""
         greeting = self._bytes[: len(GREETING)]
         if (greeting and greeting[0] != 0xFF) or (
@@ -106,18 +106,18 @@ class ZmtpSession:
             raise ZmtpError("another mechanism of keys")
         self._at, self._greeted = len(GREETING), True
         kind = struct.pack(">I", len(self._kind)) + self._kind.encode()
-        self.answers += framed(b"\x05READY\x0bSocket-Type" + kind, _COMMAND)
+        self.answers += framed(b"\x05READY\x0bSocket-Type" + kind, _COMMAND_FLAG)
         return []
 
-    def _frame(self) -> tuple[int, bytes] | None:
+    def _next_frame(self) -> tuple[int, bytes] | None:
         """Returns (flags, data) of the next complete frame, or None."""
         have = len(self._bytes) - self._at
         if have < 2:
             return None
         flags, length, start = self._bytes[self._at], self._bytes[self._at + 1], self._at + 2
-        if flags & ~(_MORE | _LONG | _COMMAND):
+        if flags & ~(_MORE_FLAG | _LONG_FLAG | _COMMAND_FLAG):
             raise ZmtpError(f"a frame with the flags {flags}")
-        if flags & _LONG:
+        if flags & _LONG_FLAG:
             if have < 9:
                 return None
             (length,), start = struct.unpack_from(">Q", self._bytes, self._at + 1), self._at + 9
@@ -129,7 +129,7 @@ class ZmtpSession:
         self._at = start + length
         return flags, bytes(self._bytes[start : self._at])
 
-    def _command(self, data: bytes) -> list[bytes]:
+    def _handle_command(self, data: bytes) -> list[bytes]:
         """Handles a handshake, a PING or a subscription. An unknown command is ignored."""
         name, rest = data[1 : 1 + data[0]] if data else b"", data[1 + data[0] :] if data else b""
         if name == b"READY" and not self.ready:
@@ -138,7 +138,7 @@ class ZmtpSession:
             raise ZmtpError("no introduction")
         elif name == b"PING":
             context = rest[_TTL_BYTES : _TTL_BYTES + _MOST_CONTEXT]
-            self.answers += framed(b"\x04PONG" + context, _COMMAND)
+            self.answers += framed(b"\x04PONG" + context, _COMMAND_FLAG)
         elif name == b"SUBSCRIBE":
             return [b"\x01" + rest]
         elif name == b"CANCEL":

@@ -176,7 +176,7 @@ def made_solver(tail, translation, seed=1):
     stiffness = 10.0 ** rng.uniform(-1, 1, len(graph.positions))
     state = random_state(graph, seed + 4)
     solver = EmbeddedSolver(graph, points, chosen, start=state, stiffness=stiffness)
-    solver._take(targets, pulls)
+    solver._store_targets(targets, pulls)
     solver._planes = planes_of(planes, chosen.planes, graph.positions, solver._place)
     return solver, (graph, points, targets, pulls, chosen, planes, stiffness)
 
@@ -268,7 +268,7 @@ def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_str
     solver._planes = NO_PLANES
     x = solver._x.reshape(-1)
     # Without a gradient no force acts on a turning arm.
-    refactor(x, solver._terms, solver._planes, np.zeros_like(x), solver._system)
+    refactor(x, solver._terms, solver._planes, np.zeros_like(x), solver._current_matrix)
     count, order = len(graph.positions), [0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14]
     slow = graph, points, targets, pulls, chosen, None, stiffness
     rigid = jacobian_in_node_frames(solver, slow, order)
@@ -290,7 +290,7 @@ def test_the_matrix_is_the_second_derivative_of_turns_and_shifts_and_of_each_str
     expected[:, order[:6]] = (0.5 * np.linalg.solve(whole, turns) + gives @ bent).reshape(count, 6)
     step = np.zeros((count, 16), np.float32)
     step[:, order[:6]], step[:, order[6:]] = turns.reshape(count, 6), stretches.reshape(count, 6)
-    precondition(solver._system, step.reshape(-1))
+    precondition(solver._current_matrix, step.reshape(-1))
     np.testing.assert_allclose(step, expected, atol=2e-3 * np.abs(expected).max())
 
 
@@ -303,8 +303,8 @@ def test_the_matrix_is_as_exact_of_a_tiny_mesh_as_of_a_large_one(size):
     small = replace(graph, positions=size * graph.positions)
     held = replace(points, points=size * np.asarray(points.points))
     solver = EmbeddedSolver(small, held, EmbeddedSettings())
-    solver._take(held.points, np.ones(9))
-    x, system, count = solver._x.reshape(-1), solver._system, len(graph.positions)
+    solver._store_targets(held.points, np.ones(9))
+    x, system, count = solver._x.reshape(-1), solver._current_matrix, len(graph.positions)
     refactor(x, solver._terms, NO_PLANES, np.zeros_like(x), system)
     # Factorising has used the matrix up.
     assemble(x, solver._terms, NO_PLANES, np.zeros_like(x), system, 1e-4)
@@ -338,15 +338,15 @@ def test_a_matrix_that_has_turned_with_the_nodes_is_that_of_the_turned_state(see
     force = force.astype(np.float32)
     steps = []
     nothing = np.zeros_like(x)
-    refactor(x, solver._terms, still, nothing, solver._system)
+    refactor(x, solver._terms, still, nothing, solver._current_matrix)
     solver._x[:, :, :3] = solver._x[:, :, :3] @ turn.T
     for anew in (False, True):
         if anew:
-            refactor(x, solver._terms, still, nothing, solver._system)
+            refactor(x, solver._terms, still, nothing, solver._current_matrix)
         else:
-            align(x, solver._system)
+            align(x, solver._current_matrix)
         steps.append(force.copy())
-        precondition(solver._system, steps[-1].reshape(-1))
+        precondition(solver._current_matrix, steps[-1].reshape(-1))
     np.testing.assert_allclose(steps[0], steps[1], atol=2e-3 * np.abs(steps[1]).max())
 
 
@@ -508,7 +508,7 @@ def test_the_energy_never_rises(seed, size):
     before = gradient(x, solver._terms, solver._planes, room)[5]
     for _ in range(30):
         record_energies(solver._work, gradient(x, solver._terms, solver._planes, solver._work.raw))
-        descend(x, solver._terms, solver._planes, solver._system, solver._work, 1, 0.0, UNLIMITED)
+        descend(x, solver._terms, solver._planes, solver._current_matrix, solver._work, 1, 0.0, UNLIMITED)
         after = gradient(x, solver._terms, solver._planes, room)[5]
         assert after <= before * (1 + 1e-12) + 1e-12
         before = after

@@ -20,10 +20,10 @@ def system():
     """The matrix of a small creature at rest."""
     problem = random_problem(5, 21, 1, 1.0)
     solver = EmbeddedSolver(problem.graph, problem.points)
-    solver._take(problem.targets[0], solver._ones)
+    solver._store_targets(problem.targets[0], solver._ones)
     x = solver._x.reshape(-1)
-    refactor(x, solver._terms, NO_PLANES, np.zeros_like(x), solver._system)
-    return solver._system
+    refactor(x, solver._terms, NO_PLANES, np.zeros_like(x), solver._current_matrix)
+    return solver._current_matrix
 
 
 def filled_buffers(count, seed):
@@ -59,7 +59,7 @@ def test_a_direction_is_that_of_the_plain_two_loops(seed, kept):
     """To a ten-thousandth: float32 has seven digits, and the pairs' shares multiply their rounding."""
     work = filled_buffers(len(system().inverse) // 48, seed)
     expected, slope = plain_direction(work, kept)
-    direction = lbfgs._direction(work.now, work, np.int64(kept), system())
+    direction = lbfgs._search_direction(work.now, work, np.int64(kept), system())
     size = np.abs(expected).max()
     np.testing.assert_allclose(work.own, expected, atol=1e-4 * size)
     assert direction == pytest.approx(slope, abs=1e-4 * np.linalg.norm(expected) * np.linalg.norm(work.now))

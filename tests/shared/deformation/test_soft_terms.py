@@ -10,7 +10,11 @@ from sample_meshes.isosurface import surface_of
 
 from enliven import rotation
 from enliven.deformation.constraints.floor_contact import FloorContact, FloorSettings
-from enliven.deformation.constraints.observed import ObservedSettings, ObservedSurface, _compatible
+from enliven.deformation.constraints.observed import (
+    ObservedSettings,
+    ObservedSurface,
+    _compatible_surface_points,
+)
 from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
 from enliven.deformation.constraints.soft import Points, grid_subsample, joined_planes
 from enliven.deformation.graph.graph import DeformationGraph, character_from
@@ -151,7 +155,7 @@ def test_the_nearest_compatible_point_is_the_one_that_a_look_at_all_would_find(s
     rng = np.random.default_rng(seed)
     points, surface = rng.normal(size=(20, 3)), rng.normal(size=(40, 3))
     normals, facing = rng.normal(size=(20, 3)), rng.normal(size=(40, 3))
-    nearest, lengths = _compatible(points, normals, surface, facing, farthest, cosine)
+    nearest, lengths = _compatible_surface_points(points, normals, surface, facing, farthest, cosine)
     for i in range(20):
         apart = np.linalg.norm(surface - points[i], axis=1)
         apart[(facing @ normals[i] <= cosine) | (apart >= farthest)] = np.inf

@@ -137,7 +137,7 @@ def test_matrix_from_background_thread_equals_direct_one(monkeypatch):
         solver = EmbeddedSolver(problem.graph, problem.points, EmbeddedSettings(budget_ms=1e-6))
         solver._held_state = hold(solver._state_of(EmbeddedSettings()))
         if not beside:
-            monkeypatch.setattr(renewal, "_second", AtOnce)
+            monkeypatch.setattr(renewal, "_second_thread", AtOnce)
         frames.append([solver.solve(targets)[1] for targets in problem.targets])
     np.testing.assert_array_equal(frames[0], frames[1])
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven import rotation
-from enliven.deformation.embedded.warm_start import _SHRUNK, _go_on
+from enliven.deformation.embedded.warm_start import _MIN_VOLUME_FRACTION, _go_on
 
 
 def gone_on(now, last):
@@ -15,7 +15,7 @@ def gone_on(now, last):
     turn = 0.5 * np.cross(columns[:3], change[:3]).sum(0)
     there = columns + change
     there[:3] += np.cross(turn, np.cross(turn, columns[:3]))
-    if np.linalg.det(there[:3]) < _SHRUNK * np.linalg.det(columns[:3]):
+    if np.linalg.det(there[:3]) < _MIN_VOLUME_FRACTION * np.linalg.det(columns[:3]):
         there[:3] = columns[:3]
     return np.concatenate([there, np.zeros((4, 1))], 1).ravel()
 

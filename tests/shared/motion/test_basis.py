@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.motion.layers.basis import _basis, _unit, basis_between
+from enliven.motion.layers.basis import _unit_vector, _view_basis, basis_between
 from enliven.rotation import canonical, from_rotation_vector, multiply, rotate
 
 laws = settings(deadline=None, max_examples=80)
@@ -14,7 +14,9 @@ vectors = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda v: np.l
 
 
 def basis_of(first, view, up):
-    return _basis(_unit(first, "first bone"), _unit(view, "view"), _unit(up, "up"))[0]
+    return _view_basis(_unit_vector(first, "first bone"), _unit_vector(view, "view"), _unit_vector(up, "up"))[
+        0
+    ]
 
 
 def axes(q):

@@ -12,7 +12,7 @@ from enliven import rotation
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.errors import InputError
 from enliven.wire import bits, quantize
-from enliven.wire.posecode import MAX_TRANSFORMS, PoseCodec, _restore, spanning_tree, warm_up
+from enliven.wire.posecode import MAX_TRANSFORMS, PoseCodec, _restore_pose, spanning_tree, warm_up
 
 SEEDS = st.integers(0, 2**32 - 1)
 few = settings(max_examples=40, deadline=None)
@@ -196,10 +196,10 @@ def test_a_pose_of_another_character_or_damaged_bytes_are_refused() -> None:
 
 def test_warm_up_compiles_pose_kernels() -> None:
     warm_up()
-    compiled = [len(kernel.signatures) for kernel in (_restore, bits.decode_columns)]
+    compiled = [len(kernel.signatures) for kernel in (_restore_pose, bits.decode_columns)]
     codec = PoseCodec(character(12))
     codec.decode(codec.encode(random_pose(12, 0, 0.1)).data)
-    assert [len(kernel.signatures) for kernel in (_restore, bits.decode_columns)] == compiled
+    assert [len(kernel.signatures) for kernel in (_restore_pose, bits.decode_columns)] == compiled
 
 
 @few

@@ -21,10 +21,10 @@ from enliven.deformation.arap.polar import ROWS, TRACE, N, polar
 from enliven.kernels import njit
 from enliven.lanes import fma4, load4, splat4, store4
 
-_STEADY = 0.02
+_STRETCH_REGULARIZATION = 0.02
 """Regularization of a cell's stretch towards 1, as a fraction of the cell's size, for cells without extent
 along their main axis."""
-_WIDE = 31
+_BLOCK_ROWS = 31
 """Rows of the pose state's block: polar's first 18, a cell's spread (6), its rest (6) and its size (1)."""
 
 
@@ -60,20 +60,20 @@ def cells_of(positions: Float, edges: Int, weights: Float, eliminated: Int32) ->
     e = positions[i] - positions[j]
     spokes = np.concatenate([w[:, None] * e, w[:, None]], 1)
     start = np.concatenate([[0], np.cumsum(np.bincount(i, minlength=count))]).astype(np.int32)
-    middle = np.stack([_sums(i, spokes[:, k], count) for k in range(4)], 1)
+    middle = np.stack([_weighted_sums(i, spokes[:, k], count) for k in range(4)], 1)
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    rest = np.stack([_sums(i, w * e[:, a] * e[:, b], count) for a, b in pairs], 1)
+    rest = np.stack([_weighted_sums(i, w * e[:, a] * e[:, b], count) for a, b in pairs], 1)
     size = rest[:, [0, 3, 5]].sum(1)
     flat = (spokes.ravel().copy(), middle.ravel().copy(), rest.ravel().copy())
     return Cells(start, j.astype(np.int32), *flat, size, eliminated)
 
 
-def _sums(i: Int, values: Float, count: int) -> Float:
+def _weighted_sums(i: Int, values: Float, count: int) -> Float:
     return np.asarray(np.bincount(i, values, count), np.float64)
 
 
 @njit(cache=True, nogil=True)
-def _gather(cells, frames, block, at, count):
+def _gather_covariances(cells, frames, block, at, count):
     """Fills rows S of a block: the transposed covariances of eq. 5, sum of w_ij (v'_i - v'_j)(v_i - v_j)ᵀ."""
     room = np.empty(12)
     for n in range(64):
@@ -107,7 +107,7 @@ def turn_and_scale(cells, frames, hold, low, high, first, last):
     block = np.empty(ROWS * N)
     for at in range(first, last, N):
         count = min(N, last - at)
-        _gather(cells, frames, block, at, count)
+        _gather_covariances(cells, frames, block, at, count)
         polar(block, count, frames, at)
         for n in range(count):
             i = at + n
@@ -129,15 +129,15 @@ def turn_and_squash(cells, frames, exaggeration, most, first, last):
     across it. The axis' projector is the matrix of eq. 11, squared five times. If two axes are equally good
     (a cell that only grows), both contribute, and the result does not flicker between them.
     """
-    block, spread = np.empty(ROWS * N), np.empty(_WIDE * N)
+    block, spread = np.empty(ROWS * N), np.empty(_BLOCK_ROWS * N)
     for at in range(first, last, N):
         count = min(N, last - at)
-        _gather(cells, frames, block, at, count)
+        _gather_covariances(cells, frames, block, at, count)
         _gather_spread(cells, frames, spread, at, count)
         polar(block, count, frames, at)
         for k in range(18 * N):
             spread[k] = block[k]
-        _squash(spread, exaggeration, most)
+        _squash_and_stretch(spread, exaggeration, most)
         for n in range(count):
             for c in range(3):
                 to, row = 16 * (at + n) + 4 * c, 3 * c * 64 + n
@@ -176,7 +176,7 @@ def _gather_spread(cells, frames, spread, at, count):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _squash(block, exaggeration, most):
+def _squash_and_stretch(block, exaggeration, most):
     """Computes rows 0 to 8 of ``block`` <- V_i R_i, row 9 <- s - 1, from covariances, rotations, spreads and
     rests.
 
@@ -229,7 +229,7 @@ def _squash(block, exaggeration, most):
         # Equation 8 along the main axis gives the stretch s.
         above = b00 * x00 + b11 * x11 + b22 * x22 + 2.0 * (b01 * x01 + b02 * x02 + b12 * x12)
         below = b00 * y00 + b11 * y11 + b22 * y22 + 2.0 * (b01 * y01 + b02 * y02 + b12 * y12)
-        steady = _STEADY * block[30 * 64 + n] + 1e-300
+        steady = _STRETCH_REGULARIZATION * block[30 * 64 + n] + 1e-300
         s = (above + steady) / (below + steady)
         block[9 * 64 + n] = s - 1.0
         s = (s - 1.0) * exaggeration + 1.0

@@ -26,12 +26,12 @@ from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import Mesh, shells, space_curve, weld
 
-_WHERE = "puppet surface"
-_DENSITY = 0.45
+_ERROR_CONTEXT = "puppet surface"
+_SAMPLES_PER_SQUARED_SPACING = 0.45
 """Samples per squared spacing that dart throwing produces."""
-_REACH = 1.5
+_FOLLOW_RADIUS_SPACINGS = 1.5
 """Spacings within which a vertex follows a sample. One sample is always nearer than 1."""
-_DETOUR = 1.25
+_MAX_PATH_RATIO = 1.25
 """Maximum ratio of a path along edges to the straight distance for the path to count as straight."""
 _MOST_ROUNDS = 6
 """Maximum number of corrections of the spacing. After that, the last sample count is accepted even if it
@@ -100,11 +100,11 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
     Raises:
         InputError: if a control point does not exist, or belongs to no face.
     """
-    base = _search(mesh, count) if before is None else before.base
+    base = _find_samples(mesh, count) if before is None else before.base
     _check_held(held, base)
     own = base.welded[held]
     if base.riding[own].any():
-        base = _search(mesh, count, base.whole.vertices[own])
+        base = _find_samples(mesh, count, base.whole.vertices[own])
         own = base.welded[held]
     added = np.setdiff1d(own, base.samples)
     samples = np.concatenate([base.samples, added])
@@ -113,18 +113,18 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
     if before is not None and before.base is base and np.array_equal(before.added, added):
         return before._replace(held=numbers)
     start, near, way = _with_more(base, added)
-    points, reach = base.whole.vertices, _REACH * base.spacing
-    faces, links = coarse_faces(base.whole.faces, _nearest(start, near, way))
-    start, near, weights = followed(points, points[samples], start, near, way, reach, _DETOUR)
+    points, reach = base.whole.vertices, _FOLLOW_RADIUS_SPACINGS * base.spacing
+    faces, links = coarse_faces(base.whole.faces, _nearest_samples(start, near, way))
+    start, near, weights = followed(points, points[samples], start, near, way, reach, _MAX_PATH_RATIO)
     if base.riding.any():
         start, near, weights = with_riders(base.whole, base.riding, start, near, weights)
     start, near, weights = spread(base.welded, start, near, weights)
     coarse = Mesh(points[samples], faces, mesh.name)
-    notes = _notes(base, len(samples))
+    notes = _coarsening_notes(base, len(samples))
     return Coarse(coarse, links, numbers, start, near, weights, notes, base, added)
 
 
-def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSampling:
+def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSampling:
     """Returns samples of the mesh and their neighbourhoods. Shells at the positions ``awake`` (A, 3) are
     sampled.
     """
@@ -134,7 +134,7 @@ def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSamplin
     held = np.empty(0, np.int64)
     if awake is not None:
         held = label[scipy.spatial.cKDTree(whole.vertices).query(awake)[1]]
-    spacing = float(np.sqrt(whole.area / (_DENSITY * count)))
+    spacing = float(np.sqrt(whole.area / (_SAMPLES_PER_SQUARED_SPACING * count)))
     finest = _MIN_SPACING_IN_EDGES * float(net[2].mean()) if len(net[2]) else 0.0
     for _ in range(_MOST_ROUNDS):
         riding = riding_on(whole.vertices, label, held, spacing)
@@ -143,7 +143,7 @@ def _search(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSamplin
         if 0.85 * count <= len(samples) <= 1.15 * count or spacing <= finest:
             break
         spacing = max(spacing * float(np.sqrt(len(samples) / count)), finest)
-    near = ways(*net, samples, len(whole.vertices), _DETOUR * _REACH * spacing)
+    near = ways(*net, samples, len(whole.vertices), _MAX_PATH_RATIO * _FOLLOW_RADIUS_SPACINGS * spacing)
     return CoarseSampling(whole, welded, net, spacing, samples, riding, *near)
 
 
@@ -163,7 +163,7 @@ def _with_more(base: CoarseSampling, added: Int) -> tuple[Int, Int32, Float]:
     """Returns the base's CSR with the samples ``added`` (A,), numbered after its own."""
     if not len(added):
         return base.start, base.near, base.way
-    limit = _DETOUR * _REACH * base.spacing
+    limit = _MAX_PATH_RATIO * _FOLLOW_RADIUS_SPACINGS * base.spacing
     start, near, way = ways(*base.net, added, len(base.whole.vertices), limit)
     sizes = np.diff(base.start), np.diff(start)
     offsets = np.concatenate([[0], np.cumsum(sizes[0] + sizes[1])])
@@ -181,17 +181,17 @@ def _check_held(held: Int, base: CoarseSampling) -> None:
     count, offsets = len(base.welded), base.net[0]
     for vertex in held.tolist():
         if not 0 <= vertex < count:
-            raise InputError(f"vertex {vertex} does not exist; the mesh has {count}", where=_WHERE)
+            raise InputError(f"vertex {vertex} does not exist; the mesh has {count}", where=_ERROR_CONTEXT)
         own = base.welded[vertex]
         if offsets[own] == offsets[own + 1]:
             raise InputError(
                 f"vertex {vertex} is loose: no face uses it, so that nothing would follow it",
-                where=_WHERE,
+                where=_ERROR_CONTEXT,
                 mend="Choose a vertex of the surface.",
             )
 
 
-def _notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
+def _coarsening_notes(base: CoarseSampling, count: int) -> tuple[str, ...]:
     """Returns sentences for the user about the samples, welds and tiny shells."""
     vertices, points = len(base.welded), len(base.riding)
     notes = [f"{vertices:,} vertices: {count:,} of them are solved and carry the others with their detail."]
@@ -264,7 +264,7 @@ def poisson_disk_samples(offsets, neighbours, lengths, order, spacing):
 
 
 @njit(cache=True, nogil=True)
-def _nearest(start, near, way):
+def _nearest_samples(start, near, way):
     """Returns (V,) the sample with the shortest path to each vertex; -1 if none reaches it."""
     out = np.full(start.shape[0] - 1, -1, np.int64)
     for v in range(out.shape[0]):

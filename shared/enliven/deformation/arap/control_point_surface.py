@@ -28,10 +28,10 @@ from enliven.document import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 
-_WHERE = "puppet surface"
-_GUIDED = 3
+_ERROR_CONTEXT = "puppet surface"
+_MIN_GUIDE_VERTEX_RATIO = 3
 """Minimum ratio of the solver's vertices to the guide's for which a guide saves more time than it costs."""
-_LOCAL = 6
+_DETAIL_SETTLING_FRAMES = 6
 """Frames after the guide in which local details settle."""
 
 
@@ -77,21 +77,24 @@ class PuppetSurface:
         vertices = np.array(held, np.int64).reshape(-1)
         pulls = [None] * len(vertices) if weights is None else list(weights)
         if len(pulls) != len(vertices):
-            raise InputError(f"{len(pulls)} weights for {len(vertices)} control points", where=_WHERE)
-        solver, coarse = self._solved(vertices)
+            raise InputError(f"{len(pulls)} weights for {len(vertices)} control points", where=_ERROR_CONTEXT)
+        solver, coarse = self._solver_with_coarse(vertices)
         solved = vertices if coarse is None else coarse.held
         solver.set_handles(handles_of(solved, pulls))
         solver.reset()
         self._solver, self._coarse, self._guide = solver, coarse, None
-        if len(vertices) and len(solver.mesh.vertices) > _GUIDED * self._settings.guide_vertices:
+        if (
+            len(vertices)
+            and len(solver.mesh.vertices) > _MIN_GUIDE_VERTEX_RATIO * self._settings.guide_vertices
+        ):
             self._guide = Guide(solver, solved, pulls)
         hard = np.array([k for k, weight in enumerate(pulls) if weight is None], np.int64)
         self._pins = (hard, hard) if coarse is None else _welded_to(coarse.base.welded, vertices, hard)
         self._body, self._held, self._aside = (solver, coarse), vertices, None
         self.notes = solver.notes if coarse is None else coarse.notes
-        self.pose = _frozen(self.mesh.vertices.copy())
+        self.pose = _read_only(self.mesh.vertices.copy())
 
-    def _solved(self, held: Int) -> tuple[ArapSolver, Coarse | None]:
+    def _solver_with_coarse(self, held: Int) -> tuple[ArapSolver, Coarse | None]:
         """Returns the solver and its coarse surface (None: it solves the whole mesh), created if
         necessary.
         """
@@ -116,12 +119,12 @@ class PuppetSurface:
             InputError: if the places have the wrong shape, are not finite or are too far away. The last valid
                 pose stays.
         """
-        wanted = self._checked(places)
+        wanted = self._checked_places(places)
         if len(wanted):
             if self._guide is not None:
                 self._guide.take(self._solver, wanted)
             self._solver.solve(rows_of(wanted))
-            self.pose = self._carried(wanted)
+            self.pose = self._carried_vertices(wanted)
         return self.pose
 
     def settle(self, places: Float) -> Float:
@@ -131,7 +134,7 @@ class PuppetSurface:
         Raises:
             InputError: if the places have the wrong shape, or are not finite. The last valid pose stays.
         """
-        wanted = self._checked(places)
+        wanted = self._checked_places(places)
         if not len(wanted):
             return self.pose
         self._solver.check(rows_of(wanted))
@@ -139,9 +142,9 @@ class PuppetSurface:
             settle_from_rest(self._solver, self.mesh.vertices[self._held], wanted)
         else:
             self._solver.start_from(self._guide.settle(wanted), self._guide.pressure)
-        for _ in range(_LOCAL):
+        for _ in range(_DETAIL_SETTLING_FRAMES):
             self._solver.solve(rows_of(wanted))
-        self.pose = self._carried(wanted)
+        self.pose = self._carried_vertices(wanted)
         return self.pose
 
     def aside(self, places: Float) -> Float:
@@ -150,10 +153,10 @@ class PuppetSurface:
         It may be called from another thread than the other methods, one call at a time.
         """
         if self._aside is None:
-            self._aside = self._twin()
+            self._aside = self._twin_surface()
         return self._aside.settle(places)
 
-    def _twin(self) -> PuppetSurface:
+    def _twin_surface(self) -> PuppetSurface:
         """Returns a second surface at rest with the same control points; it shares the factor and the
         weights.
         """
@@ -162,7 +165,7 @@ class PuppetSurface:
         other._guide = None if self._guide is None else self._guide.twin()
         return other
 
-    def _carried(self, wanted: Float) -> Float:
+    def _carried_vertices(self, wanted: Float) -> Float:
         """Returns (V, 3) the mesh's vertices carried by the solver's pose."""
         coarse = self._coarse
         if coarse is None:
@@ -174,14 +177,14 @@ class PuppetSurface:
         self._pace.note(threads, perf_counter() - start)
         vertices, rows = self._pins
         out[vertices] = wanted[rows]
-        return _frozen(out)
+        return _read_only(out)
 
-    def _checked(self, places: Float) -> Float:
+    def _checked_places(self, places: Float) -> Float:
         wanted = np.array(places, np.float64)
         if wanted.shape != (len(self._held), 3):
             raise InputError(
                 f"places are {wanted.shape}, expected ({len(self._held)}, 3)",
-                where=_WHERE,
+                where=_ERROR_CONTEXT,
                 mend="Give one row for each control point.",
             )
         return wanted
@@ -198,6 +201,6 @@ def _welded_to(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
     return vertices, numbers[vertices]
 
 
-def _frozen(array: Float) -> Float:
+def _read_only(array: Float) -> Float:
     array.setflags(write=False)
     return array

@@ -12,7 +12,7 @@ import numpy as np
 from enliven.kernels import njit
 from enliven.lanes import fma4, load4, splat4, store4
 
-_OWN = 0.01
+_ROTATION_FIT_WEIGHT = 0.01
 """Weight of V_i R_i in the fit of a cell's map, relative to the cell's edges."""
 
 
@@ -36,7 +36,7 @@ def cell_maps(cells, frames, pose, place_of, rest, out):
     s = np.empty((3, 3))
     for v in range(count):
         i = place_of[v]
-        own = _OWN * cells.size[i] + 1e-300
+        own = _ROTATION_FIT_WEIGHT * cells.size[i] + 1e-300
         for r in range(3):
             for c in range(3):
                 s[r, c] = own * frames[16 * i + 4 * c + r]

@@ -86,12 +86,12 @@ def factorise(count: int, edges: Int, weights: Float) -> Factor:
     scale = np.sqrt(decomposition.U.diagonal())
     start, row = lower.indptr.astype(np.int64), lower.indices.astype(np.int32)
     value = lower.data * np.repeat(scale, np.diff(start))
-    first, last_of = _supernodes(start, row)
-    return _panels(np.argsort(decomposition.perm_c), start, row, value, first, last_of)
+    first, last_of = _find_supernodes(start, row)
+    return _build_panels(np.argsort(decomposition.perm_c), start, row, value, first, last_of)
 
 
 @njit(cache=True, nogil=True)
-def _supernodes(start, row):
+def _find_supernodes(start, row):
     """Returns (S + 1,) the first column of each supernode, and S. A supernode is merged with its parent if
     that adds few zeros.
     """
@@ -120,7 +120,7 @@ def _supernodes(start, row):
     return first[: size + 1].copy(), size
 
 
-def _panels(order: Int, start: Int, row: Int32, value: Float, first: Int32, size: int) -> Factor:
+def _build_panels(order: Int, start: Int, row: Int32, value: Float, first: Int32, size: int) -> Factor:
     """Returns the factor with the supernodes' rows and dense panels."""
     count = len(order)
     width = np.diff(first).astype(np.int64)
@@ -132,7 +132,7 @@ def _panels(order: Int, start: Int, row: Int32, value: Float, first: Int32, size
     rows = np.empty(row_start[-1], np.int32)
     values = np.zeros(value_start[-1], np.float32)
     node_of = np.repeat(np.arange(size), width).astype(np.int32)
-    _fill(start, row, value, first, row_start, value_start, rows, values)
+    _fill_panels(start, row, value, first, row_start, value_start, rows, values)
     parent = np.full(size, -1, np.int32)
     has = below > 0
     parent[has] = node_of[rows[row_start[:-1][has]]]
@@ -144,7 +144,7 @@ def _panels(order: Int, start: Int, row: Int32, value: Float, first: Int32, size
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fill(start, row, value, first, row_start, value_start, rows, values):
+def _fill_panels(start, row, value, first, row_start, value_start, rows, values):
     """Scatters the columns into panels, and inverts the triangles."""
     count = len(start) - 1
     place = np.zeros(count, np.int64)

@@ -20,15 +20,15 @@ from enliven.deformation.arap.solver import ArapSolver
 from enliven.meshes import Mesh
 from enliven.rotation import nearest_quaternion, to_matrix
 
-_STEPS = 24
+_PATH_STEPS = 24
 """Steps from rest to the handles' targets: about eight degrees per step for a limb that turns by 180
 degrees."""
-_SETTLING = 40
+_SETTLING_FRAMES = 40
 """Frames at the targets before the last one, in which the proxy converges."""
-_ITERATIONS = 6
+_PROXY_ITERATIONS = 6
 """Iterations of the proxy in a frame. It is small, so using more of them than the fine surface costs
 little."""
-_FOLLOW = 0.01
+_MIN_PROXY_FOLLOW = 0.01
 """Minimum ``ArapSettings.follow`` of the proxy. If the handles' motion is rigid except for this fraction,
 the whole proxy moves with it."""
 
@@ -54,7 +54,7 @@ class Guide:
         mesh, settings = fine.mesh, fine.settings
         faces = np.concatenate([mesh.faces, fine.joints[:, [0, 1, 1]]]).astype(np.int32)
         self._coarse = coarse_of(Mesh(mesh.vertices, faces, mesh.name), held, settings.guide_vertices)
-        own = replace(settings, iterations=_ITERATIONS, follow=max(settings.follow, _FOLLOW))
+        own = replace(settings, iterations=_PROXY_ITERATIONS, follow=max(settings.follow, _MIN_PROXY_FOLLOW))
         self._solver = ArapSolver(self._coarse.mesh, own, self._coarse.links)
         self._solver.set_handles(handles_of(self._coarse.held, weights))
         self._rest, self._home, self._places = mesh.vertices, mesh.vertices[held], mesh.vertices[held]
@@ -70,7 +70,7 @@ class Guide:
         """
         self._solver.solve(rows_of(places))
         turn, _, _ = rigid_between(self._places, places)
-        before, self.carried, self._places = self.carried, self._carry(), places
+        before, self.carried, self._places = self.carried, self._carried_vertices(), places
         fine.go_along(before, self.carried, turn)
 
     def settle(self, places: Float) -> Float:
@@ -78,7 +78,7 @@ class Guide:
         earlier frames.
         """
         settle_from_rest(self._solver, self._home, places)
-        self.carried, self._places = self._carry(), places
+        self.carried, self._places = self._carried_vertices(), places
         return self.carried
 
     @property
@@ -86,7 +86,7 @@ class Guide:
         """The pressure that preserves the proxy's volume; it does not depend on the resolution."""
         return self._solver.pressure
 
-    def _carry(self) -> Float:
+    def _carried_vertices(self) -> Float:
         out, coarse = np.empty_like(self._rest), self._coarse
         maps = self._solver.maps()
         carry(maps, coarse.start, coarse.near, coarse.weights, self._rest, out, 0, len(out))
@@ -109,9 +109,9 @@ def settle_from_rest(solver: ArapSolver, home: Float, places: Float) -> None:
     solver.reset()
     turn, old, new = rigid_between(home, places)
     near = (places - new) @ turn + old
-    for step in range(1, _STEPS + 1):
-        solver.solve(rows_of(home + (near - home) * (step / _STEPS)))
-    for _ in range(_SETTLING):
+    for step in range(1, _PATH_STEPS + 1):
+        solver.solve(rows_of(home + (near - home) * (step / _PATH_STEPS)))
+    for _ in range(_SETTLING_FRAMES):
         solver.solve()
     solver.solve(rows_of(places))
 

@@ -66,7 +66,7 @@ def hold(
     count = len(places)
     matrix = np.ones((count + 1, count + 1))
     matrix[-1, -1] = 0.0
-    _products(start, rows, values, len(factor.order), matrix)
+    _transposed_products(start, rows, values, len(factor.order), matrix)
     matrix[np.arange(count), np.arange(count)] += soft
     return HeldVertices(
         places.astype(np.int32), start, rows, values, np.asarray(np.linalg.inv(matrix), np.float64), soft
@@ -74,7 +74,7 @@ def hold(
 
 
 @njit(cache=True, nogil=True)
-def _products(start, rows, values, count, matrix):
+def _transposed_products(start, rows, values, count, matrix):
     """Computes the upper left of ``matrix`` <- UᵀU."""
     work = np.zeros(count)
     for i in range(len(start) - 1):

@@ -12,7 +12,7 @@ from enliven.deformation.arap.surface import PreparedSurface
 from enliven.errors import InputError
 
 WHERE = "deformation"
-_FAR = 1e3
+_MAX_HANDLE_DISTANCE_RATIO = 1e3
 """Maximum distance of a handle from the mesh, as a multiple of the mesh's size."""
 
 
@@ -64,7 +64,7 @@ def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surfa
     if not np.isfinite(target).all():
         raise InputError("its target is not finite", where=who, mend="The last valid pose is kept.")
     farthest = float(np.abs(target - surface.centre).max())
-    if farthest > _FAR * surface.extent:
+    if farthest > _MAX_HANDLE_DISTANCE_RATIO * surface.extent:
         raise InputError(
             f"its target is {farthest:.3g} m away from a mesh of {surface.extent:.3g} m",
             where=who,

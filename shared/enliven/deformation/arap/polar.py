@@ -30,7 +30,7 @@ CLEAR = 19
 """Row of the derivative of the characteristic polynomial at its top root: 0 if the eigenvalue is double."""
 ROWS = 20
 """Rows of a block."""
-_UNCLEAR = 0.05
+_MAX_UNRELIABLE_DERIVATIVE = 0.05
 """Maximum derivative at which the adjugate is too small for a reliable eigenvector in float64."""
 
 
@@ -129,7 +129,7 @@ def polar(block, count, frames, at):
     """
     _polar_fast(block)
     for n in range(count):
-        if block[CLEAR * N + n] > _UNCLEAR:
+        if block[CLEAR * N + n] > _MAX_UNRELIABLE_DERIVATIVE:
             continue
         m, norm, size = np.empty((3, 3)), 0.0, 0.0
         for k in range(9):

@@ -9,7 +9,7 @@ from enliven.arrays import Bool, Float, Float32, Int, Int32
 from enliven.kernels import njit
 from enliven.meshes import Mesh, shells
 
-_DUST = 2.0
+_MAX_DUST_SIZE_SPACINGS = 2.0
 """Maximum size, in spacings, of a shell that follows the nearest surface as a whole."""
 
 
@@ -57,7 +57,7 @@ def riding_on(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
         np.minimum.at(low[:, c], label, points[:, c])
         np.maximum.at(high[:, c], label, points[:, c])
     size = np.linalg.norm(high - low, axis=1)
-    small = size < _DUST * spacing
+    small = size < _MAX_DUST_SIZE_SPACINGS * spacing
     small[size.argmax()] = False
     small[awake] = False
     return np.asarray(small[label])

@@ -35,7 +35,9 @@ class SelfIntersection:
     def crossing(self, vertices: Float) -> Int:
         """Returns (K,) the faces that intersect others in a pose (V, 3), ascending."""
         moved = np.array(vertices, np.float64, order="C")
-        return np.sort(self._order[_crossing(moved, self._corners, *_boxes(moved, self._corners))])
+        return np.sort(
+            self._order[_crossing_faces(moved, self._corners, *_bounding_boxes(moved, self._corners))]
+        )
 
     def newly_crossing(self, vertices: Float) -> Int:
         """Returns (K,) those of :meth:`crossing` that do not cross at rest."""
@@ -52,7 +54,7 @@ def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
 
 
 @njit(cache=True, nogil=True)
-def _boxes(vertices, corners):
+def _bounding_boxes(vertices, corners):
     """Computes bounding boxes: (F, 6) of the faces, and (2 L, 6) of the nodes of a full binary tree over
     them.
 
@@ -79,7 +81,7 @@ def _boxes(vertices, corners):
 
 
 @njit(cache=True, nogil=True)
-def _apart(boxes, a, b):
+def _are_boxes_disjoint(boxes, a, b):
     """Returns whether two boxes are disjoint."""
     return (
         boxes[a, 0] > boxes[b, 3]
@@ -92,7 +94,7 @@ def _apart(boxes, a, b):
 
 
 @njit(cache=True, nogil=True)
-def _crossing(vertices, corners, of_face, boxes):
+def _crossing_faces(vertices, corners, of_face, boxes):
     """Returns (K,) the rows of ``corners`` (F, 3) with faces that cross others."""
     count, leaves = corners.shape[0], boxes.shape[0] // 2
     hit = np.zeros(count, np.bool_)
@@ -103,7 +105,7 @@ def _crossing(vertices, corners, of_face, boxes):
     while size > 0:
         size -= 1
         a, b = stack[size]
-        if a != b and _apart(boxes, a, b):
+        if a != b and _are_boxes_disjoint(boxes, a, b):
             continue
         if a >= leaves:
             _leaves_cross(vertices, corners, of_face, 4 * (a - leaves), 4 * (b - leaves), hit)
@@ -128,14 +130,14 @@ def _leaves_cross(vertices, corners, of_face, a, b, hit):
         for g in range(f + 1 if a == b else b, min(b + 4, count)):
             if hit[f] and hit[g]:
                 continue
-            if _apart(of_face, f, g) or _neighbours(corners, f, g):
+            if _are_boxes_disjoint(of_face, f, g) or _share_position(corners, f, g):
                 continue
-            if _pierces(vertices, corners, f, g) or _pierces(vertices, corners, g, f):
+            if _edge_pierces_face(vertices, corners, f, g) or _edge_pierces_face(vertices, corners, g, f):
                 hit[f] = hit[g] = True
 
 
 @njit(cache=True, nogil=True)
-def _neighbours(corners, f, g):
+def _share_position(corners, f, g):
     """Returns whether two faces share a position of the mesh."""
     for i in range(3):
         for j in range(3):
@@ -145,7 +147,7 @@ def _neighbours(corners, f, g):
 
 
 @njit(cache=True, nogil=True)
-def _side(vertices, a, b, c, d):
+def _signed_side(vertices, a, b, c, d):
     """Returns six times the signed volume of a tetrahedron: the side of the plane a, b, c that the point d
     is on.
     """
@@ -157,20 +159,28 @@ def _side(vertices, a, b, c, d):
 
 
 @njit(cache=True, nogil=True)
-def _pierces(vertices, corners, f, g):
+def _edge_pierces_face(vertices, corners, f, g):
     """Returns whether an edge of face ``f`` passes through the inside of face ``g``."""
     a, b, c = corners[g, 0], corners[g, 1], corners[g, 2]
     p, q, r = corners[f, 0], corners[f, 1], corners[f, 2]
-    sp, sq, sr = _side(vertices, a, b, c, p), _side(vertices, a, b, c, q), _side(vertices, a, b, c, r)
+    sp, sq, sr = (
+        _signed_side(vertices, a, b, c, p),
+        _signed_side(vertices, a, b, c, q),
+        _signed_side(vertices, a, b, c, r),
+    )
     return (
-        (sp * sq < 0.0 and _through(vertices, a, b, c, p, q))
-        or (sq * sr < 0.0 and _through(vertices, a, b, c, q, r))
-        or (sr * sp < 0.0 and _through(vertices, a, b, c, r, p))
+        (sp * sq < 0.0 and _line_meets_face(vertices, a, b, c, p, q))
+        or (sq * sr < 0.0 and _line_meets_face(vertices, a, b, c, q, r))
+        or (sr * sp < 0.0 and _line_meets_face(vertices, a, b, c, r, p))
     )
 
 
 @njit(cache=True, nogil=True)
-def _through(vertices, a, b, c, p, q):
+def _line_meets_face(vertices, a, b, c, p, q):
     """Returns whether the line through p and q meets the inside of the face a, b, c."""
-    u, v, w = _side(vertices, p, q, a, b), _side(vertices, p, q, b, c), _side(vertices, p, q, c, a)
+    u, v, w = (
+        _signed_side(vertices, p, q, a, b),
+        _signed_side(vertices, p, q, b, c),
+        _signed_side(vertices, p, q, c, a),
+    )
     return (u > 0.0 and v > 0.0 and w > 0.0) or (u < 0.0 and v < 0.0 and w < 0.0)

@@ -39,7 +39,7 @@ from enliven.document import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 
-_SAME = 1e-6
+_SAME_TARGET_FRACTION = 1e-6
 """Maximum distance, as a fraction of the mesh's size, at which two hard handles on one vertex agree."""
 _MOST_HELD = 2000
 """Maximum number of vertices of all handles. A frame multiplies by a dense square matrix of this size."""
@@ -141,14 +141,14 @@ class ArapSolver:
         frames = self._frames.reshape(-1)
         follow(held, frames, self._shown, rows, settings.follow)
         for _ in range(max(settings.iterations - settings.squash_and_stretch, 1)):
-            self._fit()
-            shift = self._global(held, rows)
+            self._fit_cells()
+            shift = self._solve_global_step(held, rows)
             moved(frames, self._z, shift, surface.cells.eliminated)
         shift = (0.0, 0.0, 0.0)
         if settings.squash_and_stretch:
             exaggeration, most = settings.exaggeration, settings.most_stretch
-            self._share(turn_and_squash, surface.cells, frames, exaggeration, most)
-            shift = self._global(held, rows, settings.volume)
+            self._run_over_vertices(turn_and_squash, surface.cells, frames, exaggeration, most)
+            shift = self._solve_global_step(held, rows, settings.volume)
         else:
             set_zero(self._z)
         pose: Float = np.empty_like(self.pose)
@@ -174,25 +174,27 @@ class ArapSolver:
             name: checked_target(name, value, self.handles, self._surface)
             for name, value in (targets or {}).items()
         }
-        held, rows = self._together(wanted)
+        held, rows = self._merged_handles(wanted)
         return wanted, held, rows
 
-    def _fit(self) -> None:
+    def _fit_cells(self) -> None:
         """Computes each cell's best rotation and scale at the current positions."""
         most = self.settings.most_stretch if self.settings.squash_and_stretch else 1.0
         frames, hold = self._frames.reshape(-1), float(self.settings.hold)
-        self._share(turn_and_scale, self._surface.cells, frames, hold, 1 / most, float(most))
+        self._run_over_vertices(turn_and_scale, self._surface.cells, frames, hold, 1 / most, float(most))
 
-    def _share(self, kernel: Callable[..., Any], *arguments: Any) -> None:
+    def _run_over_vertices(self, kernel: Callable[..., Any], *arguments: Any) -> None:
         """Runs the kernel over all vertices."""
         shared(kernel, len(self._surface.rest), self._threads, *arguments)
 
-    def _global(self, held: HeldVertices, rows: Float, volume: float = 0.0) -> tuple[float, float, float]:
+    def _solve_global_step(
+        self, held: HeldVertices, rows: Float, volume: float = 0.0
+    ) -> tuple[float, float, float]:
         """Writes the correction of eq. 9 (or 13, with a pressure) into ``_z``, and returns the translation
         of the whole.
         """
         surface, frames = self._surface, self._frames.reshape(-1)
-        self._share(residual, surface.cells, frames, self._z)
+        self._run_over_vertices(residual, surface.cells, frames, self._z)
         if volume > 0.0 and surface.volume is not None:
             about = (surface.volume, frames, surface.cells.eliminated, self._shown, self._forces)
             self.pressure = press(*about, self.pressure, volume, self._z)
@@ -253,7 +255,7 @@ class ArapSolver:
         vertices = np.flatnonzero(rows >= 0)
         return vertices, rows[vertices]
 
-    def _together(self, wanted: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
+    def _merged_handles(self, wanted: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
         """Returns the handle vertices and (H, 3) targets about the centre.
 
         Raises:
@@ -280,7 +282,7 @@ class ArapSolver:
                 continue
             other = first.setdefault(place, k)
             gap = float(np.linalg.norm(everything[k] - everything[other]))
-            if gap > _SAME * self._surface.extent:
+            if gap > _SAME_TARGET_FRACTION * self._surface.extent:
                 raise InputError(
                     f"handles {names[other]!r} and {names[k]!r} hold the same vertex, {gap:.3g} m apart",
                     where=WHERE,

@@ -126,7 +126,7 @@ def backward(factor, z, room):
 
 
 @njit(cache=True, nogil=True)
-def _at(factor, s, width, height, r, c):
+def _panel_index(factor, s, width, height, r, c):
     """Returns the index of the value in row r and column c of a panel."""
     return factor.value_start[s] + (r if width == 1 else 4 * ((c // 4) * height + r) + c % 4)
 
@@ -153,12 +153,12 @@ def unit_column(factor, place):
         for r in range(width):
             total = 0.0
             for c in range(r + 1):
-                total += values[_at(factor, s, width, height, r, c)] * work[a + c]
+                total += values[_panel_index(factor, s, width, height, r, c)] * work[a + c]
             places[size + r], column[size + r] = a + r, total
         for r in range(width, height):
             total = 0.0
             for c in range(width):
-                total += values[_at(factor, s, width, height, r, c)] * column[size + c]
+                total += values[_panel_index(factor, s, width, height, r, c)] * column[size + c]
             work[rows[row_start[s] + r - width]] -= total
         size += width
         s = factor.parent[s]

@@ -15,16 +15,16 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any
 
-_PIECES = 8
+_RANGE_PIECES = 8
 """Pieces of a range. If one thread is delayed, the other one can take most of them."""
-_BLOCK = 64
+_BLOCK_VERTICES = 64
 """Vertices per piece are a multiple of this, because the kernels work on blocks of this many cells."""
-_SMALL = 4000
+_MIN_THREADED_VERTICES = 4000
 """Minimum number of vertices for two threads. Below it, waking the second thread costs as much as it
 saves."""
-_RETRIED = 40
+_RETIMING_CALLS = 40
 """Number of calls after which the slower thread count is timed again."""
-_FORGOTTEN = 1.01
+_TIME_INFLATION_FACTOR = 1.01
 """Factor on the minimum times per call, so that a past load is forgotten within about 70 calls."""
 
 
@@ -44,25 +44,25 @@ class ThreadChoice:
         self._calls += 1
         faster = 1 if self._least[0] <= self._least[1] else 2
         unknown = math.inf in self._least and self._calls > 1
-        return 3 - faster if unknown or self._calls % _RETRIED == 0 else faster
+        return 3 - faster if unknown or self._calls % _RETIMING_CALLS == 0 else faster
 
     def note(self, threads: int, seconds: float) -> None:
         """Records the seconds that a call with this number of threads took."""
-        self._least = [least * _FORGOTTEN for least in self._least]
+        self._least = [least * _TIME_INFLATION_FACTOR for least in self._least]
         self._least[threads - 1] = min(seconds, self._least[threads - 1])
 
 
 @cache
-def _second() -> ThreadPoolExecutor:
+def _second_thread() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, "enliven-arap")
 
 
 def shared(kernel: Callable[..., Any], count: int, threads: int, *arguments: Any) -> None:
     """Runs ``kernel(*arguments, first, last)`` over 0 to ``count``, in one or two threads."""
-    if threads < 2 or count < _SMALL:
+    if threads < 2 or count < _MIN_THREADED_VERTICES:
         kernel(*arguments, 0, count)
         return
-    length = -(-count // (_PIECES * _BLOCK)) * _BLOCK
+    length = -(-count // (_RANGE_PIECES * _BLOCK_VERTICES)) * _BLOCK_VERTICES
     pieces = deque(range(0, count, length))
 
     def work(take: Callable[[], int]) -> None:
@@ -73,7 +73,7 @@ def shared(kernel: Callable[..., Any], count: int, threads: int, *arguments: Any
                 return
             kernel(*arguments, first, min(first + length, count))
 
-    other = _second().submit(work, pieces.pop)
+    other = _second_thread().submit(work, pieces.pop)
     work(pieces.popleft)
     if not other.cancel():
         other.result()

@@ -21,15 +21,15 @@ from enliven.deformation.arap.factor import Factor
 from enliven.deformation.arap.solves import backward, forward
 from enliven.kernels import njit
 
-_OPEN = 0.02
+_MAX_OPEN_EDGE_FRACTION = 0.02
 """Maximum fraction of open edges at which a surface still counts as closed."""
-_FLAT = 1e-3
+_MIN_BALL_VOLUME_FRACTION = 1e-3
 """Minimum volume of a closed surface, as a fraction of that of a ball with the same area."""
-_STEP = 0.7
+_CORRECTION_PER_FRAME = 0.7
 """Fraction of the missing volume that is corrected per frame."""
-_STRETCHED = 0.05**2
+_HALF_PRESSURE_STRETCH_SQUARED = 0.05**2
 """The squared stretch at which a cell gets half of the pressure."""
-_MOST = 0.35
+_MAX_MOVED_VOLUME_FRACTION = 0.35
 """Maximum fraction of the volume that the pressure may move."""
 
 
@@ -54,7 +54,7 @@ def volume_of(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume |
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
     keys, uses = np.unique(sides[:, 0] * len(rest) + sides[:, 1], return_counts=True)
     bare = keys[uses == 1]
-    if len(bare) > _OPEN * len(keys):
+    if len(bare) > _MAX_OPEN_EDGE_FRACTION * len(keys):
         return None
     border = np.unique(np.concatenate([bare // len(rest), bare % len(rest)]))
     triangles = np.ascontiguousarray(faces, np.int32)
@@ -62,7 +62,7 @@ def volume_of(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume |
     enclosed = gradient(rest, triangles, border, forces)
     a, b, c = (rest[faces[:, k]] for k in range(3))
     area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-    if not enclosed > _FLAT * area**1.5 / (6 * np.sqrt(np.pi)):
+    if not enclosed > _MIN_BALL_VOLUME_FRACTION * area**1.5 / (6 * np.sqrt(np.pi)):
         return None
     forces -= forces.mean(0)
     z = np.zeros(4 * (len(rest) + 4), np.float32)
@@ -114,18 +114,18 @@ def press(volume, frames, eliminated, pose, forces, pressure, kept, z):
     for i in range(len(forces)):
         size = forces[i, 0] ** 2 + forces[i, 1] ** 2 + forces[i, 2] ** 2
         d = frames[16 * i + 3] ** 2
-        share = d / (d + _STRETCHED)
+        share = d / (d + _HALF_PRESSURE_STRETCH_SQUARED)
         whole, pressed = whole + size, pressed + share * size
     if pressed < 1e-3 * whole:
         return 0.0
-    most = _MOST * volume.rest / volume.ease
+    most = _MAX_MOVED_VOLUME_FRACTION * volume.rest / volume.ease
     # Estimate the volume without pressure: the present volume minus the effect of the pressure.
     ease = volume.ease * pressed / whole
-    pressure += _STEP * (kept * missing - (1.0 - kept) * pressure * ease) / ease
+    pressure += _CORRECTION_PER_FRAME * (kept * missing - (1.0 - kept) * pressure * ease) / ease
     pressure = min(max(pressure, -most), most)
     for i in range(len(forces)):
         d, at = frames[16 * i + 3] ** 2, 4 * eliminated[i]
-        push = pressure * d / (d + _STRETCHED)
+        push = pressure * d / (d + _HALF_PRESSURE_STRETCH_SQUARED)
         for c in range(3):
             z[at + c] += push * forces[i, c]
     return pressure

@@ -17,15 +17,15 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from enliven.arrays import Float, Int, Int32
 from enliven.deformation.graph import components
 
-_SINE = np.sin(np.radians(1.0))
+_MIN_ANGLE_SINE = np.sin(np.radians(1.0))
 """Sine of the smallest angle that is used for cotangents. Thinner triangles would give unbounded weights."""
 LEAST = 0.01
 """Minimum weight of an edge; an edge of the equilateral triangle has 0.58."""
 VIRTUAL = 0.5
 """The weight of an edge that is not in the mesh."""
-_LINKS = 4
+_LINKS_PER_SHELL = 4
 """Number of vertices on each side that link a shell to the next. Three are enough to prevent rotation."""
-_EXACT = 64
+_MAX_EXACTLY_JOINED_SHELLS = 64
 """Maximum number of shells that are joined at their exactly nearest vertices."""
 
 
@@ -39,10 +39,10 @@ def surface_edges(vertices: Float, faces: Int32) -> tuple[Int, Float]:
         tip, left, right = (faces[:, (k + m) % 3].astype(np.int64) for m in range(3))
         u, v = vertices[left] - vertices[tip], vertices[right] - vertices[tip]
         lengths = np.sqrt((u * u).sum(1) * (v * v).sum(1))
-        sine = np.maximum(np.linalg.norm(np.cross(u, v), axis=1), _SINE * lengths)
+        sine = np.maximum(np.linalg.norm(np.cross(u, v), axis=1), _MIN_ANGLE_SINE * lengths)
         cotangent = (u * v).sum(1) / np.where(sine > 0, sine, 1.0)
         ends.append(np.stack([np.minimum(left, right), np.maximum(left, right)], 1))
-        halves.append(np.clip(cotangent, -1 / _SINE, 1 / _SINE) / 2)
+        halves.append(np.clip(cotangent, -1 / _MIN_ANGLE_SINE, 1 / _MIN_ANGLE_SINE) / 2)
     pairs, values = np.concatenate(ends), np.concatenate(halves)
     proper = pairs[:, 0] != pairs[:, 1]
     keys, where = np.unique(pairs[proper, 0] * count + pairs[proper, 1], return_inverse=True)
@@ -60,16 +60,16 @@ def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
     count = len(vertices)
     edge_groups: list[Int] = []
     label = components(count, edges)
-    if label.max() >= _EXACT:
+    if label.max() >= _MAX_EXACTLY_JOINED_SHELLS:
         edge_groups.append(_near_neighbours(vertices, label))
         label = components(count, np.concatenate([edges, *edge_groups]))
     while label.max() > 0:
         sizes = np.bincount(label)
-        for shell in np.argsort(sizes)[: min(label.max(), _EXACT)]:
+        for shell in np.argsort(sizes)[: min(label.max(), _MAX_EXACTLY_JOINED_SHELLS)]:
             inside = np.flatnonzero(label == shell)
             outside = np.flatnonzero(label != shell)
             if len(inside) and len(outside):
-                edge_groups.append(_joint(vertices, inside, outside, label))
+                edge_groups.append(_joining_edges(vertices, inside, outside, label))
                 label[inside] = label[edge_groups[-1][0, 1]]
         label = components(count, np.concatenate([edges, *edge_groups]))
     links = np.concatenate([np.empty((0, 2), np.int64), *edge_groups])
@@ -77,14 +77,14 @@ def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
     return links, np.full(len(links), VIRTUAL)
 
 
-def _joint(vertices: Float, inside: Int, outside: Int, label: Int) -> Int:
+def _joining_edges(vertices: Float, inside: Int, outside: Int, label: Int) -> Int:
     """Returns (L, 2) edges between the shell ``inside`` and the one nearest to it; the nearest pair first."""
     distance, nearest = scipy.spatial.cKDTree(vertices[outside]).query(vertices[inside])
     first = int(np.argmin(distance))
     here, there = int(inside[first]), int(outside[nearest[first]])
     other = np.flatnonzero(label == label[there])
     middle = (vertices[here] + vertices[there]) / 2
-    ours, theirs = (_around(vertices, group, middle) for group in (inside, other))
+    ours, theirs = (_nearest_vertices(vertices, group, middle) for group in (inside, other))
     links = [(here, there)]
     of_ours, of_theirs = (scipy.spatial.cKDTree(vertices[each]) for each in (ours, theirs))
     links += [(int(a), int(theirs[of_theirs.query(vertices[a])[1]])) for a in ours]
@@ -92,10 +92,10 @@ def _joint(vertices: Float, inside: Int, outside: Int, label: Int) -> Int:
     return np.array(links, np.int64)
 
 
-def _around(vertices: Float, group: Int, middle: Float) -> Int:
+def _nearest_vertices(vertices: Float, group: Int, middle: Float) -> Int:
     """Returns the few vertices of ``group`` nearest to ``middle``."""
     distance = np.linalg.norm(vertices[group] - middle, axis=1)
-    return group[np.argsort(distance, kind="stable")[:_LINKS]]
+    return group[np.argsort(distance, kind="stable")[:_LINKS_PER_SHELL]]
 
 
 def _near_neighbours(vertices: Float, label: Int) -> Int:
@@ -122,7 +122,7 @@ def _near_neighbours(vertices: Float, label: Int) -> Int:
     pair = a[order] * shells + b[order]
     kept, seen = [], dict.fromkeys(chosen, 0)
     for k, key in zip(order.tolist(), pair.tolist(), strict=True):
-        if key in seen and seen[key] < 2 * _LINKS:
+        if key in seen and seen[key] < 2 * _LINKS_PER_SHELL:
             seen[key] += 1
             kept.append((rows[k], columns[k]))
     return np.array(kept, np.int64).reshape(-1, 2)

@@ -20,11 +20,11 @@ from enliven.deformation.constraints.soft import Points, grid_subsample, joined_
 from enliven.document import Character
 from enliven.settings import setting
 
-_SOLES = 96
+_FEET_SAMPLE_COUNT = 96
 """Number of sample points for all feet."""
-_ELSEWHERE = 160
+_BODY_SAMPLE_COUNT = 160
 """Number of sample points for the rest of the mesh."""
-_LOW = 0.04
+_FOOT_HEIGHT_FRACTION = 0.04
 """Fraction of the height up to which a vertex belongs to a foot."""
 
 
@@ -97,13 +97,13 @@ class FloorContact:
         self.settings = settings or FloorSettings()
         y = character.vertices[:, 1].astype(np.float64)
         self.height = float(np.ptp(y)) or 1.0
-        low = np.flatnonzero(y < y.min() + _LOW * self.height)
-        soles = low[grid_subsample(character.vertices[low], _SOLES)]
-        rest = grid_subsample(character.vertices, _ELSEWHERE)
+        low = np.flatnonzero(y < y.min() + _FOOT_HEIGHT_FRACTION * self.height)
+        soles = low[grid_subsample(character.vertices[low], _FEET_SAMPLE_COUNT)]
+        rest = grid_subsample(character.vertices, _BODY_SAMPLE_COUNT)
         self.soles = Points.of(character, soles)
         self._all = Points.of(character, np.concatenate([soles, np.setdiff1d(rest, soles)]))
         self._lowest = float(y.min())
-        groups = _groups(self.soles.at, 2.0 * _LOW * self.height)
+        groups = _point_clusters(self.soles.at, 2.0 * _FOOT_HEIGHT_FRACTION * self.height)
         self.feet = [Foot(group) for group in groups]
         nodes = self.soles.pivots[:, 1]
         upper = np.flatnonzero(nodes > self._lowest + 0.4 * self.height)
@@ -143,11 +143,13 @@ class FloorContact:
         sets = [self._all.planes(near, up, floor, own.weight, True)]
         if own.use == "stand":
             for foot in self.feet:
-                self._judge(foot, now[foot.points], positions[self._upper][:, [0, 2]], seconds, floor)
-            sets += [planes for foot in self.feet if foot.firm > 0 for planes in self._pins(foot)]
+                self._update_foot_state(
+                    foot, now[foot.points], positions[self._upper][:, [0, 2]], seconds, floor
+                )
+            sets += [planes for foot in self.feet if foot.firm > 0 for planes in self._foot_lock_planes(foot)]
         return joined_planes(sets)
 
-    def _judge(self, foot: Foot, now: Float, whole: Float, seconds: float, floor: float) -> None:
+    def _update_foot_state(self, foot: Foot, now: Float, whole: Float, seconds: float, floor: float) -> None:
         """Updates whether a foot stands, from its points (P, 3), and x and z of the nodes above (M, 2)."""
         own, tall = self.settings, self.height
         speed = np.inf
@@ -156,7 +158,7 @@ class FloorContact:
         foot.last = now
         down = now[:, 1].min() < floor + own.touch * tall
         if foot.stood is not None and foot.whole is not None:
-            foot.drawn = _carried(foot.whole, whole, foot.stood)
+            foot.drawn = _carried_points(foot.whole, whole, foot.stood)
             far = float(np.linalg.norm((foot.drawn - foot.stood).mean(0))) > own.give * tall
             foot.letting_go = foot.letting_go or not down or far
         step = seconds / own.ease if own.ease > 0 else 1.0
@@ -170,7 +172,7 @@ class FloorContact:
             if foot.firm == 0.0:
                 foot.stood, foot.whole, foot.since = None, None, 0.0
 
-    def _pins(self, foot: Foot) -> list[PlaneConstraints]:
+    def _foot_lock_planes(self, foot: Foot) -> list[PlaneConstraints]:
         """Returns planes across x and z that lock a foot in place, or move it towards ``drawn`` during
         release.
         """
@@ -188,7 +190,7 @@ class FloorContact:
         ]
 
 
-def _carried(start: Float, end: Float, points: Float) -> Float:
+def _carried_points(start: Float, end: Float, points: Float) -> Float:
     """Returns (P, 2) the points moved like (M, 2) others: rotated and shifted over the floor (Procrustes)."""
     a, b = start - start.mean(0), end - end.mean(0)
     cosine, sine = float((a * b).sum()), float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
@@ -197,7 +199,7 @@ def _carried(start: Float, end: Float, points: Float) -> Float:
     return np.asarray((points - start.mean(0)) @ np.array([[c, s], [-s, c]]) + end.mean(0))
 
 
-def _groups(points: Float, gap: float) -> list[Int]:
+def _point_clusters(points: Float, gap: float) -> list[Int]:
     """Returns the points in clusters with gaps of at most ``gap`` over the floor."""
     apart = np.linalg.norm(points[:, None, [0, 2]] - points[None][:, :, [0, 2]], axis=2)
     count, label = connected_components(csr_matrix(apart < gap), directed=False)

@@ -78,7 +78,7 @@ class ObservedSurface:
         self.points = Points.of(character, which)
         mesh = Mesh(character.vertices.astype(np.float64), character.faces, character.id)
         self._tips = Points(
-            self.points.at + _STEP * mesh.vertex_normals()[which],
+            self.points.at + _NORMAL_STEP_M * mesh.vertex_normals()[which],
             self.points.nodes,
             self.points.weights,
             self.points.pivots,
@@ -104,7 +104,9 @@ class ObservedSurface:
         facing = self._tips.moved(linear, positions) - surface
         facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
         farthest = own.farthest * metre
-        nearest, lengths = _compatible(points, normals, surface, facing, farthest, math.cos(own.angle))
+        nearest, lengths = _compatible_surface_points(
+            points, normals, surface, facing, farthest, math.cos(own.angle)
+        )
         met = nearest >= 0
         nearest, points, normals, lengths = nearest[met], points[met], normals[met], lengths[met]
         gap = np.einsum("ma,ma->m", normals, surface[nearest] - points) / (own.doubt * metre)
@@ -116,12 +118,12 @@ class ObservedSurface:
         return self.points.planes(nearest, normals, offsets, weights, False)
 
 
-_STEP = 1e-3
+_NORMAL_STEP_M = 1e-3
 """Distance along a normal, metres, for measuring its rotation by finite differences."""
 
 
 @njit(cache=True, nogil=True)
-def _compatible(points, normals, surface, facing, farthest, cosine):
+def _compatible_surface_points(points, normals, surface, facing, farthest, cosine):
     """Returns (M,) the nearest surface point with a compatible normal for each point, -1 for none; (M,)
     metres to it.
     """

@@ -47,7 +47,7 @@ class Points:
     def moved(self, linear: Float, positions: Float) -> Float:
         """Returns (P, 3) metres, the points' positions for nodes at ``linear`` and ``positions``."""
         linear, positions = np.ascontiguousarray(linear), np.ascontiguousarray(positions)
-        return np.asarray(_moved(self.at, self.nodes, self.weights, self.pivots, linear, positions))
+        return np.asarray(_deformed_points(self.at, self.nodes, self.weights, self.pivots, linear, positions))
 
     def planes(
         self,
@@ -106,7 +106,7 @@ def _one_a_cell(points: Float | Float32, low: Float | Float32, cell: float) -> I
 
 
 @njit(cache=True, nogil=True)
-def _moved(at, nodes, weights, pivots, linear, positions):
+def _deformed_points(at, nodes, weights, pivots, linear, positions):
     """Computes :meth:`Points.moved`: the deformation map of KinÊtre, eq. 2."""
     out = np.zeros((at.shape[0], 3))
     for i in range(at.shape[0]):

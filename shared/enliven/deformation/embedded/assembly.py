@@ -134,7 +134,7 @@ def _add_rigid(lower, start, frames, t, edge_block, m):
 
 
 @njit(cache=True, nogil=True)
-def _jacobian(frames, nodes, rows, m, arms, out):
+def _point_jacobian(frames, nodes, rows, m, arms, out):
     """Computes (4, 3, 8) the Jacobian of point ``m`` by each node's rotation and translation: [-u]x and
     its weight.
     """
@@ -158,7 +158,7 @@ def _add_points(nodes, rows, pulls, s):
     for m in range(nodes.shape[0]):
         if not pulls[m] > 0.0:
             continue
-        _jacobian(s.linear, nodes, rows, m, arms, jacobian)
+        _point_jacobian(s.linear, nodes, rows, m, arms, jacobian)
         pull = np.float32(pulls[m])
         pair = 0
         for a in range(4):
@@ -208,7 +208,7 @@ def _add_planes(planes, s):
         w = planes.weights[m]
         if not w > 0.0:
             continue
-        _jacobian(s.linear, planes.nodes, planes.rows, m, arms, jacobian)
+        _point_jacobian(s.linear, planes.nodes, planes.rows, m, arms, jacobian)
         for k in range(4):
             for c in range(6):
                 line[k, c] = 0.0

@@ -15,12 +15,12 @@ from enliven.deformation.embedded.energy import Planes, Terms, gradient
 from enliven.deformation.embedded.lbfgs import Allowance, SolverBuffers, full_step
 from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
 
-_COSTS: dict[tuple[int, int], tuple[float, float, float]] = {}
+_MEASURED_COSTS_MS: dict[tuple[int, int], tuple[float, float, float]] = {}
 """Milliseconds of a step, a matrix and a gradient, by a graph's number of nodes and edges. A new hold then
 does not measure them again, which takes a frame."""
-_REPEATS = 4
+_TIMING_REPEATS = 4
 """Number of times that each kind of work is timed. The minimum is its cost on an idle machine."""
-_BEFORE = 2.0
+_FIXED_FRAME_COST_STEPS = 2.0
 """Cost of a frame's fixed parts, in steps: choosing its start and writing its state out."""
 
 
@@ -29,21 +29,21 @@ def allowance_of(budget_ms: float, x: Float, terms: Terms, planes: Planes, syste
     timed.
     """
     size = len(terms.stretch), len(terms.edges)
-    if size not in _COSTS:
+    if size not in _MEASURED_COSTS_MS:
         work = SolverBuffers.empty(len(terms.stretch))
         at = x.copy()
         matrix = _least_ms(lambda: refactor(at, terms, planes, work.raw, system))
         step = _least_ms(lambda: full_step(at, terms, planes, system, work))
-        _COSTS[size] = step, matrix, _least_ms(lambda: gradient(at, terms, planes, work.raw))
-    step, matrix, retry = _COSTS[size]
-    return Allowance(budget_ms / step - _BEFORE, matrix / step, retry / step)
+        _MEASURED_COSTS_MS[size] = step, matrix, _least_ms(lambda: gradient(at, terms, planes, work.raw))
+    step, matrix, retry = _MEASURED_COSTS_MS[size]
+    return Allowance(budget_ms / step - _FIXED_FRAME_COST_STEPS, matrix / step, retry / step)
 
 
 def _least_ms(do: Callable[[], object]) -> float:
     """Returns the milliseconds of the fastest of several runs, after a first one that compiles."""
     do()
     least = float("inf")
-    for _ in range(_REPEATS):
+    for _ in range(_TIMING_REPEATS):
         begin = time.perf_counter()
         do()
         least = min(least, 1e3 * (time.perf_counter() - begin))

@@ -78,16 +78,16 @@ class Terms(NamedTuple):
 @njit(cache=True, nogil=True)
 def gradient(x, t, planes, out):
     """Computes dE/dx into ``out`` (16 N,); returns (E_rot, E_reg, E_con, E_rig, E_planes, E), weighted."""
-    rot = _rotation(x, t.stretch, out)
-    reg = _smoothness(x, t.edges, t.offsets, t.smooth, out)
-    con = _constraints(x, t, out)
-    rig = _rigidity(x, t, out) if t.rigid.shape[0] > 0 else 0.0
-    side = _planes(x, planes, out)
+    rot = _rotation_energy(x, t.stretch, out)
+    reg = _smoothness_energy(x, t.edges, t.offsets, t.smooth, out)
+    con = _constraint_energy(x, t, out)
+    rig = _rigidity_energy(x, t, out) if t.rigid.shape[0] > 0 else 0.0
+    side = _plane_energy(x, planes, out)
     return rot, reg, con, rig, side, rot + reg + con + rig + side
 
 
 @njit(cache=True, nogil=True)
-def _rotation(x, w, out):
+def _rotation_energy(x, w, out):
     """Computes E_rot, eq. 3: |RᵀR - I|^2; dE/dR = 4 R (RᵀR - I). Overwrites ``out``."""
     energy = 0.0
     zero = splat4(0.0)
@@ -106,7 +106,7 @@ def _rotation(x, w, out):
 
 
 @njit(cache=True, nogil=True)
-def _smoothness(x, edges, offsets, w, out):
+def _smoothness_energy(x, edges, offsets, w, out):
     """Adds E_reg, eq. 4, in both directions of every edge: |R_i (g_j - g_i) + p_i - p_j|^2."""
     energy = splat4(0.0)
     for e in range(edges.shape[0]):
@@ -133,7 +133,7 @@ def _smoothness(x, edges, offsets, w, out):
 
 
 @njit(cache=True, nogil=True)
-def _moved(x, nodes, rows, m):
+def _deformed_point(x, nodes, rows, m):
     """Returns phi(p), eq. 2, of point ``m``."""
     even = odd = splat4(0.0)
     for k in range(4):
@@ -147,7 +147,7 @@ def _moved(x, nodes, rows, m):
 
 
 @njit(cache=True, nogil=True)
-def _pull(nodes, rows, m, force, out):
+def _add_point_gradient(nodes, rows, m, force, out):
     """Adds the derivative by phi(p) to the nodes of point ``m``."""
     for k in range(4):
         at = 16 * nodes[m, k]
@@ -157,7 +157,7 @@ def _pull(nodes, rows, m, force, out):
 
 
 @njit(cache=True, nogil=True)
-def _constraints(x, t, out):
+def _constraint_energy(x, t, out):
     """Adds E_con, eq. 5: |phi(p) - q|^2, times the constraint's own weight.
 
     Each node gathers from the constraints that hold it. Its gradient is then read and written once, not once
@@ -168,7 +168,7 @@ def _constraints(x, t, out):
     for m in range(t.pulls.shape[0]):
         force = splat4(0.0)
         if t.pulls[m] > 0.0:
-            off = _moved(x, t.nodes, t.rows, m) - load4(flat, 4 * m)
+            off = _deformed_point(x, t.nodes, t.rows, m) - load4(flat, 4 * m)
             force = splat4(2 * t.pulls[m]) * off
             energy = fma4(t.pulls[m], off * off, energy)
         store4(t.forces, 4 * m, force)
@@ -195,28 +195,28 @@ def constraint_energy(x, t):
     flat = t.targets.reshape(-1)
     for m in range(t.nodes.shape[0]):
         if t.pulls[m] > 0.0:
-            off = _moved(x, t.nodes, t.rows, m) - load4(flat, 4 * m)
+            off = _deformed_point(x, t.nodes, t.rows, m) - load4(flat, 4 * m)
             energy = fma4(t.pulls[m], off * off, energy)
     return total4(energy)
 
 
 @njit(cache=True, nogil=True)
-def _planes(x, planes, out):
+def _plane_energy(x, planes, out):
     """Adds w (n.phi(p) - b)^2; for a one-sided plane only if n.phi(p) < b."""
     energy = 0.0
     flat = planes.normals.reshape(-1)
     for m in range(planes.nodes.shape[0]):
         w = planes.weights[m]
         normal = load4(flat, 4 * m)
-        gap = total4(normal * _moved(x, planes.nodes, planes.rows, m)) - planes.offsets[m]
+        gap = total4(normal * _deformed_point(x, planes.nodes, planes.rows, m)) - planes.offsets[m]
         if w > 0.0 and (gap < 0.0 or not planes.one_sided[m]):
             energy += w * gap * gap
-            _pull(planes.nodes, planes.rows, m, splat4(2 * w * gap) * normal, out)
+            _add_point_gradient(planes.nodes, planes.rows, m, splat4(2 * w * gap) * normal, out)
     return energy
 
 
 @njit(cache=True, nogil=True)
-def _rigidity(x, t, out):
+def _rigidity_energy(x, t, out):
     """Adds E_rig, eq. 7: |R_kᵀR_j - I|^2 and the translations' difference."""
     energy = 0.0
     for m in range(t.rigid.shape[0]):
@@ -229,12 +229,12 @@ def _rigidity(x, t, out):
                 energy += w * s * s
                 store4(out, k + 4 * c, fma4(2 * w * s, right, load4(out, k + 4 * c)))
                 store4(out, j + 4 * d, fma4(2 * w * s, left, load4(out, j + 4 * d)))
-        energy += _slip(x, t.offsets[e], t.turning, w, j, k, out)
+        energy += _slip_energy(x, t.offsets[e], t.turning, w, j, k, out)
     return energy
 
 
 @njit(cache=True, nogil=True)
-def _slip(x, offset, turning, w, j, k, out):
+def _slip_energy(x, offset, turning, w, j, k, out):
     """Adds the squared distance between the images of the edge's middle (turning 1), or between
     translations (0).
     """

@@ -17,13 +17,13 @@ from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, descend
 from enliven.deformation.embedded.preconditioner import RigidSystem
 from enliven.deformation.embedded.safeguards import thicken
 
-_MOST = 300
+_MAX_ITERATIONS = 300
 """Maximum number of iterations. A ridge is left after ten to forty."""
-_TOLERANCE = 1e-8
+_PROMISED_DECREASE_FRACTION = 1e-8
 """Fraction of the energy that the last step promises. On a ridge, a step promises a hundred times as much."""
-_LEFT = 1e-3
+_MAX_EXCESS_ENERGY_FRACTION = 1e-3
 """Maximum fraction of the energy above the minimum for a settled frame: half of the required 0.2 %."""
-_INVISIBLE = 1e-6
+_NEGLIGIBLE_ENERGY = 1e-6
 """An energy below which fractions are meaningless. With the default weights, it is a point a tenth of a
 millimetre off."""
 
@@ -38,8 +38,8 @@ def lower_state(x: Float, terms: Terms, planes: Planes, system: RigidSystem) -> 
     energies = gradient(low, terms, planes, work.raw)
     before = energies[5]
     record_energies(work, energies)
-    descend(low, terms, planes, system.twin(), work, _MOST, _TOLERANCE, UNLIMITED)
+    descend(low, terms, planes, system.twin(), work, _MAX_ITERATIONS, _PROMISED_DECREASE_FRACTION, UNLIMITED)
     if thicken(low):
         record_energies(work, gradient(low, terms, planes, work.raw))
     after = float(work.energies[5])
-    return low if before - after > _LEFT * after + _INVISIBLE else None
+    return low if before - after > _MAX_EXCESS_ENERGY_FRACTION * after + _NEGLIGIBLE_ENERGY else None

@@ -20,7 +20,7 @@ from enliven.deformation.embedded.safeguards import set_upright, thicken
 from enliven.deformation.embedded.warm_start import choose_start
 from enliven.kernels import njit
 
-_WAKING = 1
+_THREAD_WAKING_COST_STEPS = 1
 """Cost, in steps, of waking the second thread and fetching its matrix."""
 
 
@@ -72,4 +72,4 @@ def next_frame(state, planes, system, targets, weights, linear, positions):
     if thicken(x):
         record_energies(work, gradient(x, t, p, work.raw))
     plain_state(x.reshape(-1, 4, 4), f.order, linear, positions)
-    return done, is_aged(work.age, _WAKING)
+    return done, is_aged(work.age, _THREAD_WAKING_COST_STEPS)

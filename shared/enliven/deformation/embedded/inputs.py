@@ -12,9 +12,14 @@ from enliven.kernels import njit
 
 _MAX_TARGET_M = 1e4
 """Distance, metres, beyond which a target is not a measurement."""
-_NONE = np.empty(0)
+_EMPTY_ARRAY = np.empty(0)
 NO_PLANES = Planes(
-    np.empty((0, 4), np.int32), np.empty((0, 4, 4)), np.empty((0, 4)), _NONE, _NONE, np.empty(0, np.bool_)
+    np.empty((0, 4), np.int32),
+    np.empty((0, 4, 4)),
+    np.empty((0, 4)),
+    _EMPTY_ARRAY,
+    _EMPTY_ARRAY,
+    np.empty(0, np.bool_),
 )
 """A frame without planes."""
 

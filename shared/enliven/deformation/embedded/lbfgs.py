@@ -16,31 +16,31 @@ from enliven.deformation.embedded.preconditioner import align, outdated, precond
 from enliven.kernels import copy_row, njit
 from enliven.lanes import fma8, load8, splat8, store8, total8
 
-_PAIRS = 5
+_REMEMBERED_STEPS = 5
 """Number of steps that L-BFGS remembers. Each costs a thirtieth of a step in every later one."""
-_ANEW = 12
+_MATRIX_RENEWAL_STEPS = 12
 """Number of steps after which the matrix is computed again within a frame, because the nodes have moved
 far."""
 _ASSEMBLY_STEPS = 2
 """Cost, in steps, of assembling the terms of a new matrix."""
-_NEGLIGIBLE = 1e-9
+_NEGLIGIBLE_ENERGY = 1e-9
 """An invisible energy. With the default weights, it means that every point is 3 micrometres off."""
-_REPULLED = 0.1
+_MAX_WEIGHT_CHANGE = 0.1
 """Maximum change of weights, relative to the strongest, before the matrix is computed again."""
-_ARMIJO = 1e-4
+_ARMIJO_FRACTION = 1e-4
 """Minimum fraction of the linear decrease that a step must reach: the usual constant of Armijo's
 condition."""
-_HALVINGS = 30
+_MAX_STEP_HALVINGS = 30
 """Maximum number of halvings of a step before the frame ends without it: 2^-30 of a step is below float32
 resolution."""
-_SOFT = 1.3
+_SOFT_DECREASE_RATIO = 1.3
 """Ratio of actual to promised decrease above which the energy counts as softer than the matrix: 2 - d.Hd /
 d.Md."""
-_SURE = 0.1
+_SOFT_TOLERANCE_FRACTION = 0.1
 """Fraction of the tolerance below which a step in a soft direction ends the frame."""
 
 
-_LEAST = 4
+_MIN_REMAINING_STEPS = 4
 """Minimum number of steps that a frame with a budget must have left after a new matrix that is due to age
 alone."""
 
@@ -95,17 +95,17 @@ class SolverBuffers(NamedTuple):
     @staticmethod
     def empty(count: int) -> SolverBuffers:
         """Returns buffers for ``count`` nodes."""
-        pairs = np.zeros((2, _PAIRS, 16 * count), np.float32)
+        pairs = np.zeros((2, _REMEMBERED_STEPS, 16 * count), np.float32)
         now, before, own = np.zeros((3, 16 * count), np.float32)
         raw, here, trial, last = np.zeros((4, 16 * count))
-        curvatures, energies, age = np.zeros(_PAIRS), np.zeros(6), np.array([0, 0, 1, 0])
+        curvatures, energies, age = np.zeros(_REMEMBERED_STEPS), np.zeros(6), np.array([0, 0, 1, 0])
         return SolverBuffers(
             pairs[0], pairs[1], curvatures, now, before, own, raw, here, trial, last, energies, age
         )
 
 
 @njit(cache=True, nogil=True)
-def _dot(u, v):
+def _dot_product(u, v):
     even = odd = splat8(np.float32(0.0))
     for i in range(0, u.shape[0], 16):
         even = fma8(load8(u, i), load8(v, i), even)
@@ -185,8 +185,8 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
     age[2] = 1
     spent = 0.0
     # Compute a new preconditioner if the old one is outdated or the constraints have changed.
-    aged = is_aged(age, worth_of(system)) and allowance.room >= allowance.matrix + _LEAST
-    if aged or outdated(t, planes, system, _REPULLED):
+    aged = is_aged(age, worth_of(system)) and allowance.room >= allowance.matrix + _MIN_REMAINING_STEPS
+    if aged or outdated(t, planes, system, _MAX_WEIGHT_CHANGE):
         refactor(x, t, planes, work.raw, system)
         start_anew(age)
         spent += allowance.matrix
@@ -199,18 +199,22 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
         if iteration > 0 and spent >= allowance.room:
             age[2] = 0
             return iteration
-        if iteration > 0 and iteration % _ANEW == 0 and allowance.room >= spent + allowance.matrix + _LEAST:
+        if (
+            iteration > 0
+            and iteration % _MATRIX_RENEWAL_STEPS == 0
+            and allowance.room >= spent + allowance.matrix + _MIN_REMAINING_STEPS
+        ):
             spent += allowance.matrix
             refactor(x, t, planes, work.raw, system)
             start_anew(age)
             kept = np.int64(0)
         # Take a step in the L-BFGS direction.
-        slope = _direction(now, work, kept, system)
-        if not -slope > _NEGLIGIBLE:
+        slope = _search_direction(now, work, kept, system)
+        if not -slope > _NEGLIGIBLE_ENERGY:
             return iteration
         copy_row(before, now)
         energy = work.energies[5]
-        tries = _step(x, slope, t, planes, work)
+        tries = _line_search(x, slope, t, planes, work)
         spent += 1.0 + allowance.retry * (abs(tries) - 1)
         if tries < 0:
             if kept == 0:
@@ -218,17 +222,17 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
             kept, soft = np.int64(0), False
             continue
         # Stop if the predicted decrease of the energy is small enough.
-        was_soft, soft = soft, energy - work.energies[5] > -_SOFT * 0.5 * slope
-        enough = tolerance * (_SURE if soft or was_soft else 1.0) * energy
-        if -slope <= 2.0 * enough + _NEGLIGIBLE:
+        was_soft, soft = soft, energy - work.energies[5] > -_SOFT_DECREASE_RATIO * 0.5 * slope
+        enough = tolerance * (_SOFT_TOLERANCE_FRACTION if soft or was_soft else 1.0) * energy
+        if -slope <= 2.0 * enough + _NEGLIGIBLE_ENERGY:
             return iteration + 1
-        kept = _remember(work, kept)
+        kept = _remember_step(work, kept)
     age[2] = 0
     return most
 
 
 @njit(cache=True, nogil=True)
-def _step(x, slope, t, planes, work):
+def _line_search(x, slope, t, planes, work):
     """Moves along ``work.own`` as far as it lowers the energy; returns the number of lengths tried, negative
     on failure.
 
@@ -238,10 +242,10 @@ def _step(x, slope, t, planes, work):
     here = work.from_here
     copy_row(here, x)
     energy, length = work.energies[5], 1.0
-    for tried in range(_HALVINGS):
+    for tried in range(_MAX_STEP_HALVINGS):
         step_in_node_frame(here, work.own, length, x)
         energies = gradient(x, t, planes, work.raw)
-        if energies[5] <= energy + _ARMIJO * length * slope:
+        if energies[5] <= energy + _ARMIJO_FRACTION * length * slope:
             record_energies(work, energies)
             force_in_node_frame(x, work.raw, work.now)
             if length < 1.0:
@@ -253,25 +257,25 @@ def _step(x, slope, t, planes, work):
         best = -slope * length * length / (2.0 * rise) if np.isfinite(rise) and rise > 0.0 else 0.0
         length = max(0.1 * length, min(0.5 * length, best))
     copy_row(x, here)
-    return -_HALVINGS
+    return -_MAX_STEP_HALVINGS
 
 
 @njit(cache=True, nogil=True)
-def _remember(work, kept):
+def _remember_step(work, kept):
     """Stores the last step and its change of the gradient; returns the number of stored pairs, 0 to
     restart.
     """
-    place = kept % _PAIRS
+    place = kept % _REMEMBERED_STEPS
     step, change = work.steps[place], work.changes[place]
     copy_row(step, work.own)
     for i in range(0, step.shape[0], 8):
         store8(change, i, load8(work.now, i) - load8(work.before, i))
-    work.curvatures[place] = _dot(step, change)
+    work.curvatures[place] = _dot_product(step, change)
     return kept + 1 if work.curvatures[place] > 0.0 else 0
 
 
 @njit(cache=True, nogil=True)
-def _direction(now, work, kept, system):
+def _search_direction(now, work, kept, system):
     """Computes the search direction into ``work.own``; returns the slope there.
 
     This is the two-loop recursion of L-BFGS (J. Nocedal 1980).
@@ -279,18 +283,18 @@ def _direction(now, work, kept, system):
     way, steps, changes = work.own, work.steps, work.changes
     for i in range(way.shape[0]):
         way[i] = -now[i]
-    share = np.empty(_PAIRS)
-    oldest = max(0, kept - _PAIRS)
-    inner = _dot(steps[(kept - 1) % _PAIRS], way)
+    share = np.empty(_REMEMBERED_STEPS)
+    oldest = max(0, kept - _REMEMBERED_STEPS)
+    inner = _dot_product(steps[(kept - 1) % _REMEMBERED_STEPS], way)
     for k in range(kept - 1, oldest - 1, -1):
-        m = k % _PAIRS
+        m = k % _REMEMBERED_STEPS
         share[m] = inner / work.curvatures[m]
-        inner = _add_then_dot(way, -share[m], changes[m], steps[(k - 1) % _PAIRS])
+        inner = _add_then_dot(way, -share[m], changes[m], steps[(k - 1) % _REMEMBERED_STEPS])
     precondition(system, way)
-    inner = _dot(changes[oldest % _PAIRS] if kept > 0 else now, way)
+    inner = _dot_product(changes[oldest % _REMEMBERED_STEPS] if kept > 0 else now, way)
     for k in range(oldest, kept):
-        m = k % _PAIRS
-        after = changes[(k + 1) % _PAIRS] if k + 1 < kept else now
+        m = k % _REMEMBERED_STEPS
+        after = changes[(k + 1) % _REMEMBERED_STEPS] if k + 1 < kept else now
         inner = _add_then_dot(way, share[m] - inner / work.curvatures[m], steps[m], after)
     return inner
 
@@ -300,14 +304,14 @@ def full_step(x, t, planes, system, work):
     """Takes a step with all pairs stored, and undoes it, to measure the cost of a step; ``work`` is
     scratch space.
     """
-    for m in range(_PAIRS):
+    for m in range(_REMEMBERED_STEPS):
         work.curvatures[m] = 1.0
     record_energies(work, gradient(x, t, planes, work.raw))
     force_in_node_frame(x, work.raw, work.now)
-    slope = _direction(work.now, work, np.int64(_PAIRS), system)
+    slope = _search_direction(work.now, work, np.int64(_REMEMBERED_STEPS), system)
     copy_row(work.last, x)
-    _step(x, slope, t, planes, work)
-    _remember(work, np.int64(0))
+    _line_search(x, slope, t, planes, work)
+    _remember_step(work, np.int64(0))
     copy_row(x, work.last)
     for i in range(work.now.shape[0]):
         work.steps[0, i] = work.changes[0, i] = 0.0

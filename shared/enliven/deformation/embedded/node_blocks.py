@@ -14,7 +14,7 @@ from enliven.lanes import fma4, fma8, load4, load8, splat4, splat8, store4, stor
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 """Rows and columns of a symmetric stretch's six numbers, as in node frames. They are arrays, because Numba
 compiles an index into a tuple to a switch."""
-_DIAGONAL = 1e-10
+_ZERO_OFF_DIAGONAL_FRACTION = 1e-10
 """Fraction of the squared diagonal below which an off-diagonal entry counts as 0. The positive part stays
 positive, with an error of 1e-5."""
 
@@ -157,7 +157,7 @@ def _keep_positive(a, v):
     """
     v[:] = 0.0
     v[0, 0] = v[1, 1] = v[2, 2] = 1.0
-    tiny = _DIAGONAL * (a[0, 0] * a[0, 0] + a[1, 1] * a[1, 1] + a[2, 2] * a[2, 2])
+    tiny = _ZERO_OFF_DIAGONAL_FRACTION * (a[0, 0] * a[0, 0] + a[1, 1] * a[1, 1] + a[2, 2] * a[2, 2])
     for sweep in range(12):
         p, q = sweep % 3, (sweep + 1) % 3
         off = a[p, q]

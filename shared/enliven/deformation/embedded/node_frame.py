@@ -48,9 +48,9 @@ def step_in_node_frame(here, own, length, x):
         s01 = d + 0.5 * (a * d + d * b + e * f)
         s02 = e + 0.5 * (a * e + d * f + e * c)
         s12 = f + 0.5 * (d * e + b * f + f * c)
-        p = _turned(h, scale, load4(here, at))
-        q = _turned(h, scale, load4(here, at + 4))
-        r = _turned(h, scale, load4(here, at + 8))
+        p = _rotated_vector(h, scale, load4(here, at))
+        q = _rotated_vector(h, scale, load4(here, at + 4))
+        r = _rotated_vector(h, scale, load4(here, at + 8))
         store4(x, at, fma4(s00, p, fma4(s01, q, splat4(s02) * r)))
         store4(x, at + 4, fma4(s01, p, fma4(s11, q, splat4(s12) * r)))
         store4(x, at + 8, fma4(s02, p, fma4(s12, q, splat4(s22) * r)))
@@ -58,7 +58,7 @@ def step_in_node_frame(here, own, length, x):
 
 
 @njit(cache=True, nogil=True)
-def _turned(h, scale, v):
+def _rotated_vector(h, scale, v):
     """Returns the vector rotated by (I - K)^-1 (I + K) = I + s (K + K K), K = h x and s = 2 / (1 + |h|^2)."""
     across = cross4(h, v)
     return fma4(scale, across + cross4(h, across), v)

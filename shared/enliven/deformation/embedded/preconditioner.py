@@ -50,7 +50,7 @@ from enliven.lanes import (
 
 _NO_LENGTH = 1e-30
 """Added squared metres that prevent a division by 0 for a column of zero length."""
-_TIKHONOV = 1e-4
+_TIKHONOV_WEIGHT = 1e-4
 """Tikhonov regularization that keeps the matrix definite if nothing constrains a node; the energy itself
 has no such term."""
 
@@ -154,7 +154,7 @@ def _unit_of(offsets: Float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _units(unit):
+def _node_units(unit):
     """Returns (8,) float32 the units of a node's rotation and of its translation, and two 0."""
     out = np.zeros(8, np.float32)
     out[:3], out[3:6] = np.float32(1.0), np.float32(unit)
@@ -162,9 +162,9 @@ def _units(unit):
 
 
 @njit(cache=True, nogil=True)
-def _measure(lower, unit):
+def _scale_to_units(lower, unit):
     """Scales the translations of the matrix's blocks (48 B,) to units of ``unit`` metres."""
-    turns = _units(unit)
+    turns = _node_units(unit)
     row = load8(turns, 0)
     for block in range(0, lower.shape[0], SIZE):
         for r in range(6):
@@ -194,17 +194,17 @@ def refactor(x, t, planes, raw, s):
         for c in range(3):
             for a in range(3):
                 s.linear[9 * j + 3 * c + a] = x[16 * j + 4 * c + a]
-        a, b, c = _orthonormal(x, 16 * j)
+        a, b, c = _orthonormal_columns(x, 16 * j)
         store4(s.frames, 12 * j, a)
         store4(s.frames, 12 * j + 4, b)
         store4(s.frames, 12 * j + 8, c)
         for i in range(24):
             s.turns[24 * j + i] = np.float32(1.0 if i % 12 % 5 == 0 else 0.0)
     copy_row(s.pulls, t.pulls)
-    ridge = _TIKHONOV
+    ridge = _TIKHONOV_WEIGHT
     while True:
         assemble(x, t, planes, raw, s, ridge)
-        _measure(s.lower, s.unit)
+        _scale_to_units(s.lower, s.unit)
         pattern = (s.start, s.product, s.by_row)
         if factorise(pattern, s.lower, s.room, s.rows, s.scales, s.inverse) or ridge > 1e6:
             return
@@ -212,7 +212,7 @@ def refactor(x, t, planes, raw, s):
 
 
 @njit(cache=True, nogil=True)
-def _orthonormal(x, at):
+def _orthonormal_columns(x, at):
     """Returns three orthonormal columns, from the first two of the R at ``at`` (Gram-Schmidt)."""
     a, b = load4(x, at), load4(x, at + 4)
     a = splat4(1.0 / np.sqrt(total4(a * a) + _NO_LENGTH)) * a
@@ -232,7 +232,7 @@ def align(x, s):
     now = np.empty(12)
     for j in range(s.start.shape[0] - 1):
         at, to = 12 * j, 24 * j
-        a, b, c = _orthonormal(x, 16 * j)
+        a, b, c = _orthonormal_columns(x, 16 * j)
         p, q, r = load4(frames, at), load4(frames, at + 4), load4(frames, at + 8)
         store4(now, 0, a)
         store4(now, 4, b)
@@ -250,7 +250,7 @@ def precondition(s, way):
 
     The second derivative is twice the matrix, so everything is halved.
     """
-    side, half, units = s.side, splat8(np.float32(0.5)), load8(_units(s.unit), 0)
+    side, half, units = s.side, splat8(np.float32(0.5)), load8(_node_units(s.unit), 0)
     count = s.start.shape[0] - 1
     for j in range(count):
         turn, stretch, y, at = 16 * j, 16 * j + 8, 8 * j, SIZE * j

@@ -16,13 +16,13 @@ from enliven.deformation.embedded.energy import Planes, Terms
 from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
 from enliven.kernels import HeldArguments, hold
 
-_DEAR = 200
+_MANY_NODES = 200
 """Number of nodes above which a matrix is computed after every frame. With fewer nodes, waking the thread
 and moving the matrix between the cores' caches takes as long as the steps that it saves."""
 
 
 @cache
-def _second() -> ThreadPoolExecutor:
+def _second_thread() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, "enliven-matrix")
 
 
@@ -42,7 +42,7 @@ class MatrixRenewal:
         self._two: list[tuple[RigidSystem, HeldArguments]] = [
             (twin, hold(twin)) for twin in (system, system.twin())
         ]
-        self.always = always or len(system.start) > _DEAR
+        self.always = always or len(system.start) > _MANY_NODES
         self._under_way: Future[None] | None = None
 
     @property
@@ -60,7 +60,7 @@ class MatrixRenewal:
 
         None of these may change until :meth:`latest`.
         """
-        self._under_way = _second().submit(refactor, x, terms, planes, raw, self._two[1][0])
+        self._under_way = _second_thread().submit(refactor, x, terms, planes, raw, self._two[1][0])
 
     def latest(self) -> bool:
         """Switches to the matrix that was started, once it is complete; returns False if none was started."""

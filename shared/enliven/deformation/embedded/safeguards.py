@@ -7,11 +7,11 @@ import numpy as np
 from enliven.kernels import njit
 from enliven.rotation import nearest_rotations
 
-_SOUND = 0.02
+_MIN_SOUND_DETERMINANT = 0.02
 """Determinant of a node's linear part below which it counts as collapsed or inside out."""
 _LEAST_VOLUME = 0.05
 """Minimum determinant of a node that is pressed flat: a twentieth of its thickness."""
-_NEWTON = 8
+_NEWTON_STEPS = 8
 """Newton steps to that determinant. Each squares the error, and three are enough from 0.02."""
 
 
@@ -27,7 +27,7 @@ def set_upright(flat, edges):
     count = x.shape[0]
     sound = np.empty(count, np.bool_)
     for n in range(count):
-        sound[n] = volume(x[n]) > _SOUND
+        sound[n] = volume(x[n]) > _MIN_SOUND_DETERMINANT
     if sound.all():
         return False
     mean, turn = np.empty((1, 3, 3)), np.empty((1, 3, 3))
@@ -74,7 +74,7 @@ def thicken(flat):
         if volume(x[n]) >= _LEAST_VOLUME:
             continue
         has_flat = True
-        for _ in range(_NEWTON):
+        for _ in range(_NEWTON_STEPS):
             square = 0.0
             for c in range(3):
                 d, e = (c + 1) % 3, (c + 2) % 3

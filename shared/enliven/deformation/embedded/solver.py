@@ -51,9 +51,9 @@ from enliven.errors import InputError
 from enliven.kernels import hold
 from enliven.settings import setting
 
-_STALE = 1 << 30
+_STALE_MATRIX_AGE = 1 << 30
 """Number of steps that represents an age at which a matrix is always computed again."""
-_STILL = 2
+_MAX_STILL_FRAME_STEPS = 2
 """Maximum number of steps of a frame that has not moved enough to need another matrix."""
 
 
@@ -172,7 +172,7 @@ class EmbeddedSolver:
         x, rest, terms, work = self._x.reshape(-1), self._rest.reshape(-1), self._terms, self._work
         allowance = UNLIMITED
         if settings.budget_ms > 0.0:
-            allowance = allowance_of(settings.budget_ms, x, terms, self._planes, self._system)
+            allowance = allowance_of(settings.budget_ms, x, terms, self._planes, self._current_matrix)
         limits = int(settings.iterations), float(settings.tolerance), allowance
         return SolverState(x, rest, self._order, terms, work, float(settings.constraint), *limits)
 
@@ -185,7 +185,7 @@ class EmbeddedSolver:
             self._x[:, :3, :3] = np.swapaxes(start[0], 1, 2)[self._order]
             self._x[:, 3, :3] = start[1][self._order]
         self._work.last[:] = self._x.reshape(-1)
-        self._work.age[:] = 1, 0, 1, _STALE
+        self._work.age[:] = 1, 0, 1, _STALE_MATRIX_AGE
         self._lower.clear()
         record_energies(self._work, gradient(self._x.reshape(-1), self._terms, self._planes, self._work.raw))
 
@@ -204,17 +204,17 @@ class EmbeddedSolver:
         """
         if self._matrix.latest():
             start_anew(self._work.age)
-        targets, weights = self._checked(targets, weights)
+        targets, weights = self._checked_targets(targets, weights)
         if planes is not None or self._planes is not NO_PLANES:
             self._planes = planes_of(planes, self.settings.planes, self.graph.positions, self._place)
             self._held_planes = hold(self._planes)
-        self._leave(targets, weights)
+        self._leave_ridge(targets, weights)
         linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
         self.iterations, aged = next_frame(
             self._held_state, self._held_planes, self._matrix.held, targets, weights, linear, positions
         )
         worn = aged or self._matrix.always
-        if worn and self.iterations > _STILL and self._planes is NO_PLANES:
+        if worn and self.iterations > _MAX_STILL_FRAME_STEPS and self._planes is NO_PLANES:
             self.renew()
         return linear, positions
 
@@ -232,7 +232,9 @@ class EmbeddedSolver:
         """
         ended = bool(self._work.age[2])
         if ended and not self._lower:
-            self._lower.append(lower_state(self._x.reshape(-1), self._terms, self._planes, self._system))
+            self._lower.append(
+                lower_state(self._x.reshape(-1), self._terms, self._planes, self._current_matrix)
+            )
         return ended and self._lower[0] is None
 
     @property
@@ -241,12 +243,12 @@ class EmbeddedSolver:
         names = ("rotation", "smoothness", "constraint", "rigidity", "planes", "total")
         return dict(zip(names, self._work.energies.tolist(), strict=True))
 
-    def _leave(self, targets: Float, weights: Float) -> None:
+    def _leave_ridge(self, targets: Float, weights: Float) -> None:
         """Starts below the ridge where the last frame ended, if that is better now."""
         beyond = self._lower.pop() if self._lower else None
         if beyond is None:
             return
-        self._take(targets, weights)
+        self._store_targets(targets, weights)
         here = gradient(self._x.reshape(-1), self._terms, self._planes, self._work.trial)
         there = gradient(beyond, self._terms, self._planes, self._work.trial)
         if there[5] < here[5]:
@@ -254,7 +256,7 @@ class EmbeddedSolver:
             record_energies(self._work, there)
 
     @property
-    def _system(self) -> RigidSystem:
+    def _current_matrix(self) -> RigidSystem:
         """The matrix in use."""
         return self._matrix.system
 
@@ -264,11 +266,11 @@ class EmbeddedSolver:
         plain_state(self._x, self._order, linear, positions)
         return linear, positions
 
-    def _take(self, targets: Float, weights: Float) -> None:
+    def _store_targets(self, targets: Float, weights: Float) -> None:
         """Copies the usable targets and weights."""
         take_usable(targets, weights, self.settings.constraint, self._terms.targets, self._terms.pulls)
 
-    def _checked(self, targets: Float, weights: Float | None) -> tuple[Float, Float]:
+    def _checked_targets(self, targets: Float, weights: Float | None) -> tuple[Float, Float]:
         """Returns (L, 3) the frame's targets and (L,) weights; or raises InputError."""
         targets = np.ascontiguousarray(targets, np.float64)
         weights = self._ones if weights is None else np.ascontiguousarray(weights, np.float64)

@@ -9,10 +9,10 @@ from enliven.kernels import copy_row, njit
 from enliven.lanes import cross4, fma4, load4, splat4, store4, total4
 from enliven.rotation import nearest_rotations
 
-_FAR = 4.0
+_BAD_START_ENERGY_RATIO = 4.0
 """Multiple of the last frame's energy above which a start counts as bad, and more candidates are tried."""
 
-_SHRUNK = 0.5
+_MIN_VOLUME_FRACTION = 0.5
 """Minimum fraction of its volume that a node keeps under extrapolation."""
 
 
@@ -36,7 +36,7 @@ def choose_start(x, rest, t, planes, work):
     if goes_on:
         least = energies[5]
         copy_row(x, work.trial)
-    if least <= _FAR * settled + 1e-6:
+    if least <= _BAD_START_ENERGY_RATIO * settled + 1e-6:
         if goes_on:
             for i in range(6):
                 before[i] = energies[i]
@@ -44,7 +44,7 @@ def choose_start(x, rest, t, planes, work):
     turn, middle, goal = np.empty((3, 3)), np.empty(3), np.empty(3)
     for origin in (x, rest):
         if _rigid_motion(origin, t, turn, middle, goal):
-            _moved(origin, turn, middle, goal, work.trial)
+            _rotated_state(origin, turn, middle, goal, work.trial)
             energy = gradient(work.trial, t, planes, work.raw)[5]
             if energy < least or not np.isfinite(least):
                 least = energy
@@ -67,7 +67,7 @@ def _go_on(x, last, out):
         p = fma4(total4(turn * a), turn, fma4(-square, a, p))
         q = fma4(total4(turn * b), turn, fma4(-square, b, q))
         r = fma4(total4(turn * c), turn, fma4(-square, c, r))
-        if total4(p * cross4(q, r)) < _SHRUNK * total4(a * cross4(b, c)):
+        if total4(p * cross4(q, r)) < _MIN_VOLUME_FRACTION * total4(a * cross4(b, c)):
             # The node shrinks so fast that one more frame of extrapolation would make it flat or turn it
             # inside out. So keep its current matrix.
             p, q, r = a, b, c
@@ -79,7 +79,7 @@ def _go_on(x, last, out):
 
 
 @njit(cache=True, nogil=True)
-def _moved(x, turn, middle, goal, out):
+def _rotated_state(x, turn, middle, goal, out):
     """Computes ``x`` rotated about ``middle``, which moves to ``goal``, into ``out``."""
     for j in range(x.shape[0] // 16):
         for c in range(4):

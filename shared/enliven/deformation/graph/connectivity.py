@@ -62,8 +62,8 @@ def weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
         hanging: (E,) true for the bridges, and for the edges that join any part but the largest to a cut
             vertex.
     """
-    offsets, neighbours, edge_of = _incidence(count, edges)
-    bridges, cuts = _lowlink(offsets, neighbours, edge_of, len(edges))
+    offsets, neighbours, edge_of = _neighbours_with_edges(count, edges)
+    bridges, cuts = _bridges_and_cut_vertices(offsets, neighbours, edge_of, len(edges))
     hanging = bridges.copy()
     for cut in np.flatnonzero(cuts):
         touching = (edges == cut).any(1)
@@ -75,7 +75,7 @@ def weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
     return bridges, cuts, hanging
 
 
-def _incidence(count: int, edges: Int32) -> tuple[Int, Int, Int]:
+def _neighbours_with_edges(count: int, edges: Int32) -> tuple[Int, Int, Int]:
     """Returns CSR neighbours of each node, with the number of the edge to each neighbour."""
     ends = np.concatenate([edges, edges[:, ::-1]]).astype(np.int64)
     number = np.tile(np.arange(len(edges)), 2)
@@ -85,7 +85,7 @@ def _incidence(count: int, edges: Int32) -> tuple[Int, Int, Int]:
 
 
 @njit(cache=True, nogil=True)
-def _lowlink(offsets, neighbours, edge_of, edge_count):
+def _bridges_and_cut_vertices(offsets, neighbours, edge_of, edge_count):
     """Finds Tarjan's bridges and cut vertices by depth-first search, without recursion."""
     count = offsets.shape[0] - 1
     bridges, cuts = np.zeros(edge_count, np.bool_), np.zeros(count, np.bool_)

@@ -58,9 +58,9 @@ def ways(offsets, neighbours, lengths, sources, count, limit):
         if end + settled > point.shape[0]:
             needed = end + settled
             point, distance, number = (
-                _longer(point, needed),
-                _longer(distance, needed),
-                _longer(number, needed),
+                _grown_array(point, needed),
+                _grown_array(distance, needed),
+                _grown_array(number, needed),
             )
         for r in range(settled):
             u = reached[r]
@@ -93,7 +93,7 @@ def around(offsets, neighbours, lengths, limit):
         settled = settle_within(offsets, neighbours, lengths, c, limit, metres, keys, items, reached)
         end = ends[c] + settled
         if end > point.shape[0]:
-            point, distance = _longer(point, end), _longer(distance, end)
+            point, distance = _grown_array(point, end), _grown_array(distance, end)
         for r in range(settled):
             u = reached[r]
             point[ends[c] + r], distance[ends[c] + r] = u, metres[u]
@@ -135,7 +135,7 @@ def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, ite
 
 
 @njit(cache=True, nogil=True)
-def _longer(array, needed):
+def _grown_array(array, needed):
     """Returns the array with room for twice ``needed``."""
     out = np.empty(2 * needed, array.dtype)
     for i in range(array.shape[0]):

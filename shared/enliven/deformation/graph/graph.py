@@ -31,9 +31,9 @@ from enliven.meshes import Mesh, weld
 
 NEIGHBOURS = 4
 """The paper's k, for edges and for the number of nodes that a point follows."""
-_REACH = 2.5
+_MAX_NEIGHBOUR_SPACINGS = 2.5
 """Maximum distance of a neighbour along the surface, in node spacings."""
-_FAR = 4.5
+_MAX_FOLLOW_SPACINGS = 4.5
 """Maximum distance along the surface from a vertex to a node that it follows, in node spacings."""
 
 
@@ -92,7 +92,7 @@ class DeformationGraph:
         welded = weld(mesh)
         samples = poisson_disk(mesh, nodes, radius, seed, welded)
         net = net_of(mesh, _mean_spacing(mesh.area, len(samples.positions)), welded)
-        return _linked(samples, voronoi_cells(net, samples.positions, samples.faces))
+        return _linked_graph(samples, voronoi_cells(net, samples.positions, samples.faces))
 
     @staticmethod
     def of_nodes(mesh: Mesh, positions: Float, edges: Int32) -> DeformationGraph:
@@ -136,7 +136,7 @@ class DeformationGraph:
         ways = between_nodes(len(self.positions), cells.borders, cells.lengths)
         followed = carriers(self.positions, ways, spacing)
         leaps = self.edges[np.isinf(ways[self.edges[:, 0], self.edges[:, 1]])]
-        near = ways_from_nodes(cells, followed, leaps, spacing, _FAR * spacing)
+        near = ways_from_nodes(cells, followed, leaps, spacing, _MAX_FOLLOW_SPACINGS * spacing)
         return blending_weights(cells.net, near, self.positions, spacing, NEIGHBOURS)
 
 
@@ -167,7 +167,7 @@ def _mean_spacing(area: float, count: int) -> float:
     return float(np.sqrt(area / count))
 
 
-def _through(positions: Float, normals: Float, spacing: float) -> Bool:
+def _opposite_face_nodes(positions: Float, normals: Float, spacing: float) -> Bool:
     """Returns (N, N) true for nodes on the two faces of a part that is thinner than half the node spacing.
 
     Each lies behind the other's surface, at a small depth. Two legs that face each other lie in front of it.
@@ -178,7 +178,7 @@ def _through(positions: Float, normals: Float, spacing: float) -> Bool:
     return np.asarray(behind & behind.T & (np.linalg.norm(way, axis=2) < 2 * spacing))
 
 
-def _linked(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
+def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
     """Returns the graph over ``samples``."""
     count = len(samples.positions)
     spacing = _mean_spacing(cells.net.mesh.area, count)
@@ -186,12 +186,12 @@ def _linked(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGraph:
     straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
     ways = between_nodes(count, cells.borders, cells.lengths)
     detours = ways > DETOUR * straight + SLACK * spacing
-    far = detours | (ways > _REACH * spacing)
+    far = detours | (ways > _MAX_NEIGHBOUR_SPACINGS * spacing)
     # Sort pairs without a finite D after all others, by their distance along the surface.
     around = np.where(detours, np.inf, apart[np.isfinite(apart)].max(initial=0.0) + ways)
     np.fill_diagonal(around, np.inf)
     edges = _nearest_edges(np.where(far | np.isinf(apart), around, apart), NEIGHBOURS)
-    through = _through(samples.positions, samples.normals, spacing) & ~detours
+    through = _opposite_face_nodes(samples.positions, samples.normals, spacing) & ~detours
     opposite = np.where(through, straight, np.inf)
     edges = np.concatenate([edges, _nearest_edges(opposite, 1)])
     across = np.where(np.isfinite(apart), apart, straight)

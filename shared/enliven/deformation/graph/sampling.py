@@ -15,11 +15,11 @@ from enliven.rotation import unit
 _DARTS_PER_NODE = 80
 """Number of candidate points per node. With this many, there is hardly any gap left in which one more
 would fit."""
-_SMOOTH = 0.75
+_MIN_SMOOTH_COSINE = 0.75
 """Minimum cosine between a vertex normal and its faces' normals for the surface to count as smooth."""
-_ROUNDED = 1e-9
+_ROUNDING_TOLERANCE = 1e-9
 """Tolerance for rounding, as a fraction of a distance and in metres: faces within it are tested too."""
-_FLAT = 1e-30
+_MIN_SQUARED_DOUBLE_AREA = 1e-30
 """Minimum squared double area of a triangle, square metres squared, to avoid a division by zero."""
 
 
@@ -59,7 +59,7 @@ def scatter(
     over = a + b > 1
     a, b = np.where(over, 1 - a, a), np.where(over, 1 - b, b)
     weights = np.stack([1 - a - b, a, b], -1)[..., None]
-    return _at(mesh, faces, weights, welded or weld(mesh))
+    return _surface_points(mesh, faces, weights, welded or weld(mesh))
 
 
 def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
@@ -73,12 +73,12 @@ def nearest_on_surface(mesh: Mesh, points: Float) -> SurfaceSamples:
     middles = corners.mean(1)
     reach = float(np.sqrt(np.square(corners - middles[:, None]).sum(2).max(initial=0.0)))
     faces, weights = np.empty(len(points), np.int64), np.empty((len(points), 3))
-    _nearest(corners, middles, reach, np.asarray(points, np.float64), faces, weights)
-    return _at(mesh, faces, weights[..., None], weld(mesh))
+    _nearest_faces(corners, middles, reach, np.asarray(points, np.float64), faces, weights)
+    return _surface_points(mesh, faces, weights[..., None], weld(mesh))
 
 
 @njit(cache=True, nogil=True)
-def _nearest(corners, middles, reach, points, faces, weights):
+def _nearest_faces(corners, middles, reach, points, faces, weights):
     """Finds the face (N,) nearest to each point, and its clamped barycentric coordinates (N, 3).
 
     ``reach`` metres is the largest distance from a face's centre to its corners. A face is skipped if its
@@ -92,26 +92,26 @@ def _nearest(corners, middles, reach, points, faces, weights):
             for i in range(3):
                 far[f] += (points[n, i] - middles[f, i]) ** 2
             nearest = min(nearest, far[f])
-        most = (np.sqrt(nearest) + reach) * (1.0 + _ROUNDED) + _ROUNDED
+        most = (np.sqrt(nearest) + reach) * (1.0 + _ROUNDING_TOLERANCE) + _ROUNDING_TOLERANCE
         best = np.inf
         for f in range(corners.shape[0]):
             if far[f] > most * most:
                 continue
-            off = _clamp(corners[f], points[n], shares)
+            off = _clamp_to_triangle(corners[f], points[n], shares)
             if off < best:
                 best, faces[n] = off, f
                 weights[n] = shares
 
 
 @njit(cache=True, nogil=True)
-def _clamp(corners, point, shares):
+def _clamp_to_triangle(corners, point, shares):
     """Returns the squared metres to the point with clamped barycentric coordinates, and fills them in."""
     uu = uv = vv = along = across = 0.0
     for i in range(3):
         u, v, w = corners[1, i] - corners[0, i], corners[2, i] - corners[0, i], point[i] - corners[0, i]
         uu, uv, vv = uu + u * u, uv + u * v, vv + v * v
         along, across = along + w * u, across + w * v
-    area = max(uu * vv - uv * uv, _FLAT)
+    area = max(uu * vv - uv * uv, _MIN_SQUARED_DOUBLE_AREA)
     shares[1], shares[2] = (vv * along - uv * across) / area, (uu * across - uv * along) / area
     shares[0] = 1.0 - shares[1] - shares[2]
     total, off = 0.0, 0.0
@@ -128,7 +128,7 @@ def _clamp(corners, point, shares):
     return off
 
 
-def _at(mesh: Mesh, faces: Int, weights: Float, welded: tuple[Mesh, Int]) -> SurfaceSamples:
+def _surface_points(mesh: Mesh, faces: Int, weights: Float, welded: tuple[Mesh, Int]) -> SurfaceSamples:
     """Returns the points of ``faces`` (N,) with the barycentric coordinates (N, 3, 1), and interpolated
     normals.
     """
@@ -146,7 +146,7 @@ def _corner_normals(mesh: Mesh, faces: Int, welded: tuple[Mesh, Int]) -> Float:
     normals, sharpest = normals_of(whole.vertices, whole.faces, wanted)
     own = unit(face_vectors(mesh.vertices, mesh.faces[faces]))[:, None]
     number = number.reshape(corners.shape)
-    return np.where((sharpest[number] > _SMOOTH)[..., None], normals[number], own)
+    return np.where((sharpest[number] > _MIN_SMOOTH_COSINE)[..., None], normals[number], own)
 
 
 def poisson_disk(
@@ -178,13 +178,13 @@ def poisson_disk(
     order = rng.permutation(len(darts.positions))
     positions, normals = darts.positions[order], darts.normals[order]
     if radius is None:
-        radius, chosen = _exactly(nodes, positions, normals, np.sqrt(area / nodes))
+        radius, chosen = _largest_sample_radius(nodes, positions, normals, np.sqrt(area / nodes))
     else:
         chosen = throw_darts(positions, normals, radius)
     return SurfaceSamples(positions[chosen], normals[chosen], darts.faces[order][chosen], float(radius))
 
 
-def _exactly(count: int, positions: Float, normals: Float, radius: float) -> tuple[float, Int]:
+def _largest_sample_radius(count: int, positions: Float, normals: Float, radius: float) -> tuple[float, Int]:
     """Returns the largest radius found that gives at least ``count`` points, and ``count`` of its points."""
     low, high = radius, radius
     chosen = throw_darts(positions, normals, low)

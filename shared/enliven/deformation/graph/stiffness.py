@@ -13,7 +13,7 @@ from enliven.errors import InputError
 
 Spot = tuple[float, float, float, float, float]
 """x, y, z and radius in metres of the mesh's rest space, and a factor: above 1 stiffer, below 1 softer."""
-_LEAST = 1e-9
+_MIN_WEIGHT_SUM = 1e-9
 """Sum of weights below which a node counts as having no vertices."""
 
 
@@ -54,5 +54,5 @@ def painted_stiffness(character: Character) -> Float | None:
     weights = skin.weights.astype(np.float64)
     logarithms = np.log(character.stiffness, dtype=np.float64)[:, None] * weights
     total = np.bincount(skin.indices.ravel(), weights.ravel(), count)
-    mean = np.bincount(skin.indices.ravel(), logarithms.ravel(), count) / np.maximum(total, _LEAST)
+    mean = np.bincount(skin.indices.ravel(), logarithms.ravel(), count) / np.maximum(total, _MIN_WEIGHT_SUM)
     return np.asarray(np.exp(mean))

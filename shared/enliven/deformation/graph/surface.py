@@ -26,20 +26,20 @@ from enliven.meshes import Mesh, longest_edge, split_long_edges, weld
 _MOST_VERTICES = 200_000
 """Maximum number of vertices of a subdivided mesh, unless the mesh itself has more. It bounds the net's
 memory and time."""
-_CELLS = 6
+_CELLS_PER_SPACING = 6
 """Cells of the net along one node spacing."""
 _MAX_EDGE_IN_SPACINGS = 1 / 3
 """Maximum edge length, in node spacings. Longer edges are halved."""
-_CROWDED = 20_000
+_MIN_SOUP_TEST_POINTS = 20_000
 """Minimum number of points for testing whether a net is a triangle soup. A smaller net is cheap in any
 case."""
-_PIECES = 6
+_MIN_SOUP_PIECES_PER_CELL = 6
 """Minimum mean number of pieces per cell for a net of more than 20,000 points to count as a triangle soup."""
-_THIN = 1 / 2
+_MAX_THROUGH_LINK_SPACINGS = 1 / 2
 """Maximum distance, in spacings, of two points behind each other that are linked through the part."""
-_SEAM = 1 / 2
+_MAX_SEAM_LINK_SPACINGS = 1 / 2
 """The same for points of two shells if one shell continues the other."""
-_TOUCH = 1 / 10
+_MAX_TOUCH_LINK_SPACINGS = 1 / 10
 """The same for points of two shells with any orientation."""
 
 
@@ -94,22 +94,22 @@ def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -
         welded: the result of :func:`enliven.meshes.mesh.weld` for the mesh, if it is known.
     """
     whole, welded_of = welded or weld(mesh)
-    vertices, faces, origin = _halved(whole, _MAX_EDGE_IN_SPACINGS * spacing)
-    cell = spacing / _CELLS
+    vertices, faces, origin = _subdivided_mesh(whole, _MAX_EDGE_IN_SPACINGS * spacing)
+    cell = spacing / _CELLS_PER_SPACING
     cells = kernels.grid_cells(vertices, cell)
     label, count = kernels.clusters(faces, cells)
-    if count > _CROWDED:
+    if count > _MIN_SOUP_TEST_POINTS:
         # A mesh of many tiny pieces has several pieces in each cell, and paths along them lead nowhere. So
         # merge all points of a cell into one.
         occupied, by_cell = np.unique(cells, return_inverse=True)
-        if count > _PIECES * len(occupied):
+        if count > _MIN_SOUP_PIECES_PER_CELL * len(occupied):
             label, count = by_cell.reshape(-1).astype(np.int32), len(occupied)
     points, radii = kernels.means(vertices, label, count)
     edges, normals = kernels.joined(vertices, faces, label, count)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals /= np.where(length > 0, length, 1.0)
     shell = components(count, edges)
-    links = _links(points, normals, shell, spacing)
+    links = _shell_links(points, normals, shell, spacing)
     edges = np.concatenate([edges, links])
     graph = WeightedGraph(edges, np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1))
     return SurfaceNet(
@@ -117,7 +117,7 @@ def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -
     )
 
 
-def _halved(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
+def _subdivided_mesh(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
     """Returns the vertices and faces of a finer mesh, and each face's number in the given mesh (None: the
     same).
     """
@@ -131,9 +131,9 @@ def _halved(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | None]:
     return vertices, faces, origin
 
 
-def _links(points: Float, normals: Float, shell: Int, spacing: float) -> Int32:
+def _shell_links(points: Float, normals: Float, shell: Int, spacing: float) -> Int32:
     """Returns (L, 2) pairs of points that are near in space but not connected along the surface."""
-    reach = max(_THIN, _SEAM, _TOUCH) * spacing
+    reach = max(_MAX_THROUGH_LINK_SPACINGS, _MAX_SEAM_LINK_SPACINGS, _MAX_TOUCH_LINK_SPACINGS) * spacing
     order, starts, around = kernels.grid(points, reach)
     return np.asarray(
         kernels.near_pairs(
@@ -143,7 +143,13 @@ def _links(points: Float, normals: Float, shell: Int, spacing: float) -> Int32:
             order,
             starts,
             around,
-            np.array([_THIN * spacing, _SEAM * spacing, _TOUCH * spacing]),
+            np.array(
+                [
+                    _MAX_THROUGH_LINK_SPACINGS * spacing,
+                    _MAX_SEAM_LINK_SPACINGS * spacing,
+                    _MAX_TOUCH_LINK_SPACINGS * spacing,
+                ]
+            ),
         ),
         np.int32,
     )
@@ -179,18 +185,18 @@ def voronoi_cells(net: SurfaceNet, positions: Float, faces: Int32) -> VoronoiCel
         faces: (N,) the face of the mesh that each node lies on.
     """
     count = len(net.points)
-    graph = _tied(net, positions, faces)
+    graph = _graph_with_nodes(net, positions, faces)
     sources = count + np.arange(len(positions))
-    lengths, owner = geodesic_kernels.spread(*_adjacency(graph, count + len(positions)), sources)
+    lengths, owner = geodesic_kernels.spread(*_adjacency_lists(graph, count + len(positions)), sources)
     owner = np.where(owner < 0, -1, owner - count)
     ends = owner[graph.edges]
     crossing = (ends[:, 0] != ends[:, 1]) & (ends >= 0).all(1)
     a, b = graph.edges[crossing].T
-    borders, across = _shortest(ends[crossing], lengths[a] + graph.lengths[crossing] + lengths[b])
+    borders, across = _shortest_pairs(ends[crossing], lengths[a] + graph.lengths[crossing] + lengths[b])
     return VoronoiCells(net, graph, owner[:count], borders, across)
 
 
-def _tied(net: SurfaceNet, positions: Float, faces: Int32) -> WeightedGraph:
+def _graph_with_nodes(net: SurfaceNet, positions: Float, faces: Int32) -> WeightedGraph:
     """Returns the net's graph with each node connected to the corners of its face, and each part without a
     node to one.
     """
@@ -202,7 +208,7 @@ def _tied(net: SurfaceNet, positions: Float, faces: Int32) -> WeightedGraph:
     corner = net.label[inside]
     ties = np.unique(np.stack([corner, count + node], 1), axis=0).astype(np.int32)
     part = components(count + len(faces), np.concatenate([net.graph.edges, ties]))
-    ties = np.concatenate([ties, _adoptions(net.points, part, positions)])
+    ties = np.concatenate([ties, _adopting_links(net.points, part, positions)])
     ends = np.concatenate([net.points, positions])
     lengths = np.linalg.norm(ends[ties[:, 0]] - ends[ties[:, 1]], axis=1)
     return WeightedGraph(
@@ -210,7 +216,7 @@ def _tied(net: SurfaceNet, positions: Float, faces: Int32) -> WeightedGraph:
     )
 
 
-def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
+def _adopting_links(points: Float, part: Int, positions: Float) -> Int32:
     """Returns (O, 2) one connection, from its nearest point to the nearest node, for each part without a
     node.
     """
@@ -225,7 +231,7 @@ def _adoptions(points: Float, part: Int, positions: Float) -> Int32:
     return np.stack([orphans[order][first], count + nearest[order][first]], 1).astype(np.int32)
 
 
-def _adjacency(graph: WeightedGraph, count: int) -> tuple[Int, Int32, Float]:
+def _adjacency_lists(graph: WeightedGraph, count: int) -> tuple[Int, Int32, Float]:
     """Returns CSR neighbours of each point: offsets (count + 1,), neighbours and lengths (2 E,)."""
     rows, columns = np.concatenate([graph.edges, graph.edges[:, ::-1]]).T
     order = np.argsort(rows, kind="stable")
@@ -253,7 +259,7 @@ def ways_from_nodes(
         np.concatenate([cells.graph.edges, (count + joints).astype(np.int32)]),
         np.concatenate([cells.graph.lengths, np.full(len(joints), spacing)]),
     )
-    offsets, neighbours, lengths = _adjacency(graph, int(graph.edges.max(initial=0)) + 1)
+    offsets, neighbours, lengths = _adjacency_lists(graph, int(graph.edges.max(initial=0)) + 1)
     while True:
         ends, which, metres = geodesic_kernels.ways(offsets, neighbours, lengths, count + nodes, count, reach)
         # On a long object with few nodes, some points may have no node within reach. In that case search
@@ -269,7 +275,7 @@ def points_around(net: SurfaceNet, reach: float) -> tuple[Int, Int32, Float]:
     Returns:
         CSR: offsets (C + 1,), points (K,) and metres (K,).
     """
-    ends, points, metres = geodesic_kernels.around(*_adjacency(net.graph, len(net.points)), reach)
+    ends, points, metres = geodesic_kernels.around(*_adjacency_lists(net.graph, len(net.points)), reach)
     return ends, points, metres
 
 
@@ -286,12 +292,12 @@ def between_nodes(count: int, edges: Int, lengths: Float, limit: float = np.inf)
     if len(edges) == 0:
         return np.where(np.eye(count, dtype=bool), 0.0, np.inf)
     # Remove duplicate edges, because csr_matrix would add up their lengths.
-    pairs, shortest = _shortest(edges.astype(np.int64), lengths)
+    pairs, shortest = _shortest_pairs(edges.astype(np.int64), lengths)
     graph = csr_matrix((np.maximum(shortest, 1e-12), (pairs[:, 0], pairs[:, 1])), (count, count))
     return np.asarray(dijkstra(graph, directed=False, limit=limit))
 
 
-def _shortest(pairs: Int, lengths: Float) -> tuple[Int, Float]:
+def _shortest_pairs(pairs: Int, lengths: Float) -> tuple[Int, Float]:
     """Returns (B, 2) every pair of two nodes once, smaller number first, and (B,) the shortest of its
     lengths.
     """

@@ -23,15 +23,15 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh, submesh
 from enliven.union_find import root_of
 
-_NODES = 200
+_NET_NODE_COUNT = 200
 """Number of nodes that the net is made for; the net has about forty points per node."""
-_SOURCES = 32
+_PATH_SOURCE_COUNT = 32
 """Number of points, far from each other, with paths to all others. A vertex at a limb's end is far from
 most of them."""
-_LEAST = 0.02
+_MIN_END_PERSISTENCE = 0.02
 """Minimum persistence of an end, as a fraction of the longest path along the mesh."""
 
-_SMALL = 64
+_MAX_SMALL_SHELL_POINTS = 64
 """Maximum number of points of a shell that is joined by searching its points' neighbours among all points."""
 
 
@@ -58,7 +58,7 @@ class LimbEnds:
         return np.atleast_2d(dijkstra(self.ways, indices=points))
 
 
-def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NODES) -> LimbEnds:
+def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbEnds:
     """Returns at most ``most`` ends of limbs of a mesh.
 
     Args:
@@ -72,14 +72,14 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NODES) -> LimbEnds:
     # The submesh excludes vertices without a face.
     surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))
     net = net_of(surface, float(np.sqrt(mesh.area / nodes)))
-    ways = _ways(net)
-    from_sources = _spread_out(ways, _SOURCES)
+    ways = _joined_net_edges(net)
+    from_sources = _spread_out(ways, _PATH_SOURCE_COUNT)
     far = from_sources.mean(0)
-    tips, persistence = _peaks(ways.indptr, ways.indices, far, np.argsort(-far, kind="stable"))
+    tips, persistence = _local_maxima(ways.indptr, ways.indices, far, np.argsort(-far, kind="stable"))
     persistence[np.argmax(persistence)] = np.inf
     order = np.argsort(-persistence, kind="stable")[:most]
     longest = float(from_sources.max())
-    order = order[persistence[order] > _LEAST * longest]
+    order = order[persistence[order] > _MIN_END_PERSISTENCE * longest]
     return LimbEnds(net.points, tips[order], persistence[order], longest, ways)
 
 
@@ -107,7 +107,7 @@ def _spread_out(ways: csr_matrix, count: int) -> Float:
 
 
 @njit(cache=True, nogil=True)
-def _peaks(offsets, neighbours, height, order):
+def _local_maxima(offsets, neighbours, height, order):
     """Returns the local maxima, and the height of each above its pass to a higher maximum (persistence).
 
     The points are added from the highest down, and merged into components (union-find). When two components
@@ -144,7 +144,7 @@ def _peaks(offsets, neighbours, height, order):
     return tips[:size].copy(), over[tips[:size]]
 
 
-def _ways(net: SurfaceNet) -> csr_matrix:
+def _joined_net_edges(net: SurfaceNet) -> csr_matrix:
     """Returns (C, C) the net's edges, with shells joined at their nearest points."""
     count, edges = len(net.points), net.graph.edges
     graph = csr_matrix((net.graph.lengths, (edges[:, 0], edges[:, 1])), (count, count))
@@ -167,7 +167,7 @@ def joined_shells(points: Float, label: Int) -> Int:
     edges, count = np.empty((0, 2), np.int64), int(label.max()) + 1
     while count > 1:
         point, length, other = (
-            np.concatenate(column) for column in zip(*_beside(points, label), strict=True)
+            np.concatenate(column) for column in zip(*_nearest_other_shell_points(points, label), strict=True)
         )
         order = np.lexsort((length, label[point]))
         nearest = order[np.unique(label[point[order]], return_index=True)[1]]
@@ -179,20 +179,20 @@ def joined_shells(points: Float, label: Int) -> Int:
     return edges
 
 
-def _beside(points: Float, label: Int) -> Iterator[tuple[Int, Float, Int]]:
+def _nearest_other_shell_points(points: Float, label: Int) -> Iterator[tuple[Int, Float, Int]]:
     """Yields (P,) points of all shells but the largest, metres to the nearest point of another shell, and
     that point.
     """
     size = np.bincount(label)
     largest = int(size.argmax())
-    small = np.flatnonzero((size[label] <= _SMALL) & (label != largest))
+    small = np.flatnonzero((size[label] <= _MAX_SMALL_SHELL_POINTS) & (label != largest))
     if len(small):
         # Ask for one more neighbour than the largest small shell has points. Then at least one neighbour lies
         # on another shell.
         near, around = scipy.spatial.cKDTree(points).query(points[small], int(size[label[small]].max()) + 1)
         rows, place = np.arange(len(small)), (label[around] != label[small][:, None]).argmax(1)
         yield small, near[rows, place], around[rows, place]
-    for shell in np.flatnonzero(size > _SMALL):
+    for shell in np.flatnonzero(size > _MAX_SMALL_SHELL_POINTS):
         if shell != largest:
             inside, outside = np.flatnonzero(label == shell), np.flatnonzero(label != shell)
             near, around = scipy.spatial.cKDTree(points[outside]).query(points[inside])

@@ -142,12 +142,12 @@ def joined(vertices, faces, label, count):
                 pairs[pair_count, 0], pairs[pair_count, 1] = a, b
                 pair_count += 1
                 if 2 * pair_count >= size:
-                    size, table, pairs = _grown(size, pairs, pair_count, count)
+                    size, table, pairs = _grown_table(size, pairs, pair_count, count)
     return pairs[:pair_count].copy(), normals
 
 
 @njit(cache=True, nogil=True)
-def _grown(size, pairs, found, count):
+def _grown_table(size, pairs, found, count):
     """Returns the hash table of :func:`joined`, twice as large."""
     size *= 2
     table = np.full(size, -1, np.int64)
@@ -181,7 +181,7 @@ def grid(points: Float, size: float) -> tuple[Int, Int, Any]:
     return order, np.append(first, len(points)), near
 
 
-_SHELLS = 3
+_MAX_SHELL_LINKS = 3
 """Maximum number of links from a point to other shells. If shells only touch, a single link would act as a
 hinge."""
 
@@ -197,8 +197,8 @@ def near_pairs(points, normals, shell, order, starts, around, reach):
     """
     thin, seam, touch = reach[0], reach[1], reach[2]
     farthest = max(thin, seam, touch) ** 2
-    out = np.empty(((1 + _SHELLS) * points.shape[0], 2), np.int64)
-    best, nearest_points = np.empty(_SHELLS), np.empty(_SHELLS, np.int64)
+    out = np.empty(((1 + _MAX_SHELL_LINKS) * points.shape[0], 2), np.int64)
+    best, nearest_points = np.empty(_MAX_SHELL_LINKS), np.empty(_MAX_SHELL_LINKS, np.int64)
     link_count = 0
     for cell in range(starts.shape[0] - 1):
         for place in range(starts[cell], starts[cell + 1]):

@@ -34,22 +34,22 @@ DETOUR = 1.5
 surface alone makes paths longer."""
 SLACK = 0.5
 """Additional tolerance for detours, in node spacings, because paths over the net are coarse."""
-_APART = 0.6
+_MIN_NODE_DISTANCE_SPACINGS = 0.6
 """Minimum distance, in node spacings, between two nodes that carry vertices."""
 _MAX_DISTANCE_IN_SPACINGS = 2.0
 """Distance, in node spacings, beyond which a node has no weight, unless it is the nearest or nearly so."""
-_MEAN = 0.6
+_AVERAGING_RADIUS_SPACINGS = 0.6
 """Radius, in node spacings, of the surface around a point over which its weights are averaged."""
-_WIDTH = 1.8
+_MAX_POINT_DISTANCE_CELLS = 1.8
 """Maximum distance, in net cells, from a vertex to the points that it takes its weights from. It is more
 than a cell's diagonal, so that the vertex's own point is included."""
-_REACH = 2.7
+_MAX_PATH_LENGTH_CELLS = 2.7
 """The same along the surface, in net cells: 1.5 times as far, because paths bend."""
-_AROUND = 64
+_MAX_SOURCE_POINTS = 64
 """Maximum number of points that a vertex takes its weights from, the nearest to its own first."""
-_KEPT = 12
+_MAX_NODES_PER_POINT = 12
 """Maximum number of nodes that a point of the net follows."""
-_UNION = 64
+_MAX_CANDIDATE_NODES = 64
 """Maximum number of nodes that the vertices of one point of the net choose from."""
 
 
@@ -64,7 +64,9 @@ def carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> I
         spacing: metres between nodes.
     """
     straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-    near = (straight < _APART * spacing) & (ways < 1.5 * _APART * spacing)
+    near = (straight < _MIN_NODE_DISTANCE_SPACINGS * spacing) & (
+        ways < 1.5 * _MIN_NODE_DISTANCE_SPACINGS * spacing
+    )
     chosen = np.zeros(len(positions), bool)
     for j in range(len(positions)):
         chosen[j] = not (near[j] & chosen).any()
@@ -85,9 +87,11 @@ def blending_weights(
         k: nodes per vertex, at most 4.
     """
     nodes, shares = _at_points(net.points, *near, positions, spacing, k)
-    around = points_around(net, max(_MEAN * spacing, _REACH * net.cell))
-    nodes, shares = _mean(nodes, shares, *around, _MEAN * spacing, len(positions))
-    cells = np.array([_WIDTH, _REACH]) * net.cell
+    around = points_around(net, max(_AVERAGING_RADIUS_SPACINGS * spacing, _MAX_PATH_LENGTH_CELLS * net.cell))
+    nodes, shares = _mean_weights(
+        nodes, shares, *around, _AVERAGING_RADIUS_SPACINGS * spacing, len(positions)
+    )
+    cells = np.array([_MAX_POINT_DISTANCE_CELLS, _MAX_PATH_LENGTH_CELLS]) * net.cell
     indices, weights = _at_vertices(
         net.mesh.vertices, *members(net), net.points, nodes, shares, *around, cells, k
     )
@@ -126,15 +130,15 @@ def _at_points(points, offsets, nodes, ways, positions, spacing, k):
 
 
 @njit(cache=True, nogil=True)
-def _mean(nodes, shares, starts, around, metres, radius, count):
+def _mean_weights(nodes, shares, starts, around, metres, radius, count):
     """Returns (C, 12) nodes (-1: none), and their mean weights (C, 12) over the points around each: step
     3.
     """
-    chosen = np.full((starts.shape[0] - 1, _KEPT), -1, np.int32)
+    chosen = np.full((starts.shape[0] - 1, _MAX_NODES_PER_POINT), -1, np.int32)
     means = np.zeros(chosen.shape, np.float32)
     total = np.zeros(count)
     touched = np.empty(count, np.int64)
-    largest, largest_nodes = np.empty(_KEPT), np.empty(_KEPT, np.int64)
+    largest, largest_nodes = np.empty(_MAX_NODES_PER_POINT), np.empty(_MAX_NODES_PER_POINT, np.int64)
     for c in range(chosen.shape[0]):
         some, share_sum = 0, 0.0
         for b in range(starts[c], starts[c + 1]):
@@ -169,8 +173,11 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
     weights = np.zeros((vertices.shape[0], 4), np.float32)
     per = 1.0 / (cells[0] * cells[0])
     place = np.full(65536, -1, np.int32)
-    union = np.empty(_UNION, np.int32)
-    table, mean = np.empty((_AROUND, _UNION), np.float32), np.empty(_UNION, np.float32)
+    union = np.empty(_MAX_CANDIDATE_NODES, np.int32)
+    table, mean = (
+        np.empty((_MAX_SOURCE_POINTS, _MAX_CANDIDATE_NODES), np.float32),
+        np.empty(_MAX_CANDIDATE_NODES, np.float32),
+    )
     largest, largest_columns = np.empty(k + 1), np.empty(k + 1, np.int64)
     for c in range(points.shape[0]):
         if starts[c] == starts[c + 1]:
@@ -178,15 +185,15 @@ def _at_vertices(vertices, starts, order, points, nodes, shares, offsets, around
         # Collect the nodes of all points around this one. They become the columns of a table of weights.
         first, some = offsets[c], 0
         last = first
-        while last < min(offsets[c + 1], first + _AROUND) and metres[last] <= cells[1]:
+        while last < min(offsets[c + 1], first + _MAX_SOURCE_POINTS) and metres[last] <= cells[1]:
             last += 1
         for b in range(first, last):
             table[b - first, :] = 0.0
-            for m in range(_KEPT):
+            for m in range(_MAX_NODES_PER_POINT):
                 j = nodes[around[b], m]
                 if j < 0:
                     break
-                if place[j] < 0 and some < _UNION:
+                if place[j] < 0 and some < _MAX_CANDIDATE_NODES:
                     place[j], union[some] = some, j
                     some += 1
                 if place[j] >= 0:

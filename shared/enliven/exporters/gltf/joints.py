@@ -22,13 +22,13 @@ def bone_names(skeleton: Skeleton) -> list[str]:
         if j == 0:
             named.append(skeleton.names[0])
             continue
-        onward = parent > 0 and j == _onward(skeleton, int(parent))
+        onward = parent > 0 and j == _straightest_child(skeleton, int(parent))
         begin, end = skeleton.names[parent], skeleton.names[j]
         named.append(begin if onward else f"{begin} to {end}")
     return named
 
 
-def _onward(skeleton: Skeleton, joint: int) -> int:
+def _straightest_child(skeleton: Skeleton, joint: int) -> int:
     """Returns the child that continues a joint's bone in the straightest line."""
     into = skeleton.vectors[joint]
 

@@ -22,26 +22,28 @@ def needed_keys(values: Float, tolerance: float, turns: bool = False, times: Flo
     if len(values) <= 2 or tolerance <= 0.0:
         return np.arange(len(values))
     when = np.arange(float(len(values))) if times is None else np.ascontiguousarray(times, np.float64)
-    return np.asarray(_needed(np.ascontiguousarray(values, np.float64), when, tolerance, turns))
+    return np.asarray(_needed_keys(np.ascontiguousarray(values, np.float64), when, tolerance, turns))
 
 
 @njit(cache=True, nogil=True)
-def _needed(values, times, tolerance, turns):
+def _needed_keys(values, times, tolerance, turns):
     kept = np.empty(len(values), np.int64)
     kept[0], count = 0, 1
-    # Read the zero from the array: a literal 0 has another Numba type, for which Numba would compile _holds
-    # again.
+    # Read the zero from the array: a literal 0 has another Numba type, for which Numba would compile
+    # _is_within_tolerance again.
     begin = kept[0]
     last = len(values) - 1
     while begin < last:
         # Double the step while all frames stay within the tolerance, then bisect.
         good, step = begin + 1, 2
-        while begin + step <= last and _holds(values, times, begin, begin + step, tolerance, turns):
+        while begin + step <= last and _is_within_tolerance(
+            values, times, begin, begin + step, tolerance, turns
+        ):
             good, step = begin + step, 2 * step
         bad = min(begin + step, last + 1)
         while bad - good > 1:
             middle = (good + bad) // 2
-            if _holds(values, times, begin, middle, tolerance, turns):
+            if _is_within_tolerance(values, times, begin, middle, tolerance, turns):
                 good = middle
             else:
                 bad = middle
@@ -50,7 +52,7 @@ def _needed(values, times, tolerance, turns):
 
 
 @njit(cache=True, nogil=True)
-def _holds(values, times, begin, end, tolerance, turns):
+def _is_within_tolerance(values, times, begin, end, tolerance, turns):
     """Returns True if all frames between two keys are within the tolerance of their interpolation."""
     width = values.shape[1]
     dot = 0.0

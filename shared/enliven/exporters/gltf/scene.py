@@ -12,7 +12,7 @@ from enliven.meshes import Mesh
 from enliven.meshes.gltf import JUMP, MeshScene
 from enliven.rotation import IDENTITY
 
-_STILL = 1e-7
+_MAX_STILL_CHANGE = 1e-7
 """Maximum change of a quaternion or a position (metres) over all frames that counts as no motion: below
 float32's resolution."""
 
@@ -76,7 +76,7 @@ class GltfScene(MeshScene):
         Args:
             keys: frames that are sufficient. None for all.
         """
-        still = np.abs(values - values[0]).max() <= _STILL
+        still = np.abs(values - values[0]).max() <= _MAX_STILL_CHANGE
         if still and (len(times) == 1 or _is_rest(self.document.nodes[node], path, values[0])):
             stored = unit32(values[:1])[0] if path == "rotation" else values[0]
             setattr(self.document.nodes[node], path, listed(stored))
@@ -101,13 +101,13 @@ class GltfScene(MeshScene):
 
     def channel(self, times: Float, node: int, path: str, output: int, how: str = "LINEAR") -> None:
         """Adds a channel that reads its values from an existing accessor, with the given interpolation."""
-        sampler = pygltflib.AnimationSampler(input=self._times(times), output=output, interpolation=how)
+        sampler = pygltflib.AnimationSampler(input=self._key_times(times), output=output, interpolation=how)
         self._animation.samplers.append(sampler)
         target = pygltflib.AnimationChannelTarget(node=node, path=path)
         channel = pygltflib.AnimationChannel(sampler=len(self._animation.samplers) - 1, target=target)
         self._animation.channels.append(channel)
 
-    def _times(self, times: Float) -> int:
+    def _key_times(self, times: Float) -> int:
         """Returns the accessor of key times. Equal times are stored once."""
         stored = times.astype(np.float32)
         key = stored.tobytes()
@@ -121,12 +121,12 @@ def jumps_of(times: Float, values: Float) -> Int | None:
 
     None if the values also change over a longer time than a jump of a clip takes.
     """
-    changed = np.abs(np.diff(values, axis=0)).max(1) > _STILL
+    changed = np.abs(np.diff(values, axis=0)).max(1) > _MAX_STILL_CHANGE
     if not changed.any() or (changed & (np.diff(times) > 1.5 * JUMP)).any():
         return None
     kept = np.unique([0, *(np.flatnonzero(changed) + 1), len(times) - 1])
     held = values[kept[np.searchsorted(kept, np.arange(len(times)), "right") - 1]]
-    return kept if np.abs(held - values).max() <= len(times) * _STILL else None
+    return kept if np.abs(held - values).max() <= len(times) * _MAX_STILL_CHANGE else None
 
 
 def _is_rest(node: pygltflib.Node, path: str, value: Float) -> bool:
@@ -137,4 +137,4 @@ def _is_rest(node: pygltflib.Node, path: str, value: Float) -> bool:
         rest = np.roll(IDENTITY, -1) if node.rotation is None else np.array(node.rotation)
     else:
         rest = np.ones(3)
-    return bool(np.abs(value - rest).max() <= _STILL)
+    return bool(np.abs(value - rest).max() <= _MAX_STILL_CHANGE)

@@ -35,7 +35,7 @@ from enliven.files import write_file
 from enliven.meshes import Mesh
 from enliven.rotation import continuous, from_matrix
 
-_UPRIGHT = 1e-9
+_MAX_UPRIGHT_DIFFERENCE = 1e-9
 """Maximum entry-wise difference between the axes of nodes and the world axes with which curves are kept.
 Curves are given in world axes."""
 
@@ -85,7 +85,7 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
         motion = local_motion(skeleton, performance.linear, joints)
         offsets, turns = local_offsets(skeleton), motion.turns
         offsets[1:] = np.einsum("nba,nb->na", motion.axes[parents[1:]], offsets[1:])
-    turned = motion is not None and np.abs(motion.axes - np.eye(3)).max() > _UPRIGHT
+    turned = motion is not None and np.abs(motion.axes - np.eye(3)).max() > _MAX_UPRIGHT_DIFFERENCE
     curves = {} if turned else {(curve.bone, curve.turns): curve for curve in performance.cubic}
     bones: list[int] = []
     for j, parent in enumerate(parents):
@@ -122,7 +122,7 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
 def _add_joints(scene: GltfScene, performance: Performance) -> None:
     """Adds the mesh, and a joint for each transform, with the required keys."""
     mesh, skin = performance.surface
-    holder, pivots = _holder(scene, performance), performance.pivots
+    holder, pivots = _add_holder_node(scene, performance), performance.pivots
     axes = np.tile(np.eye(3), (len(pivots), 1, 1)) if performance.axes is None else performance.axes
     turns, scales = stretches_of(performance.linear @ axes)
     standing = from_matrix(axes)
@@ -142,7 +142,7 @@ def _add_joints(scene: GltfScene, performance: Performance) -> None:
     scene.skinned(performance.name, mesh, skin, holder, joints, pivots, axes)
 
 
-def _holder(scene: GltfScene, performance: Performance) -> int:
+def _add_holder_node(scene: GltfScene, performance: Performance) -> int:
     """Adds the node that moves through the world as the performance's frame does."""
     holder = scene.node(name=f"{performance.name} frame", children=[])
     if performance.turns is not None and performance.places is not None:
@@ -167,7 +167,7 @@ def reaches(performance: Performance) -> Float:
 def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs) -> None:
     """Adds the mesh below a holder node, with a morph target for each shape and their weights over time."""
     mesh: Mesh = performance.surface[0]
-    document, blob, holder = scene.document, scene.blob, _holder(scene, performance)
+    document, blob, holder = scene.document, scene.blob, _add_holder_node(scene, performance)
     primitives, array = [], pygltflib.ARRAY_BUFFER
     for primitive, vertices in scene.primitives(performance.name, mesh):
         for shape, bent in zip(morphs.targets, morphs.normals, strict=True):

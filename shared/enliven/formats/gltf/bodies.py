@@ -9,7 +9,7 @@ from enliven.formats.rig import LinkBody
 from enliven.meshes.gltf import GltfPart, GltfSurface
 from enliven.rotation import from_matrix, strain_of
 
-_STRETCHED = 1e-4
+_MAX_ROUNDING_STRETCH = 1e-4
 """Largest stretch of a joint beyond 1 that counts as rounding instead of a scale track."""
 
 
@@ -29,7 +29,7 @@ def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> list[Lin
         mirrors = np.where(np.linalg.det(away[:, :3, :3]) < 0, -1.0, 1.0)
         away[:, :3, :3] *= mirrors[:, None, None]
         turns = from_matrix(away[:, :3, :3]) if len(away) else np.zeros((0, 4))
-        scaled = _skew(away[:, :3, :3]) > _STRETCHED
+        scaled = _largest_stretch(away[:, :3, :3]) > _MAX_ROUNDING_STRETCH
         strains = strain_of(away[:, :3, :3], turns) if scaled else None
         above = file.parents[node]
         while above >= 0 and above not in number:
@@ -45,23 +45,25 @@ def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> list[Lin
         body.leaves, body.strains = leaves, strains
         body.mirrors = mirrors if (mirrors < 0).any() else None
         bodies.append(body)
-    _weigh(bodies, number, surface.parts, surface.rest)
+    _measure_bodies(bodies, number, surface.parts, surface.rest)
     return bodies
 
 
-def _skew(linear: Float) -> float:
+def _largest_stretch(linear: Float) -> float:
     """Returns the largest stretch of linear maps (F, 3, 3), minus 1: 0 for rotations."""
     if not len(linear):
         return 0.0
     return float(np.abs(np.linalg.svd(linear, compute_uv=False) - 1.0).max())
 
 
-def _weigh(bodies: list[LinkBody], number: dict[int, int], parts: list[GltfPart], rest: list[Float]) -> None:
+def _measure_bodies(
+    bodies: list[LinkBody], number: dict[int, int], parts: list[GltfPart], rest: list[Float]
+) -> None:
     """Gives each body the area of the surface that it moves, and the far end of that surface."""
     vertices = np.concatenate(rest)
     nodes = np.concatenate([part.nodes for part in parts])
     weights = np.concatenate([part.weights for part in parts])
-    area = np.concatenate([_area(part, at) for part, at in zip(parts, rest, strict=True)])
+    area = np.concatenate([_vertex_areas(part, at) for part, at in zip(parts, rest, strict=True)])
     for node, k in number.items():
         share = np.where(nodes == node, weights, 0.0).sum(1)
         bodies[k].mass = float(share @ area)
@@ -70,7 +72,7 @@ def _weigh(bodies: list[LinkBody], number: dict[int, int], parts: list[GltfPart]
             bodies[k].reach = _far_end(bodies[k].rest, mine)
 
 
-def _area(part: GltfPart, vertices: Float) -> Float:
+def _vertex_areas(part: GltfPart, vertices: Float) -> Float:
     """Returns the area (V,) in m2 of each vertex: a third of each of its faces, and never quite zero."""
     a, b, c = (vertices[part.faces[:, k]] for k in range(3))
     third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6

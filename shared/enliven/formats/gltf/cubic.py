@@ -21,13 +21,13 @@ from enliven.formats.rig import Tree
 from enliven.meshes.gltf import Bind, GltfFile, GltfSurface, animated_locals, matrices_of
 from enliven.rotation import conjugate, from_matrix, multiply
 
-_EVEN = 1e-5
+_MAX_SCALE_DIFFERENCE = 1e-5
 """Largest relative difference of scales along three axes with which a node's scale counts as uniform."""
-_STILL = 1e-9
+_MAX_CONSTANT_CHANGE = 1e-9
 """Largest change of a value with which a channel counts as constant: below float32's resolution."""
-_UNIT = 1e-3
+_MAX_QUATERNION_LENGTH_ERROR = 1e-3
 """Largest difference from 1 of the length of a quaternion in the file: rounding of small integers."""
-_SAME = 1e-4
+_MAX_CURVE_DEVIATION = 1e-4
 """Maximum deviation of a curve from its clip's frames, in radians or as a fraction of the skeleton's size."""
 
 
@@ -45,30 +45,30 @@ def with_cubic_keys(
         chosen: the node of each body.
     """
     file, bind = surface.file, surface.bind
-    channels = _moving(file, animation)
+    channels = _moving_samplers(file, animation)
     stretched = clip.strains is not None or clip.mirrors is not None
     if stretched or not any(
         _is_cubic(sampler) for samplers in channels.values() for sampler in samplers.values()
     ):
         return clip
-    local = _local(file, animation)
+    local = _local_transforms(file, animation)
     curves = list[CubicKeys]()
     for bone, driver in enumerate(tree.driver):
         above = chosen[tree.driver[clip.skeleton.parents[bone]]] if bone else -1
-        keys = _turning(file, channels, local, bind, (above, chosen[driver]))
+        keys = _relative_rotation(file, channels, local, bind, (above, chosen[driver]))
         if keys is not None and (np.diff(keys[0]) > 0.0).all():
             curves.append(CubicKeys(bone, keys[0] - start, *keys[1:]))
-    keys = _travelling(file, channels, local, chosen[tree.root])
+    keys = _world_translation(file, channels, local, chosen[tree.root])
     if keys is not None and (np.diff(keys[0]) > 0.0).all():
         curves.append(CubicKeys(0, keys[0] - start, *keys[1:]))
-    return _checked(clip, curves)
+    return _checked_curves(clip, curves)
 
 
 def _is_cubic(sampler: Any) -> bool:
     return bool(sampler.interpolation == "CUBICSPLINE")
 
 
-def _moving(file: GltfFile, animation: int) -> dict[int, dict[str, Any]]:
+def _moving_samplers(file: GltfFile, animation: int) -> dict[int, dict[str, Any]]:
     """Returns the samplers with changing values, by node and path."""
     animation_entry = file.document.animations[animation]
     samplers: dict[int, dict[str, Any]] = {}
@@ -79,13 +79,15 @@ def _moving(file: GltfFile, animation: int) -> dict[int, dict[str, Any]]:
         sampler = animation_entry.samplers[channel.sampler]
         values = file.keys(sampler, path)
         points = values[1::3] if _is_cubic(sampler) else values
-        changes = np.ptp(points, axis=0).max() > _STILL
-        if changes or (_is_cubic(sampler) and len(points) > 1 and np.abs(values[[0, 2]]).max() > _STILL):
+        changes = np.ptp(points, axis=0).max() > _MAX_CONSTANT_CHANGE
+        if changes or (
+            _is_cubic(sampler) and len(points) > 1 and np.abs(values[[0, 2]]).max() > _MAX_CONSTANT_CHANGE
+        ):
             samplers.setdefault(node, {})[path] = sampler
     return samplers
 
 
-def _local(file: GltfFile, animation: int) -> Float:
+def _local_transforms(file: GltfFile, animation: int) -> Float:
     """Returns the nodes' local transforms (n, 4, 4) at time 0. Those of still nodes never change."""
     at = animated_locals(file, animation, np.zeros(1))
     local: Float = matrices_of(at.translation, at.rotation, at.scale)[0]
@@ -94,7 +96,7 @@ def _local(file: GltfFile, animation: int) -> Float:
     return np.asarray(local)
 
 
-def _turning(
+def _relative_rotation(
     file: GltfFile,
     channels: Mapping[int, Mapping[str, Any]],
     local: Float,
@@ -106,51 +108,57 @@ def _turning(
     Returns None unless exactly one node between them rotates, with cubic keys, and none changes its scale.
     """
     above, node = ends
-    way = _way(file, above, node)
+    way = _node_path(file, above, node)
     turned = [way_node for way_node in way if "rotation" in channels.get(way_node, {})]
     if len(turned) != 1 or any("scale" in channels.get(way_node, {}) for way_node in way):
         return None
     (mover,) = turned
     sampler = channels[mover]["rotation"]
     mover_index = way.index(mover)
-    before, after = _turn(_product(local, way[:mover_index])), _turn(_product(local, way[mover_index + 1 :]))
-    from_bind, to_bind = _turn(bind.world[node]), _turn(np.eye(4) if above < 0 else bind.world[above])
+    before, after = (
+        _rotation_of(_transform_product(local, way[:mover_index])),
+        _rotation_of(_transform_product(local, way[mover_index + 1 :])),
+    )
+    from_bind, to_bind = (
+        _rotation_of(bind.world[node]),
+        _rotation_of(np.eye(4) if above < 0 else bind.world[above]),
+    )
     if before is None or after is None or from_bind is None or to_bind is None:
         return None
-    if not _is_cubic(sampler) or _turn(local[mover]) is None:
+    if not _is_cubic(sampler) or _rotation_of(local[mover]) is None:
         return None
     left, right = multiply(to_bind, before), multiply(after, conjugate(from_bind))
-    seconds, values, slopes = _keys(file, sampler, "rotation")
+    seconds, values, slopes = _sampler_keys(file, sampler, "rotation")
     values, slopes = np.roll(values, 1, -1), np.roll(slopes, 1, -1)
-    if np.abs(np.linalg.norm(values, axis=1) - 1.0).max() > _UNIT:
+    if np.abs(np.linalg.norm(values, axis=1) - 1.0).max() > _MAX_QUATERNION_LENGTH_ERROR:
         return None
     return seconds, multiply(multiply(left, values), right), multiply(multiply(left, slopes), right)
 
 
-def _travelling(
+def _world_translation(
     file: GltfFile, channels: Mapping[int, Mapping[str, Any]], local: Float, node: int
 ) -> tuple[Float, Float, Float] | None:
     """Returns times, values and slopes of a node's world position, or None if one of its ancestors moves.
 
     It is also None if the position has no cubic keys.
     """
-    way = _way(file, -1, node)
+    way = _node_path(file, -1, node)
     sampler = channels.get(node, {}).get("translation")
     if sampler is None or not _is_cubic(sampler) or any(ancestor in channels for ancestor in way[:-1]):
         return None
-    parent_world = _product(local, way[:-1])
-    seconds, values, slopes = _keys(file, sampler, "translation")
+    parent_world = _transform_product(local, way[:-1])
+    seconds, values, slopes = _sampler_keys(file, sampler, "translation")
     return seconds, values @ parent_world[:3, :3].T + parent_world[:3, 3], slopes @ parent_world[:3, :3].T
 
 
-def _keys(file: GltfFile, sampler: Any, path: str) -> tuple[Float, Float, Float]:
+def _sampler_keys(file: GltfFile, sampler: Any, path: str) -> tuple[Float, Float, Float]:
     """Returns the seconds (K,), values (K, C) and slopes (K, 2, C) of a cubic sampler."""
     rows = file.keys(sampler, path)
     rows = rows.reshape(-1, 3, rows.shape[1])
     return np.asarray(file.accessor(sampler.input)[:, 0], np.float64), rows[:, 1], rows[:, ::2]
 
 
-def _way(file: GltfFile, above: int, node: int) -> list[int]:
+def _node_path(file: GltfFile, above: int, node: int) -> list[int]:
     """Returns the path of nodes from below ``above`` to ``node``, or from the root if it is no ancestor."""
     way = list[int]()
     while node >= 0 and node != above:
@@ -159,23 +167,23 @@ def _way(file: GltfFile, above: int, node: int) -> list[int]:
     return way[::-1]
 
 
-def _product(local: Float, nodes: list[int]) -> Float:
+def _transform_product(local: Float, nodes: list[int]) -> Float:
     product = np.eye(4)
     for node in nodes:
         product = product @ local[node]
     return product
 
 
-def _turn(matrix: Float) -> Float | None:
+def _rotation_of(matrix: Float) -> Float | None:
     """Returns the rotation (4,) of a transform, or None if it scales non-uniformly or mirrors."""
     linear = matrix[:3, :3]
     size = np.cbrt(np.linalg.det(linear))
-    if not size > 0.0 or np.abs(linear.T @ linear / size**2 - np.eye(3)).max() > _EVEN:
+    if not size > 0.0 or np.abs(linear.T @ linear / size**2 - np.eye(3)).max() > _MAX_SCALE_DIFFERENCE:
         return None
     return np.asarray(from_matrix(linear / size))
 
 
-def _checked(clip: Clip, made: list[CubicKeys]) -> Clip:
+def _checked_curves(clip: Clip, made: list[CubicKeys]) -> Clip:
     """Returns the clip with those curves that agree with all of its frames."""
     parents, finest = clip.skeleton.parents, clip.finest
     even = np.arange(len(clip.turns), dtype=np.float64) * clip.step
@@ -191,6 +199,6 @@ def _checked(clip: Clip, made: list[CubicKeys]) -> Clip:
             off = 2.0 * np.arccos(np.clip(np.abs((values * turns).sum(1)), 0.0, 1.0)).max()
         else:
             off = np.abs(values - finest.root).max() / size
-        if off < _SAME:
+        if off < _MAX_CURVE_DEVIATION:
             agreeing.append(curve)
     return replace(clip, cubic=tuple(agreeing)) if agreeing else clip

@@ -44,12 +44,12 @@ from enliven.meshes.gltf import (
 )
 from enliven.rotation import continuous
 
-_TOLD = 1e-3
+_MIN_NOTED_MOTION_FRACTION = 1e-3
 """Minimum omitted motion that gets a note, as a fraction of the model's size. Less is not visible."""
 
 _MOST_JOINTS = 4096
 """Maximum number of joints: that of a pose on the wire (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
-_LATE = 0.1
+_MIN_NOTED_PAUSE_S = 0.1
 """Minimum pause in seconds before the first key that gets a note. Programs that count frames from 1 leave
 less."""
 
@@ -95,27 +95,27 @@ def read_gltf(
     Raises:
         InputError: if the file cannot be read, or has no visible surface.
     """
-    rig = _read(path, name)
+    rig = _read_unscaled(path, name)
     rig = resized(rig, height) if height is not None else rig
     rig = on_floor(rig) if floor else rig
     return Rig(welded(rig.shape), rig.clips, rig.notes) if weld else rig
 
 
-def _read(path: Path | str, name: str) -> Rig:
+def _read_unscaled(path: Path | str, name: str) -> Rig:
     """Reads the model without scaling or moving it."""
     surface = gltf_surface(path, name)
     file = surface.file
     try:
         if all(part.skin < 0 for part in surface.parts) and not file.document.animations:
-            return _unrigged(surface.mesh, surface.notes)
-        return _rigged(surface)
+            return _unrigged_model(surface.mesh, surface.notes)
+        return _rigged_model(surface)
     except EnlivenError:
         raise
     except DAMAGE as error:
         raise file.damaged(error) from None
 
 
-def _unrigged(mesh: Mesh, notes: list[str]) -> Rig:
+def _unrigged_model(mesh: Mesh, notes: list[str]) -> Rig:
     low, high = mesh.bounds
     middle = (low + high) / 2
     foot, top = np.array([middle[0], low[1], middle[2]]), np.array([middle[0], high[1], middle[2]])
@@ -126,10 +126,10 @@ def _unrigged(mesh: Mesh, notes: list[str]) -> Rig:
     return Rig(shape, (), (*notes, "it has no rig: it is given one bone, from its foot to its top"))
 
 
-def _rigged(surface: GltfSurface) -> Rig:
+def _rigged_model(surface: GltfSurface) -> Rig:
     file, parts, mesh, notes = surface.file, surface.parts, surface.mesh, list(surface.notes)
-    animations, world = _played(file, notes)
-    chosen = _chosen(file, parts)
+    animations, world = _sampled_animations(file, notes)
+    chosen = _joint_candidates(file, parts)
     if len(chosen) > _MOST_JOINTS:
         raise file.wrong(f"it has {len(chosen)} joints, and no more than {_MOST_JOINTS} can move")
     size = float(np.ptp(mesh.vertices, axis=0).max())
@@ -137,18 +137,18 @@ def _rigged(surface: GltfSurface) -> Rig:
     ours = (file.document.asset.generator or "").startswith("enliven ")
     tree = tree_of(bodies, size, ours)
     body_of = {node: number for number, node in enumerate(chosen)}
-    skin = _skin(parts, tree, body_of)
+    skin = _skin_weights(parts, tree, body_of)
     shape = still_shape(mesh.name, tree.skeleton, mesh, skin)
     clips, taken = [], set[str]()
     tracks = clip_tracks(bodies, tree, size)
     for animation in animations:
-        clip = _clip(animation, tree, bodies, tracks, taken)
+        clip = _animation_clip(animation, tree, bodies, tracks, taken)
         clips.append(with_cubic_keys(clip, animation.number, animation.start, surface, tree, chosen))
-    notes += tree.notes + _told(bodies, tree, size)
+    notes += tree.notes + _lost_motion_notes(bodies, tree, size)
     return Rig(shape, tuple(clips), tuple(dict.fromkeys(notes)))
 
 
-def _played(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
+def _sampled_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
     """Returns the animations, and world_from_node (F, n, 4, 4) over the samples of all of them."""
     animations, worlds, start = list[_Animation](), list[Float](), 0
     for number, animation in enumerate(file.document.animations or []):
@@ -159,7 +159,7 @@ def _played(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
         step = float(even[1] - even[0]) if len(even) > 1 else 1 / 30
         worlds.append(world_matrices(file, animated_locals(file, number, times)))
         name = animation.name or f"animation {number + 1}"
-        if even[0] > _LATE:
+        if even[0] > _MIN_NOTED_PAUSE_S:
             notes.append(f"animation {name!r} begins at {even[0]:.3g} s: the pause before it is left out")
         own, at = slice(start, start + len(times)), np.searchsorted(times, even)
         animations.append(_Animation(name, own, times - times[0], at, step, number, float(times[0])))
@@ -168,7 +168,7 @@ def _played(file: GltfFile, notes: list[str]) -> tuple[list[_Animation], Float]:
     return animations, np.concatenate(worlds) if worlds else np.zeros((0, count, 4, 4))
 
 
-def _chosen(file: GltfFile, parts: list[GltfPart]) -> list[int]:
+def _joint_candidates(file: GltfFile, parts: list[GltfPart]) -> list[int]:
     """Returns the nodes that may be joints, parents before children.
 
     These are the joints of the used skins, the nodes with a rigidly attached mesh, and animated nodes between
@@ -189,7 +189,7 @@ def _chosen(file: GltfFile, parts: list[GltfPart]) -> list[int]:
     return [n for n in moving_nodes(file, parts) if n in named or (n in between and n in animated)]
 
 
-def _skin(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWeights:
+def _skin_weights(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWeights:
     """Returns skin weights with four bones for each vertex, from the joints that it follows in the file."""
     nodes: Int = np.concatenate([part.nodes for part in parts])
     weights = np.concatenate([part.weights for part in parts])
@@ -199,7 +199,7 @@ def _skin(parts: list[GltfPart], tree: Tree, body_of: dict[int, int]) -> SkinWei
     return SkinWeights(bone[nodes], weights.astype(np.float32))
 
 
-def _clip(
+def _animation_clip(
     animation: _Animation,
     tree: Tree,
     bodies: list[LinkBody],
@@ -216,7 +216,7 @@ def _clip(
     own = [None if track is None else track[animation.frames] for track in tracks]
     offsets, strains = (None if track is None or not track.any() else track for track in own)
     root, even = bodies[tree.root].places[animation.frames], animation.even
-    mirrors = _mirrors(animation, tree, bodies)
+    mirrors = _mirrored_signs(animation, tree, bodies)
     fine = None
     if len(even) < len(turns):
         fine = FineFrames(animation.seconds, turns, root, offsets, strains, mirrors)
@@ -225,7 +225,7 @@ def _clip(
     return clip if fine is None else replace(clip.mapped(lambda track: track[even]), fine=fine)
 
 
-def _mirrors(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float | None:
+def _mirrored_signs(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float | None:
     """Returns (K, N) -1 for mirrored bones and 1 for others, or None if no bone is mirrored."""
     signs = np.ones((len(animation.seconds), len(tree.driver)))
     for j, driver in enumerate(tree.driver):
@@ -235,9 +235,9 @@ def _mirrors(animation: _Animation, tree: Tree, bodies: list[LinkBody]) -> Float
     return signs if (signs < 0).any() else None
 
 
-def _told(bodies: list[LinkBody], tree: Tree, size: float) -> list[str]:
+def _lost_motion_notes(bodies: list[LinkBody], tree: Tree, size: float) -> list[str]:
     """Returns notes about motion in the animations that no bone follows, with its size."""
-    away = [(name, far) for name, far in joint_drift(bodies, tree) if far > _TOLD * size]
+    away = [(name, far) for name, far in joint_drift(bodies, tree) if far > _MIN_NOTED_MOTION_FRACTION * size]
     if not away:
         return []
     name, far = max(away, key=lambda pair: pair[1])

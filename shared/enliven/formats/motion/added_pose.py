@@ -15,20 +15,20 @@ from enliven.formats.motion.capture import Capture
 
 _TOO_FAST = 8.0
 """Body sizes a second of a joint that no person reaches: 14 m/s for an adult. Kicks reach 10 m/s."""
-_JUMP = 4.0
+_MIN_JUMP_SPEED_RATIO = 4.0
 """Minimum speed of the jump after an added pose, relative to the fastest motion in the rest of the take.
 Captures have smaller glitches of their own."""
-_FADE = 1.5
+_MIN_FADE_SPEED_RATIO = 1.5
 """Minimum speed of the frames in which an added pose fades into the motion, relative to the rest of the
 take."""
 _LONGEST_FADE_S = 0.3
 """Longest fade from an added pose into the motion, in seconds. In resampled files the jump is spread over
 some frames."""
-_FAR = 0.15
+_MIN_JUMP_BODY_SIZES = 0.15
 """Minimum jump of a joint, as a multiple of the body size. A smaller jump hardly shows."""
 _LONGEST_HOLD_S = 2.0
 """Longest time for which an added pose is held, in seconds."""
-_STILL = 1e-5
+_SAME_POSE_BODY_SIZES = 1e-5
 """Body sizes within which a held pose is one and the same: people are never that still."""
 _LEAST_REST = 5
 """Minimum number of frame intervals in the rest of a take. With fewer, it cannot be judged as smooth."""
@@ -49,8 +49,8 @@ def added_frames(
         only_rest: added frames show the rest pose; else any pose can be added.
     """
     return (
-        _leading(places, seconds, rest, only_rest),
-        _leading(places[::-1], seconds, rest, only_rest),
+        _added_frame_count(places, seconds, rest, only_rest),
+        _added_frame_count(places[::-1], seconds, rest, only_rest),
     )
 
 
@@ -75,32 +75,34 @@ def told_added(begin: int, end: int) -> tuple[str, ...]:
     )
 
 
-def _leading(places: Float, seconds: float, rest: Float | None, only_rest: bool) -> int:
+def _added_frame_count(places: Float, seconds: float, rest: Float | None, only_rest: bool) -> int:
     """How many frames at the begin are an added pose."""
     size = float(np.ptp(places[len(places) // 2], axis=0).max())
     if len(places) < _LEAST_REST + 2 or size <= 0.0:
         return 0
     steps = np.linalg.norm(np.diff(places, axis=0), axis=2).max(1) / size
-    moving = np.flatnonzero(steps > _STILL)
+    moving = np.flatnonzero(steps > _SAME_POSE_BODY_SIZES)
     held = int(moving[0]) if len(moving) else 0
     fade = max(round(_LONGEST_FADE_S / seconds), 1)
     # Leave out the other end as well, because it may have an added pose of its own.
     others = steps[held + fade : len(steps) - fade]
     if held * seconds > _LONGEST_HOLD_S or len(others) < _LEAST_REST:
         return 0
-    usual, shows_rest = float(others.max()), rest is not None and _shows(places[0], rest, size)
+    usual, shows_rest = float(others.max()), rest is not None and _is_rest_pose(places[0], rest, size)
     if only_rest and not shows_rest:
         return 0
     first = steps[held : held + fade]
-    fast = first > (_FADE if shows_rest else _JUMP) * usual
+    fast = first > (_MIN_FADE_SPEED_RATIO if shows_rest else _MIN_JUMP_SPEED_RATIO) * usual
     count = len(fast) if fast.all() else int(np.argmin(fast))
-    if not count or first[:count].max() < _JUMP * usual:
+    if not count or first[:count].max() < _MIN_JUMP_SPEED_RATIO * usual:
         return 0
     far = float(np.linalg.norm(places[held + count] - places[0], axis=1).max()) / size
-    return held + count if far > _FAR and (shows_rest or first[0] > _TOO_FAST * seconds) else 0
+    return (
+        held + count if far > _MIN_JUMP_BODY_SIZES and (shows_rest or first[0] > _TOO_FAST * seconds) else 0
+    )
 
 
-def _shows(pose: Float, rest: Float, size: float) -> bool:
+def _is_rest_pose(pose: Float, rest: Float, size: float) -> bool:
     """Whether a pose (N, 3) is the rest pose, wherever its root is."""
     apart = np.linalg.norm((pose - pose[0]) - (rest - rest[0]), axis=1)
     return bool(apart.mean() < _AT_REST * size)

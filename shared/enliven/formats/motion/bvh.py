@@ -29,11 +29,11 @@ _MOST_PLACES = 1 << 24
 rotations and positions."""
 _MAX_HEAD_BYTES = 1 << 24
 """Most bytes of a hierarchy: 4096 joints, 256 deep and indented by tabs, take 8 MB."""
-_BLANK = r"(?:\s|(?:#|//)[^\n]*)*"
-_WORD = re.compile(_BLANK + r"([{}:]|(?:[^\s{}:]|:(?=[^\s:]))+)")
+_BLANK_PATTERN = r"(?:\s|(?:#|//)[^\n]*)*"
+_WORD_PATTERN = re.compile(_BLANK_PATTERN + r"([{}:]|(?:[^\s{}:]|:(?=[^\s:]))+)")
 """A word after blanks and comments. A colon inside of a word belongs to a name such as "mixamorig:Hips"."""
-_NAME = re.compile(r"(?:(?!\s(?:#|//))[^\n{}])*")
-_COMMENT = re.compile(r"(?:#|//)[^\n]*")
+_NAME_PATTERN = re.compile(r"(?:(?!\s(?:#|//))[^\n{}])*")
+_COMMENT_PATTERN = re.compile(r"(?:#|//)[^\n]*")
 _KEYWORDS = {
     "ROOT",
     "JOINT",
@@ -77,12 +77,12 @@ class _Words:
 
     def peek(self) -> str:
         """Returns the next word; empty at the end."""
-        match = _WORD.match(self._text, self._at)
+        match = _WORD_PATTERN.match(self._text, self._at)
         return match[1] if match else ""
 
     def next(self, expected: str) -> str:
         """Returns the next word and goes past it; ``expected`` is named if the file ends here."""
-        match = _WORD.match(self._text, self._at)
+        match = _WORD_PATTERN.match(self._text, self._at)
         if match is None:
             raise InputError(f"the file ends where {expected} should be", where=str(self._path))
         self._at = match.end()
@@ -90,7 +90,7 @@ class _Words:
 
     def rest_of_name(self) -> str:
         """Returns the words up to a brace or the end of the line."""
-        match = _NAME.match(self._text, self._at)
+        match = _NAME_PATTERN.match(self._text, self._at)
         self._at = match.end() if match else self._at
         return " ".join(match[0].split()) if match else ""
 
@@ -158,7 +158,7 @@ def parse_bvh(text: str, path: Path = Path("bvh")) -> Capture:
     tree = _read_hierarchy(words)
     promised, seconds = _read_header(words)
     rows, notes = _read_rows(words, tree, promised)
-    offsets, rotations = _local(tree, rows)
+    offsets, rotations = _local_motion(tree, rows)
     positions, world = composed(tuple(tree.parents), offsets, rotations)
     return Capture(tuple(tree.names), tuple(tree.parents), positions, world, seconds, notes)
 
@@ -179,12 +179,12 @@ def _read_hierarchy(words: _Words) -> _Hierarchy:
             case "MOTION":
                 break
             case "ROOT" | "JOINT" | "END" | "ENDSITE" | "END_SITE" as kind:
-                _begin(words, tree, chain, "End" if kind.startswith("END") else kind, line)
+                _begin_joint(words, tree, chain, "End" if kind.startswith("END") else kind, line)
             case "OFFSET" if chain:
                 x, y, z = words.numbers(words.until_keyword(), 3, "an OFFSET", line)
                 tree.offsets[chain[-1]] = (x, y, z)
             case "CHANNELS" if chain:
-                tree.channels[chain[-1]] = _channels(words, words.until_keyword(), line)
+                tree.channels[chain[-1]] = _joint_channels(words, words.until_keyword(), line)
             case "}" if chain:
                 chain.pop()
             case _:
@@ -194,7 +194,7 @@ def _read_hierarchy(words: _Words) -> _Hierarchy:
     return tree
 
 
-def _begin(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, line: int) -> None:
+def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, line: int) -> None:
     """Reads the name of a joint and the brace after it."""
     name = words.rest_of_name()
     if (kind == "ROOT") != (not chain):
@@ -210,7 +210,7 @@ def _begin(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, line: i
         excess = f"deeper than {_MOST_DEEP}" if len(chain) >= _MOST_DEEP else f"more than {_MOST_JOINTS}"
         raise words.wrong(f"there are joints {excess}", "No skeleton is like this: export it again.", line)
     chain.append(len(tree.names))
-    tree.names.append(_unused(name, tree.taken))
+    tree.names.append(_unused_name(name, tree.taken))
     tree.parents.append(parent)
     tree.offsets.append((0.0, 0.0, 0.0))
     tree.channels.append([])
@@ -218,7 +218,7 @@ def _begin(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, line: i
         raise words.wrong(f"'{{' is missing after {name}")
 
 
-def _unused(name: str, taken: dict[str, int]) -> str:
+def _unused_name(name: str, taken: dict[str, int]) -> str:
     """Returns the name, or the first numbered one that no joint has yet: a wrist may have two ends."""
     plain, number = name, taken.get(name, 1)
     while name in taken:
@@ -229,7 +229,7 @@ def _unused(name: str, taken: dict[str, int]) -> str:
     return name
 
 
-def _channels(words: _Words, given: list[str], line: int) -> list[tuple[str, int]]:
+def _joint_channels(words: _Words, given: list[str], line: int) -> list[tuple[str, int]]:
     """(kind, axis) of each channel of a joint, from their count and names."""
     channel_kinds = {
         f"{axis}{kind}".lower(): (kind[0], _AXES[axis]) for axis in _AXES for kind in ("position", "rotation")
@@ -281,7 +281,7 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
     width, joints = sum(map(len, tree.channels)), len(tree.names)
     first_line, text = words.rest()
     most = _MOST_PLACES // joints
-    body = _COMMENT.sub("", text).encode()
+    body = _COMMENT_PATTERN.sub("", text).encode()
     parts, counts, lines = list[Float](), list[Int](), list[Int]()
     total = 0
     for offset, block in blocks(body):
@@ -330,7 +330,7 @@ def _check_rows(words: _Words, counts: Int, lines: Int, width: int, promised: in
     raise words.wrong(problem, line=int(lines[row]))
 
 
-def _local(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:
+def _local_motion(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:
     """(F, N, 3) offsets and (F, N, 3, 3) rotations of every joint in its parent's frame.
 
     A joint's position channels take the place of its offset.

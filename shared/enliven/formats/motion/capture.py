@@ -10,7 +10,7 @@ from enliven.arrays import Float
 
 UNITS: dict[str, float] = {"m": 1.0, "in": 0.0254, "cmu": 0.0254 / 0.45, "cm": 0.01, "mm": 0.001}
 """Metres in a unit. CMU's files count 0.45ths of an inch."""
-_LEG = 0.82
+_ADULT_LEG_LENGTH_M = 0.82
 """Distance from hip to ankle of an average adult, in metres. The unit of a file is guessed from it."""
 
 
@@ -70,4 +70,4 @@ def composed(parents: tuple[int, ...], offsets: Float, rotations: Float) -> tupl
 def guess_unit(leg: float) -> str:
     """Returns the unit in which ``leg`` (hip to ankle, in the file's numbers) is nearest to a person's
     leg."""
-    return min(UNITS, key=lambda name: abs(np.log(max(leg, 1e-9) * UNITS[name] / _LEG)))
+    return min(UNITS, key=lambda name: abs(np.log(max(leg, 1e-9) * UNITS[name] / _ADULT_LEG_LENGTH_M)))

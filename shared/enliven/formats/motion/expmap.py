@@ -77,13 +77,13 @@ def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
     """
     path = Path(path)
     lines = decode_text(read_file(path)).split("\n")
-    rows = np.array([_row(line, number, path) for number, line in enumerate(lines, 1) if line.strip()])
+    rows = np.array([_row_values(line, number, path) for number, line in enumerate(lines, 1) if line.strip()])
     if len(rows) == 0:
         raise InputError("the file has no frames", where=str(path))
     maps = rows[:, 3:].reshape(len(rows), len(_JOINTS), 3)
     rotations = to_matrix(from_rotation_vector(-maps))
     if mend_root:
-        rotations[:, 0] = _mended(rotations[:, 0])
+        rotations[:, 0] = _corrected_rotations(rotations[:, 0])
     offsets = np.tile(np.array([offset for _, _, offset in _JOINTS]), (len(rows), 1, 1))
     offsets[:, 0] = rows[:, :3]
     parents = tuple(parent for _, parent, _ in _JOINTS)
@@ -91,7 +91,7 @@ def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
     return Capture(tuple(name for name, _, _ in _JOINTS), parents, positions, world, SECONDS)
 
 
-def _row(line: str, number: int, path: Path) -> list[float]:
+def _row_values(line: str, number: int, path: Path) -> list[float]:
     where = f"{path}, line {number}"
     try:
         values = [float(word) for word in line.split(",")]
@@ -102,7 +102,7 @@ def _row(line: str, number: int, path: Path) -> list[float]:
     return values
 
 
-def _mended(wrong: Float) -> Float:
+def _corrected_rotations(wrong: Float) -> Float:
     """Returns (F, 3, 3) Rz Ry Rx from rotations composed in the wrong order, Rz Rx Ry = ``wrong``."""
     x = np.arcsin(np.clip(wrong[:, 2, 1], -1.0, 1.0))
     y = np.arctan2(-wrong[:, 2, 0], wrong[:, 2, 2])

@@ -6,7 +6,7 @@ import codecs
 import zipfile
 from io import BytesIO
 
-_KINDS: tuple[tuple[int, bytes, str, str], ...] = (
+_FILE_KINDS: tuple[tuple[int, bytes, str, str], ...] = (
     (0, b"\x89PNG\r\n\x1a\n", "a PNG picture", ""),
     (0, b"\xff\xd8\xff", "a JPEG picture", ""),
     (0, b"GIF8", "a GIF picture", ""),
@@ -34,16 +34,16 @@ _KINDS: tuple[tuple[int, bytes, str, str], ...] = (
 )
 """The known kinds of files: the offset of the magic bytes, the magic bytes, the name, and the suffix with
 which enliven opens the kind."""
-_INSIDE = {
+_ARCHIVE_KIND_BY_ENTRY = {
     "[Content_Types].xml": "an Office document",
     "mimetype": "an OpenDocument file or e-book",
     "META-INF/MANIFEST.MF": "a Java program",
     "AndroidManifest.xml": "an Android app",
 }
 """Entries that show that a ZIP archive is something else."""
-_SAMPLE = 4096
+_SAMPLE_BYTES = 4096
 """Number of bytes that are examined to distinguish text from other data."""
-_NAMED = 40
+_MAX_SHOWN_LETTERS = 40
 """Letters of an entry's name that are shown."""
 
 
@@ -54,35 +54,35 @@ def kind_of(data: bytes) -> tuple[str, str]:
     """
     if not data:
         return "an empty file", ""
-    for at, mark, name, ending in _KINDS:
+    for at, mark, name, ending in _FILE_KINDS:
         if data[at : at + len(mark)] == mark:
             return name, ending
     if data.startswith(b"PK"):
-        return _archive(data), ""
-    if not any(data[:_SAMPLE]):
+        return _archive_kind(data), ""
+    if not any(data[:_SAMPLE_BYTES]):
         return "a file of zeros", ""
-    return _text(data)
+    return _text_kind(data)
 
 
-def _archive(data: bytes) -> str:
+def _archive_kind(data: bytes) -> str:
     """Returns what a ZIP archive holds."""
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
             names = archive.namelist()
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
         return "a ZIP archive that is cut short or damaged"
-    for name, kind in _INSIDE.items():
+    for name, kind in _ARCHIVE_KIND_BY_ENTRY.items():
         if name in names:
             return kind
     if not names:
         return "an empty ZIP archive"
-    shown = "".join(letter if letter.isprintable() else "?" for letter in names[0][:_NAMED])
+    shown = "".join(letter if letter.isprintable() else "?" for letter in names[0][:_MAX_SHOWN_LETTERS])
     return f"a ZIP archive with {len(names)} file{'s' * (len(names) != 1)}, such as {shown}"
 
 
-def _text(data: bytes) -> tuple[str, str]:
+def _text_kind(data: bytes) -> tuple[str, str]:
     """Returns the kind of a text, or that the data are of no known kind."""
-    sample = data[:_SAMPLE].removeprefix(codecs.BOM_UTF8)
+    sample = data[:_SAMPLE_BYTES].removeprefix(codecs.BOM_UTF8)
     if b"\0" in sample or sum(byte < 9 or 13 < byte < 32 for byte in sample) > len(sample) // 20:
         return "data of no known kind", ""
     begin = sample.lstrip()

@@ -20,16 +20,19 @@ def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, se
     Returns:
         The object, and the names of the arrays of the lost streams.
     """
-    streams, characters = _table(_table(project).get("streams")), _table(_table(project).get("characters"))
+    streams, characters = (
+        _as_table(_as_table(project).get("streams")),
+        _as_table(_as_table(project).get("characters")),
+    )
     mended_streams = dict(streams)
     mended_characters = dict(characters)
     for key, character in characters.items():
-        parts = _table(character).get("parts")
-        if _table(character).get(KIND) == GraphShape.kind and isinstance(parts, list):
-            mended = [_mended(part, streams, mended_streams, arrays) for part in parts]
+        parts = _as_table(character).get("parts")
+        if _as_table(character).get(KIND) == GraphShape.kind and isinstance(parts, list):
+            mended = [_mended_part(part, streams, mended_streams, arrays) for part in parts]
             mended_characters[key] = {**character, "parts": mended}
     lost = {
-        str(_table(streams.get(name, {}).get(each)).get(ARRAY))
+        str(_as_table(streams.get(name, {}).get(each)).get(ARRAY))
         for name, stream in mended_streams.items()
         if stream is not streams.get(name)
         for each in ("linear", "positions")
@@ -41,12 +44,14 @@ def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, se
     )
 
 
-def _mended(part: Any, streams: dict[str, Any], found: dict[str, Any], arrays: dict[str, AnyArray]) -> Any:
+def _mended_part(
+    part: Any, streams: dict[str, Any], found: dict[str, Any], arrays: dict[str, AnyArray]
+) -> Any:
     """A part that plays something; a stream at rest goes into ``found`` where its own is lost."""
-    possession, name = _table(_table(part).get("possession")), _table(part).get("take")
-    rest = arrays.get(str(_table(possession.get("rest")).get(ARRAY)))
-    stream = _table(streams.get(str(name)))
-    whole = all(_table(stream.get(each)).get(ARRAY) in arrays for each in ("linear", "positions"))
+    possession, name = _as_table(_as_table(part).get("possession")), _as_table(part).get("take")
+    rest = arrays.get(str(_as_table(possession.get("rest")).get(ARRAY)))
+    stream = _as_table(streams.get(str(name)))
+    whole = all(_as_table(stream.get(each)).get(ARRAY) in arrays for each in ("linear", "positions"))
     if whole or not isinstance(name, str) or rest is None or rest.ndim != 2 or rest.shape[1:] != (3,):
         return part
     table: dict[str, Any] = {"id": name, "step": stream.get("step", 1.0)}
@@ -58,5 +63,5 @@ def _mended(part: Any, streams: dict[str, Any], found: dict[str, Any], arrays: d
     return {**part, "possession": {**possession, "solved": ""}}
 
 
-def _table(value: Any) -> dict[str, Any]:
+def _as_table(value: Any) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}

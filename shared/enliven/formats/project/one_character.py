@@ -24,7 +24,7 @@ def character_bytes(project: Project, character: str, textures: int = 0) -> byte
         InputError: where there is no such character.
     """
     rig = project.character(character)
-    return project_bytes(_alone(rig, project, painted=0 < texture_bytes(rig) <= textures))
+    return project_bytes(_project_of_one(rig, project, painted=0 < texture_bytes(rig) <= textures))
 
 
 def texture_bytes(one: RigBase) -> int:
@@ -35,24 +35,26 @@ def texture_bytes(one: RigBase) -> int:
 
 def project_of_mesh(mesh: Mesh, name: str) -> Project:
     """Returns a project of a mesh that is to be possessed: it has one node, until it is put on a stage."""
-    vertices = _rounded(mesh.vertices)
+    vertices = _rounded_coordinates(mesh.vertices)
     shape_and_stream = graph_shape_at_rest(
         name, vertices.mean(0)[None], np.empty((0, 2), np.int32), replace(mesh, vertices=vertices)
     )
     return Project().with_streams(shape_and_stream[1]).with_characters(shape_and_stream[0])
 
 
-def _alone(one: RigBase, project: Project, *, painted: bool) -> Project:
+def _project_of_one(one: RigBase, project: Project, *, painted: bool) -> Project:
     """Returns a project of a character at rest, with the takes that it needs then."""
-    still, streams = one.at_rest(None if one.mesh is None else _light(one.mesh, painted))
+    still, streams = one.at_rest(None if one.mesh is None else _lightened_mesh(one.mesh, painted))
     takes = (project.takes[name] for name in still.needed()["takes"])
     return Project().with_takes(*takes).with_streams(*streams).with_characters(still)
 
 
-def _light(mesh: Mesh, painted: bool) -> Mesh:
+def _lightened_mesh(mesh: Mesh, painted: bool) -> Mesh:
     """Returns a mesh with its coordinates rounded, half of the bytes, and its materials or none."""
-    return replace(mesh, vertices=_rounded(mesh.vertices), materials=mesh.materials if painted else None)
+    return replace(
+        mesh, vertices=_rounded_coordinates(mesh.vertices), materials=mesh.materials if painted else None
+    )
 
 
-def _rounded(numbers: np.ndarray) -> np.ndarray:
+def _rounded_coordinates(numbers: np.ndarray) -> np.ndarray:
     return np.asarray(numbers, np.float32).astype(np.float64)

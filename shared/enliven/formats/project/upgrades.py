@@ -6,7 +6,7 @@ from typing import Any
 
 from enliven.document import GraphShape, Puppet, RigBase, Shape, unused
 
-_MAPS: dict[str, type[RigBase]] = {"shapes": Shape, "graphs": GraphShape, "puppets": Puppet}
+_VERSION_1_MAPS: dict[str, type[RigBase]] = {"shapes": Shape, "graphs": GraphShape, "puppets": Puppet}
 """The maps of version 1, which became one, in this order, with the rig of each."""
 
 
@@ -17,7 +17,7 @@ def characters_of_kinds(project: dict[str, Any]) -> dict[str, Any]:
     """
     layers = project.get("layers", {})
     characters: dict[str, Any] = {}
-    for name, rig in _MAPS.items():
+    for name, rig in _VERSION_1_MAPS.items():
         for key, table in project.get(name, {}).items():
             character = {"kind": rig.kind, **table}
             if rig is Shape:

@@ -70,39 +70,39 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
         inner = next(argument for argument in arguments if argument is not type(None))
         return unpacked(inner, value, arrays, where)
     if hint is RigBase:
-        return _rig(_typed(value, dict, where), arrays, where)
+        return _read_rig(_checked_type(value, dict, where), arrays, where)
     if origin is np.ndarray:
         name = value.get(ARRAY) if isinstance(value, dict) else None
         if not isinstance(name, str) or name not in arrays:
             raise InputError("an array is missing", where=where)
         return arrays[name]
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-        return _dataclass(hint, value, arrays, where)
+        return _read_dataclass(hint, value, arrays, where)
     if origin is typing.Literal:
         if value not in arguments:
             raise UnknownFieldError(f"{value!r} is not known here", where=where)
         return value
     if origin is not None and issubclass(origin, Mapping):
-        table = _typed(value, dict, where)
+        table = _checked_type(value, dict, where)
         return {key: unpacked(arguments[1], v, arrays, f"{where}.{key}") for key, v in table.items()}
     if origin is tuple:
-        return _tuple(arguments, _typed(value, list, where), arrays, where)
+        return _read_tuple(arguments, _checked_type(value, list, where), arrays, where)
     if hint is Any:
         return value
-    return _typed(value, hint, where)
+    return _checked_type(value, hint, where)
 
 
-def _rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
+def _read_rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
     """A character of the rig that its object names."""
     kind = table.get(KIND)
     if kind not in RigBase.kinds:
         raise UnknownFieldError(f"a character of kind {kind!r} is not known here", where=where)
     rest = {name: value for name, value in table.items() if name != KIND}
-    return _dataclass(RigBase.kinds[kind], rest, arrays, where)
+    return _read_dataclass(RigBase.kinds[kind], rest, arrays, where)
 
 
-def _dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
-    table = _typed(value, dict, where)
+def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
+    table = _checked_type(value, dict, where)
     hints = typing.get_type_hints(kind)
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
     unknown = [key for key in table if key not in fields]
@@ -117,7 +117,7 @@ def _dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray], wher
     return kind(**arguments)
 
 
-def _tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, AnyArray], where: str) -> Any:
+def _read_tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, AnyArray], where: str) -> Any:
     many = hints[1:] == (Ellipsis,)
     if not many and len(hints) != len(values):
         raise InputError(f"{len(values)} values where {len(hints)} belong", where=where)
@@ -128,7 +128,7 @@ def _tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, AnyAr
     )
 
 
-def _typed(value: Any, kind: Any, where: str) -> Any:
+def _checked_type(value: Any, kind: Any, where: str) -> Any:
     """The value, which must be of a plain kind; a whole number will do for a float."""
     wanted = (int, float) if kind is float else kind
     if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):

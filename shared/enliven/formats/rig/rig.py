@@ -45,17 +45,17 @@ def resized(rig: Rig, height: float) -> Rig:
     tall = float(np.ptp(points[:, 1]))
     if not (height > 0 and tall > 0):
         raise InputError(f"{tall:.3g} m cannot become {height} m", where=f"shape {rig.shape.id!r}")
-    return _moved(rig, height / tall, np.zeros(3))
+    return _scaled_and_moved(rig, height / tall, np.zeros(3))
 
 
 def on_floor(rig: Rig) -> Rig:
     """Returns the model with its lowest vertex at y = 0; x and z do not change."""
     mesh = rig.shape.mesh
     points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
-    return _moved(rig, 1.0, np.array([0.0, -points[:, 1].min(), 0.0]))
+    return _scaled_and_moved(rig, 1.0, np.array([0.0, -points[:, 1].min(), 0.0]))
 
 
-def _moved(rig: Rig, scale: float, by: Float) -> Rig:
+def _scaled_and_moved(rig: Rig, scale: float, by: Float) -> Rig:
     """Returns the model scaled about the origin, then moved."""
     shape = rig.shape
     skeleton = replace(shape.skeleton, positions=shape.skeleton.positions * scale + by)

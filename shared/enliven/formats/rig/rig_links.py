@@ -15,15 +15,15 @@ from enliven.arrays import Float
 from enliven.document import stretched
 from enliven.rotation import rotate, stretch_of
 
-_LOOSE = 0.01
+_MIN_LOOSE_FRACTION = 0.01
 """Minimum distance of a detached joint from its parent, as a fraction of the model's size."""
-_NEARNESS = 0.5
+_MISFIT_PER_REST_DISTANCE = 0.5
 """Misfit, in metres, that costs as much as a metre of distance at rest. So a near joint wins over a far one
 that fits equally well."""
-_BETTER = 3.0
+_MIN_MISFIT_RATIO = 3.0
 """Minimum ratio of the misfit of the parent in the file to that of another joint that replaces it. The file
 is mostly right."""
-_HEAVY = 0.1
+_MIN_ROOT_SURFACE_FRACTION = 0.1
 """Minimum fraction of the surface that a root must carry. Lighter branches are loose parts, not the body."""
 _LOOKED_AT = 150
 """Number of frames of all animations together that are compared. It is enough to see a link break, and the
@@ -97,17 +97,20 @@ def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
         as_is: believe the file's parents, however loose their links are.
     """
     before = [body.parent for body in bodies]
-    off = _residuals(bodies)
-    loose = [p < 0 or (not as_is and off[j, p] > _LOOSE * size) for j, p in enumerate(before)]
-    weight = _weights(bodies, before)
+    off = _rest_misfits(bodies)
+    loose = [p < 0 or (not as_is and off[j, p] > _MIN_LOOSE_FRACTION * size) for j, p in enumerate(before)]
+    weight = _subtree_surfaces(bodies, before)
     total = sum(body.mass for body in bodies)
-    tops = [j for j in range(len(bodies)) if loose[j] and weight[j] > _HEAVY * total]
+    tops = [j for j in range(len(bodies)) if loose[j] and weight[j] > _MIN_ROOT_SURFACE_FRACTION * total]
     if not tops:
         # If several sibling joints each move a little, as on a baked surface, take the joint that moves most
         # of the mesh.
         tops = [max((j for j in range(len(bodies)) if loose[j]), key=lambda j: (weight[j], -j))]
-    trees = [_hung(bodies, before, loose, off, top) for top in sorted(tops, key=lambda j: (-weight[j], j))]
-    links = min(trees, key=lambda one: _unsaid(bodies, one, off) // (0.3 * _LOOSE * size))
+    trees = [
+        _attach_to_root(bodies, before, loose, off, top)
+        for top in sorted(tops, key=lambda j: (-weight[j], j))
+    ]
+    links = min(trees, key=lambda one: _mean_misfit(bodies, one, off) // (0.3 * _MIN_LOOSE_FRACTION * size))
     moved = [
         f"{bodies[j].name} on {bodies[p].name}" for j, p in links.parents.items() if p not in (-1, before[j])
     ]
@@ -116,7 +119,7 @@ def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
     for j in set(range(len(bodies))) - set(links.parents):
         if before[j] in links.parents:
             bodies[before[j]].leaves.append((bodies[j].name, bodies[j].rest))
-    _trim(bodies, links)
+    _drop_controller_roots(bodies, links)
     return links
 
 
@@ -132,7 +135,7 @@ def downward(parents: dict[int, int]) -> list[int]:
     return order
 
 
-def _residuals(bodies: list[LinkBody]) -> Float:
+def _rest_misfits(bodies: list[LinkBody]) -> Float:
     """Returns (J, J) metres (root mean square) that body j strays from its rest place on body p."""
     count, frames = len(bodies), len(bodies[0].places)
     looked = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _LOOKED_AT)).astype(int))
@@ -152,7 +155,7 @@ def _residuals(bodies: list[LinkBody]) -> Float:
     return off
 
 
-def _weights(bodies: list[LinkBody], parents: list[int]) -> list[float]:
+def _subtree_surfaces(bodies: list[LinkBody], parents: list[int]) -> list[float]:
     """Returns for each body the surface that it and all bodies below it move."""
     weight = [body.mass for body in bodies]
     for j in range(len(bodies) - 1, -1, -1):
@@ -161,11 +164,13 @@ def _weights(bodies: list[LinkBody], parents: list[int]) -> list[float]:
     return weight
 
 
-def _hung(bodies: list[LinkBody], before: list[int], loose: list[bool], off: Float, root: int) -> Links:
+def _attach_to_root(
+    bodies: list[LinkBody], before: list[int], loose: list[bool], off: Float, root: int
+) -> Links:
     """Attaches everything that moves vertices to ``root``, directly or through other bodies."""
-    above = _above(before, root)
+    above = _file_ancestors(before, root)
     parents = [-1 if loose[j] or j == root or p in above else p for j, p in enumerate(before)]
-    tops = [_top(parents, j) for j in range(len(bodies))]
+    tops = [_root_of(parents, j) for j in range(len(bodies))]
     weight = {t: sum(b.mass for b, top in zip(bodies, tops, strict=True) if top == t) for t in tops}
     inside = {j for j in range(len(bodies)) if tops[j] == root}
     waiting = sorted((t for t in weight if t not in (root, *above)), key=lambda t: (-weight[t], t))
@@ -174,14 +179,14 @@ def _hung(bodies: list[LinkBody], before: list[int], loose: list[bool], off: Flo
         # be attached to them.
         t = next((t for t in waiting if before[t] in inside), waiting[0])
         waiting.remove(t)
-        parents[t] = _home(bodies, t, before[t], inside, off)
+        parents[t] = _new_parent(bodies, t, before[t], inside, off)
         inside |= {j for j in range(len(bodies)) if tops[j] == t}
-    kept = inside & _carries(bodies, parents, inside)
+    kept = inside & _carrying_bodies(bodies, parents, inside)
     merged = tuple(j for j in above if bodies[j].mass > 0)
     return Links({j: parents[j] for j in sorted(kept | {root})}, merged, [])
 
 
-def _above(before: list[int], j: int) -> list[int]:
+def _file_ancestors(before: list[int], j: int) -> list[int]:
     """Returns the ancestors of a body in the file."""
     chain = []
     while before[j] >= 0:
@@ -190,25 +195,25 @@ def _above(before: list[int], j: int) -> list[int]:
     return chain
 
 
-def _home(bodies: list[LinkBody], child: int, usual: int, inside: set[int], off: Float) -> int:
+def _new_parent(bodies: list[LinkBody], child: int, usual: int, inside: set[int], off: Float) -> int:
     """Returns the body to attach a cut branch to: its old parent, unless another is followed far better."""
-    costs = {c: off[child, c] + _NEARNESS * _distance(bodies, child, c) for c in inside}
+    costs = {c: off[child, c] + _MISFIT_PER_REST_DISTANCE * _rest_distance(bodies, child, c) for c in inside}
     best = min(costs, key=lambda c: (costs[c], c))
-    return usual if usual in inside and off[child, usual] < _BETTER * off[child, best] else best
+    return usual if usual in inside and off[child, usual] < _MIN_MISFIT_RATIO * off[child, best] else best
 
 
-def _distance(bodies: list[LinkBody], child: int, parent: int) -> float:
+def _rest_distance(bodies: list[LinkBody], child: int, parent: int) -> float:
     points = [bodies[parent].rest, *(place for _, place in bodies[parent].leaves)]
     return min(float(np.linalg.norm(bodies[child].rest - p)) for p in points)
 
 
-def _top(parents: list[int], j: int) -> int:
+def _root_of(parents: list[int], j: int) -> int:
     while parents[j] >= 0:
         j = parents[j]
     return j
 
 
-def _carries(bodies: list[LinkBody], parents: list[int], inside: set[int]) -> set[int]:
+def _carrying_bodies(bodies: list[LinkBody], parents: list[int], inside: set[int]) -> set[int]:
     """Returns the bodies that move vertices, and their ancestors."""
     carriers: set[int] = set()
     for j in inside:
@@ -219,7 +224,7 @@ def _carries(bodies: list[LinkBody], parents: list[int], inside: set[int]) -> se
     return carriers
 
 
-def _unsaid(bodies: list[LinkBody], links: Links, off: Float) -> float:
+def _mean_misfit(bodies: list[LinkBody], links: Links, off: Float) -> float:
     """Returns metres: the mean over the surface of the distance by which moved vertices leave their place."""
     away = {j: 0.0 if p < 0 else float(off[j, p]) for j, p in links.parents.items()}
     for j in downward(links.parents):
@@ -229,7 +234,7 @@ def _unsaid(bodies: list[LinkBody], links: Links, off: Float) -> float:
     return sum(bodies[j].mass * far for j, far in away.items()) / max(sum(b.mass for b in bodies), 1e-12)
 
 
-def _trim(bodies: list[LinkBody], links: Links) -> None:
+def _drop_controller_roots(bodies: list[LinkBody], links: Links) -> None:
     """Drops roots that move no vertex and carry one joint: a controller at the feet is no bone."""
     while True:
         root = links.root

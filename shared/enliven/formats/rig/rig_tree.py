@@ -30,22 +30,22 @@ from enliven.rotation import conjugate, rotate, stretch_of
 _SAME_PLACE = 2e-5
 """Maximum distance of two joints that count as one place, as a fraction of the size. It covers rounding
 errors of files."""
-_SEEN = 1e-4
+_MIN_TRACK_MOTION_FRACTION = 1e-4
 """Minimum motion of a joint relative to its parent to keep the joint's track, as a fraction of the size. Less
 is a rounding error."""
-_STRAY = 0.01
+_MAX_STRAY_SURFACE_FRACTION = 0.01
 """Maximum fraction of the surface that follows a body only by stray weights. Such a body is drawn with the
 root."""
-_PARTED = 1e-3
+_SAME_PLACE_FRACTION = 1e-3
 """Maximum distance over time of joints of one place that still count as one, as a fraction of the size. Less
 is not visible."""
-_STRAIGHT = np.cos(np.radians(25.0))
+_STRAIGHT_BONE_COSINE = np.cos(np.radians(25.0))
 """Cosine of 25 degrees: bones within that angle of the incoming bone count as equally straight."""
-_TWIN = 0.02
+_MAX_PAIR_DIFFERENCE = 0.02
 """Maximum difference between two bones of a fork that count as a pair. It bounds the relative difference of
 their lengths, and the difference of the cosines of their bends. Such a pair can be two shoulders, so
 neither of them is the neck."""
-_STUB = 0.4
+_MAX_STUB_LENGTH_RATIO = 0.4
 """Length of a forking joint's own bone, in lengths of the bone that comes in: too short for a limb."""
 
 
@@ -79,21 +79,21 @@ def tree_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree:
         as_is: believe the file's parents: a file of ours has been through this before.
     """
     links = links_of(bodies, size, as_is)
-    places = _joined(bodies, links.parents, size)
-    apart = [j for j in links.merged if _parts(bodies, j, links.root, size)]
-    tree = _built(bodies, links.parents, places, size, links.notes, apart)
+    places = _joined_bodies(bodies, links.parents, size)
+    apart = [j for j in links.merged if _parts_from_root(bodies, j, links.root, size)]
+    tree = _build_skeleton(bodies, links.parents, places, size, links.notes, apart)
     tree.bone.update(dict.fromkeys((j for j in links.merged if j not in apart), 0))
     return tree
 
 
-def _parts(bodies: list[LinkBody], j: int, root: int, size: float) -> bool:
+def _parts_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> bool:
     """Whether a body above the root moves against it with more of the surface than stray weights."""
-    if bodies[j].mass <= _STRAY * sum(body.mass for body in bodies):
+    if bodies[j].mass <= _MAX_STRAY_SURFACE_FRACTION * sum(body.mass for body in bodies):
         return False
     expected = bodies[root].places + bodies[root].moved(bodies[j].rest - bodies[root].rest)
     away = np.linalg.norm(expected - bodies[j].places, axis=1).max(initial=0.0)
     turned = np.abs(np.sum(bodies[root].turns * bodies[j].turns, axis=1)).min(initial=1.0)
-    return bool(away > _PARTED * size or turned < 1.0 - _PARTED**2)
+    return bool(away > _SAME_PLACE_FRACTION * size or turned < 1.0 - _SAME_PLACE_FRACTION**2)
 
 
 def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
@@ -132,11 +132,11 @@ def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float 
             way = rotate(conjugate(driver.turns), at[:, j] - at[:, skeleton.parents[j]])
             way = way if driver.mirrors is None else way * driver.mirrors[:, None]
             offsets[:, j] = stretched(stretch_of(-strains[:, j]), way) - skeleton.vectors[j]
-    offsets[:, np.abs(offsets).max((0, 2), initial=0.0) <= _SEEN * size] = 0.0
+    offsets[:, np.abs(offsets).max((0, 2), initial=0.0) <= _MIN_TRACK_MOTION_FRACTION * size] = 0.0
     return offsets if offsets.any() else None, strains if strains.any() else None
 
 
-def _joined(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
+def _joined_bodies(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
     """Returns for each body the first body at its place that is beside or above it in the tree."""
     first: dict[int, int] = {}
     for j in downward(parents):
@@ -145,20 +145,20 @@ def _joined(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dic
             continue
         home = first[parents[j]]
         beside = [k for k in first if parents[k] >= 0 and first.get(parents[k]) == home and first[k] == k]
-        near = [k for k in (home, *beside) if _together(bodies, j, k, size)]
+        near = [k for k in (home, *beside) if _is_same_place(bodies, j, k, size)]
         first[j] = near[0] if near else j
     return first
 
 
-def _together(bodies: list[LinkBody], a: int, b: int, size: float) -> bool:
+def _is_same_place(bodies: list[LinkBody], a: int, b: int, size: float) -> bool:
     """Whether two bodies are at one place, at rest and always."""
     if np.linalg.norm(bodies[a].rest - bodies[b].rest) > _SAME_PLACE * size:
         return False
     away = np.linalg.norm(bodies[a].places - bodies[b].places, axis=1)
-    return bool(away.max(initial=0.0) <= _PARTED * size)
+    return bool(away.max(initial=0.0) <= _SAME_PLACE_FRACTION * size)
 
 
-def _built(
+def _build_skeleton(
     bodies: list[LinkBody],
     parents: dict[int, int],
     first: dict[int, int],
@@ -189,12 +189,14 @@ def _built(
             continue
         out = [k for k in range(1, len(joints.names)) if joints.drivers[k] == j and joints.parents[k] == home]
         if bodies[j].mass > 0 and not out:
-            name, place = _tip(bodies, j, joints, home, size)
+            name, place = _bone_tip(bodies, j, joints, home, size)
             bone[j] = joints.add(name, home, place, j)
         elif out:
             onward = joints.straightest(home, out)
             if onward < 0 and bodies[j].mass > 0:
-                onward = joints.add(f"{bodies[j].name} end", home, joints.beyond(home, _STUB), j)
+                onward = joints.add(
+                    f"{bodies[j].name} end", home, joints.beyond(home, _MAX_STUB_LENGTH_RATIO), j
+                )
             bone[j] = max(onward, out[0])
     for j in apart:
         home = joints.add(bodies[j].name, 0, bodies[j].rest, root, j)
@@ -228,15 +230,15 @@ class _Joints:
             return bones[0]
         into = self.rest[home] - self.rest[max(self.parents[home], 0)]
         ways = {k: self.rest[k] - self.rest[home] for k in bones}
-        bends = {k: _cosine(into, way) for k, way in ways.items()}
+        bends = {k: _cosine_between(into, way) for k, way in ways.items()}
         lengths = {k: float(np.linalg.norm(way)) for k, way in ways.items()}
 
         def paired(k: int) -> bool:
-            alike = [i for i in bones if i != k and abs(bends[i] - bends[k]) < _TWIN]
-            return any(abs(lengths[i] - lengths[k]) < _TWIN * lengths[k] for i in alike)
+            alike = [i for i in bones if i != k and abs(bends[i] - bends[k]) < _MAX_PAIR_DIFFERENCE]
+            return any(abs(lengths[i] - lengths[k]) < _MAX_PAIR_DIFFERENCE * lengths[k] for i in alike)
 
-        onward = [k for k in bones if bends[k] >= _STRAIGHT and not paired(k)]
-        return max(onward, key=lambda k: (self._below(k), -k), default=-1)
+        onward = [k for k in bones if bends[k] >= _STRAIGHT_BONE_COSINE and not paired(k)]
+        return max(onward, key=lambda k: (self._descendant_count(k), -k), default=-1)
 
     def beyond(self, home: int, share: float) -> Float:
         """Returns (3,) metres: the point beyond a joint by a share of the bone that comes in."""
@@ -244,7 +246,7 @@ class _Joints:
         length = float(np.linalg.norm(into))
         return self.rest[home] + (share * into if length > 1e-3 * self._size else [0.0, 0.05 * self._size, 0])
 
-    def _below(self, joint: int) -> int:
+    def _descendant_count(self, joint: int) -> int:
         """How many joints hang on one."""
         inside = {joint}
         for k in range(joint + 1, len(self.names)):
@@ -263,7 +265,7 @@ class _Joints:
         return skeleton, drivers, bodies, {j: new[k] for j, k in bone.items()}
 
 
-def _tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:
+def _bone_tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:
     """Returns the name and the place of the end of the bone of a joint without children."""
     body = bodies[j]
     for name, place in body.leaves:
@@ -275,5 +277,5 @@ def _tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: float
     return name, joints.beyond(home, 0.5)
 
 
-def _cosine(a: Float, b: Float) -> float:
+def _cosine_between(a: Float, b: Float) -> float:
     return float(a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-12))

@@ -20,7 +20,7 @@ from enliven.kernels import njit
 
 AUTO, ALWAYS, _, GROUND = range(len(FEET))
 """The indices of the foot modes."""
-_STRAY = 0.25
+_MAX_HELD_DRIFT_LIMBS = 0.25
 """Maximum drift of a foot that is always held, in lengths of its limb. A larger one counts as a step."""
 
 
@@ -65,7 +65,7 @@ def contacts_of(
         touching(height, still, how.height * size, how.speed * size, how.release, low)
         spans = runs_of(down & (modes == AUTO))
         for a, b in runs_of(low & (modes == ALWAYS)):
-            spans += _steps(places, a, b, _STRAY * size)
+            spans += _split_steps(places, a, b, _MAX_HELD_DRIFT_LIMBS * size)
     spans = sorted((a, b) for a, b in spans if (b - a) * step >= how.shortest)
     starts = np.array([-np.inf if a == 0 else a * step for a, _ in spans])
     ends = np.array([np.inf if b == len(places) - 1 else b * step for _, b in spans])
@@ -73,7 +73,7 @@ def contacts_of(
     return Contacts(starts, ends, middles)
 
 
-def _steps(places: Float, first: int, last: int, far: float) -> list[tuple[int, int]]:
+def _split_steps(places: Float, first: int, last: int, far: float) -> list[tuple[int, int]]:
     """Returns the parts of a run of frames; a foot that drifts over the ground by more than ``far`` takes
     a step.
     """

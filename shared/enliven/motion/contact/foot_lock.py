@@ -20,12 +20,12 @@ from enliven.document import Clip, LayerBase, PoseStream
 from enliven.motion.contact.contacts import ALWAYS, GROUND, Contacts, contacts_of, hold, runs_of
 from enliven.motion.contact.pin import HeldPin, pin_limb
 
-_RATE = 60.0
+_ANALYSIS_RATE_HZ = 60.0
 """Samples per second at which feet are analysed."""
 _MAX_LOOPED_ANALYSIS_S = 120.0
 """Longest time that is analysed if layers with different lengths are looped, in seconds. After it, no foot is
 pinned."""
-_STRETCH = 0.998
+_MAX_STRETCH_FRACTION = 0.998
 """Maximum fraction of its length to which a limb is stretched before the root is lowered."""
 
 
@@ -91,14 +91,14 @@ class FootLock:
         drops = np.interp(times, self.times, self.drops)
         joints[:, :, 1] -= drops[:, None]
         for pin, contacts in self.pins:
-            weights, goals = _held(pin, contacts, times)
+            weights, goals = _contact_weights(pin, contacts, times)
             goals += on
             limb = (pin.chain, pin.middle, pin.side, pin.kept)
             pin_limb(*tree, *limb, pin.settings.rise, pin.settings.sink, weights, goals, drops, turns, joints)
         for (pin, _), ground in zip(self.pins, self.grounds, strict=False):
-            _lift(pin, 0.0, _held(pin, ground, times)[0], tree, turns, joints)
+            _lift_sole(pin, 0.0, _contact_weights(pin, ground, times)[0], tree, turns, joints)
         for pin in (pin for pin, _ in self.pins if pin.settings.above):
-            _lift(pin, pin.ground, np.ones(len(times)), tree, turns, joints)
+            _lift_sole(pin, pin.ground, np.ones(len(times)), tree, turns, joints)
 
 
 def foot_lock_of(
@@ -114,7 +114,7 @@ def foot_lock_of(
         modes: returns the foot mode of each pin at times (T,): (P, T) indices into
             :data:`enliven.document.FEET`.
     """
-    count = int(np.ceil((window.end - window.start) * _RATE)) + 1
+    count = int(np.ceil((window.end - window.start) * _ANALYSIS_RATE_HZ)) + 1
     step = (window.end - window.start) / max(count - 1, 1)
     times: Float = window.start + np.arange(count, dtype=np.float64) * step
     _, joints = free(times)
@@ -126,7 +126,7 @@ def foot_lock_of(
             mode = foot_modes[number]
             # A foot that is always held must be reached, however deep the knees bend.
             most[mode == ALWAYS] = 1.0
-            grounds.append(_while(mode == GROUND, times))
+            grounds.append(_run_times(mode == GROUND, times))
         foot_contacts = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
         foot_contacts = replace(
             foot_contacts, starts=foot_contacts.starts + window.start, ends=foot_contacts.ends + window.start
@@ -134,18 +134,20 @@ def foot_lock_of(
         if pin.settings.above:
             foot_contacts.places[:, 1] = np.maximum(foot_contacts.places[:, 1], pin.ground + pin.stance)
         contacts.append((pin, foot_contacts))
-        drops = np.maximum(drops, _needed(pin, joints, *_held(pin, foot_contacts, times), most))
+        drops = np.maximum(
+            drops, _needed_drops(pin, joints, *_contact_weights(pin, foot_contacts, times), most)
+        )
     wide = max((pin.settings.blend for pin in pins), default=0.0)
     return FootLock(
         tuple(contacts),
         window,
         times,
-        _even(drops, round(wide / step) if step else 0, window.looped),
+        _smoothed_drops(drops, round(wide / step) if step else 0, window.looped),
         tuple(grounds),
     )
 
 
-def _while(on: Bool, times: Float) -> Contacts:
+def _run_times(on: Bool, times: Float) -> Contacts:
     """Returns the seconds of runs of true values; unbounded if the first or the last frame is included."""
     runs, last = runs_of(on), len(on) - 1
     starts = np.array([-np.inf if a == 0 else times[a] for a, _ in runs])
@@ -153,7 +155,7 @@ def _while(on: Bool, times: Float) -> Contacts:
     return Contacts(starts, ends, np.zeros((len(runs), 3)))
 
 
-def _lift(
+def _lift_sole(
     pin: HeldPin, floor: float, weights: Float, tree: tuple[Int32, Float], turns: Float, joints: Float
 ) -> None:
     """Raises a foot with its sole below a floor (metres), with the weight ``weights`` (T,).
@@ -169,14 +171,14 @@ def _lift(
     pin_limb(*tree, *limb, 0.0, 0.0, up, goals, np.zeros(len(lift)), turns, joints)
 
 
-def _held(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]:
+def _contact_weights(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Float, Float]:
     """Returns the weights (T,) of a foot's contacts at times (T,), and their positions (T, 3)."""
     weights, goals = np.empty(len(times)), np.empty((len(times), 3))
     hold(times, contacts.starts, contacts.ends, contacts.places, pin.settings.blend, weights, goals)
     return weights, goals
 
 
-def _needed(pin: HeldPin, joints: Float, weights: Float, goals: Float, most: Float) -> Float:
+def _needed_drops(pin: HeldPin, joints: Float, weights: Float, goals: Float, most: Float) -> Float:
     """Returns (F,) how far the root must be lowered, metres, for a limb to reach its contact.
 
     The result is at most ``most`` (F,) lengths of the limb. A hip above the goal at height sqrt(reach^2 -
@@ -190,14 +192,14 @@ def _needed(pin: HeldPin, joints: Float, weights: Float, goals: Float, most: Flo
     above = end[:, 1] - goals[:, 1]
     goal[:, 1] += pin.settings.rise * np.maximum(above, 0.0) + pin.settings.sink * np.minimum(above, 0.0)
     goal = end + weights[:, None] * (goal - end)
-    reach = limb * _STRETCH
+    reach = limb * _MAX_STRETCH_FRACTION
     reach = reach + (1.0 - weights) * np.maximum(now - reach, 0.0)
     across = np.minimum(np.linalg.norm((goal - start)[:, [0, 2]], axis=1), reach)
     needed = start[:, 1] - goal[:, 1] - np.sqrt(reach**2 - across**2)
     return np.asarray(np.clip(needed, 0.0, most * pin.size))
 
 
-def _even(drops: Float, wide: int, looped: bool) -> Float:
+def _smoothed_drops(drops: Float, wide: int, looped: bool) -> Float:
     """Returns (F,) a smooth curve that is nowhere below ``drops``.
 
     It is the maximum over a window, then averaged with the same smooth window.

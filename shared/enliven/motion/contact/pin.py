@@ -23,11 +23,11 @@ from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.motion.kinematics import conj, load, mul, row, store, turn, two_bone
 
-_STRAIGHT = 1e-3
+_MIN_BULGE_FRACTION = 1e-3
 """Fraction of a limb's length below which its bulge at rest does not define a bend direction."""
-_FRONT = np.array([0.0, 0.0, 1.0])
+_DEFAULT_BEND_DIRECTION = np.array([0.0, 0.0, 1.0])
 """(3,) bend direction of knees that are straight at rest, if the foot does not define a front."""
-_TOES = 0.05
+_MIN_TOE_EXTENT_FRACTION = 0.05
 """Minimum forward extent of a foot, as a fraction of the limb's length, to define the front."""
 
 
@@ -82,8 +82,8 @@ def pin_feet(
     skeleton = shape.skeleton
     pins = {pin.joint: pin for pin in shape.pins}
     for joint in joints:
-        foot = _number(skeleton, joint)
-        hip = _two_up(skeleton, foot) if start is None else _number(skeleton, start)
+        foot = _joint_number(skeleton, joint)
+        hip = _two_up(skeleton, foot) if start is None else _joint_number(skeleton, start)
         chain = skeleton.path(hip, foot) if hip >= 0 else ()
         if len(chain) < 3 or hip not in chain[:1] or min(chain) != hip:
             problem = f"no limb of two bones ends in {skeleton.names[foot]!r}"
@@ -98,7 +98,9 @@ def pin_feet(
 def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = None) -> Project:
     """Returns a project in which these joints (None: all) of a shape are free."""
     shape = project.shape(shape_id)
-    names = None if joints is None else {shape.skeleton.names[_number(shape.skeleton, j)] for j in joints}
+    names = (
+        None if joints is None else {shape.skeleton.names[_joint_number(shape.skeleton, j)] for j in joints}
+    )
     kept = tuple(pin for pin in shape.pins if names is not None and pin.joint not in names)
     return project.with_characters(shape.with_changes(pins=kept))
 
@@ -136,22 +138,22 @@ def bend_of(skeleton: Skeleton, chain: Sequence[int]) -> tuple[int, Float]:
     line = at[-1] - at[0]
     share = line @ (at[middle] - at[0]) / max(float(line @ line), 1e-300)
     side = at[middle] - at[0] - share * line
-    straight = float(np.linalg.norm(side)) < _STRAIGHT * along[-1]
-    return middle, _front(skeleton, chain[-1], line) if straight else np.asarray(side)
+    straight = float(np.linalg.norm(side)) < _MIN_BULGE_FRACTION * along[-1]
+    return middle, _toe_direction(skeleton, chain[-1], line) if straight else np.asarray(side)
 
 
-def _front(skeleton: Skeleton, foot: int, limb: Float) -> Float:
+def _toe_direction(skeleton: Skeleton, foot: int, limb: Float) -> Float:
     """Returns (3,) the direction of a foot's toes, perpendicular to its limb (3,); forward for a limb
     without a foot.
     """
     ahead = [skeleton.vectors[toe] for toe in skeleton.children[foot]]
     length = max(float(np.linalg.norm(limb)), 1e-300)
     across = [way - (way @ limb) / length**2 * limb for way in ahead]
-    longest = max(across, key=lambda way: float(np.linalg.norm(way)), default=_FRONT)
-    return longest if np.linalg.norm(longest) > _TOES * length else _FRONT
+    longest = max(across, key=lambda way: float(np.linalg.norm(way)), default=_DEFAULT_BEND_DIRECTION)
+    return longest if np.linalg.norm(longest) > _MIN_TOE_EXTENT_FRACTION * length else _DEFAULT_BEND_DIRECTION
 
 
-def _number(skeleton: Skeleton, joint: int | str) -> int:
+def _joint_number(skeleton: Skeleton, joint: int | str) -> int:
     if isinstance(joint, str):
         return skeleton.index(joint)
     if not 0 <= joint < len(skeleton):

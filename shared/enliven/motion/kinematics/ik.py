@@ -12,7 +12,7 @@ from enliven.kernels import njit
 from enliven.motion.kinematics.quaternions import mul, turn
 from enliven.motion.kinematics.vectors import about, at_right_angles, cross, dot, length, minus, swing_to
 
-_STRAIGHT = 0.15
+_NEARLY_STRAIGHT_SINE = 0.15
 """Sine of the bend below which a limb counts as nearly straight."""
 
 
@@ -71,7 +71,7 @@ def bend_axis(u, plane, sine, more, side):
     whole = length(plane)
     if whole < 1e-300:
         return wish
-    lean = math.exp(-((sine / _STRAIGHT) ** 2))
+    lean = math.exp(-((sine / _NEARLY_STRAIGHT_SINE) ** 2))
     own, drawn = (sine + (1.0 - lean) * more) / whole, lean * more
     n = (
         own * plane[0] + drawn * wish[0],

@@ -34,12 +34,12 @@ UNKNOWN_TWIST = np.radians(45.0)
 """Maximum twist from the rest pose, radians, if no rotations are known. More folds the skin."""
 SOFT = np.radians(20.0)
 """Maximum excess beyond the free range, radians, that the soft limit allows."""
-_FOLD = np.radians(135.0)
+_FOLD_ANGLE = np.radians(135.0)
 """Angle, radians, above which a swing or a twist approaches its fixed value at 180 degrees."""
-_UNLIMITED = np.radians(165.0)
+_UNLIMITED_ANGLE = np.radians(165.0)
 """Range, radians, above which no limit is applied, because too little space would be left for the
 transition."""
-_SAME = 1e-9
+_SAME_ANGLE = 1e-9
 """Tolerance, radians, within which two angles are equal."""
 
 
@@ -131,21 +131,27 @@ def limit_turns_towards(
         np.ones(len(turns)),
         np.zeros(len(turns)),
     )
-    swing_off = np.linalg.norm(off, axis=1) if joint.swing_reach < _UNLIMITED else none
-    if joint.swing_reach < _UNLIMITED:
-        around = _off_around(twists, *joint.twists) if joint.twist_reach < _UNLIMITED else none
-        limited_swings = nearest + _factor(joint, swing_off, around)[:, None] * off
-        kept_share = 1.0 - _rise(np.linalg.norm(swings, axis=1), max(float(_FOLD), joint.swing_reach))
-        limited_swings = kept_share[:, None] * limited_swings + (1.0 - kept_share)[:, None] * far
-    if joint.twist_reach < _UNLIMITED:
-        limited_twists = nearest_twists + _factor(joint, swing_off, np.abs(twists - nearest_twists)) * (
-            twists - nearest_twists
+    swing_off = np.linalg.norm(off, axis=1) if joint.swing_reach < _UNLIMITED_ANGLE else none
+    if joint.swing_reach < _UNLIMITED_ANGLE:
+        around = _off_around(twists, *joint.twists) if joint.twist_reach < _UNLIMITED_ANGLE else none
+        limited_swings = nearest + _kept_fraction(joint, swing_off, around)[:, None] * off
+        kept_share = 1.0 - _smooth_rise(
+            np.linalg.norm(swings, axis=1), max(float(_FOLD_ANGLE), joint.swing_reach)
         )
+        limited_swings = kept_share[:, None] * limited_swings + (1.0 - kept_share)[:, None] * far
+    if joint.twist_reach < _UNLIMITED_ANGLE:
+        limited_twists = nearest_twists + _kept_fraction(
+            joint, swing_off, np.abs(twists - nearest_twists)
+        ) * (twists - nearest_twists)
         # Near a swing of 180 degrees, the twist is undefined too, so fade it out.
         limited_twists = (
-            limited_twists * kept_share * (1.0 - _rise(np.abs(twists), max(float(_FOLD), joint.twist_reach)))
+            limited_twists
+            * kept_share
+            * (1.0 - _smooth_rise(np.abs(twists), max(float(_FOLD_ANGLE), joint.twist_reach)))
         )
-    changed = (np.abs(limited_swings - swings).max(1) > _SAME) | (np.abs(limited_twists - twists) > _SAME)
+    changed = (np.abs(limited_swings - swings).max(1) > _SAME_ANGLE) | (
+        np.abs(limited_twists - twists) > _SAME_ANGLE
+    )
     limited = multiply(
         from_rotation_vector(limited_swings @ joint.axes),
         from_rotation_vector(limited_twists[:, None] * joint.bone),
@@ -158,11 +164,11 @@ def _far_swing(joint: JointRange, swings: Float) -> Float:
 
     It is the limit in the mean direction of those swings (T, 2) that are close to 180 degrees.
     """
-    far = swings[np.linalg.norm(swings, axis=1) > _FOLD]
+    far = swings[np.linalg.norm(swings, axis=1) > _FOLD_ANGLE]
     if not len(far):
         return np.zeros(2)
-    nearest, off = _known_swings(joint, _FOLD * unit(far.mean(0))[None])
-    factor = _factor(joint, np.linalg.norm(off, axis=1), np.zeros(1))
+    nearest, off = _known_swings(joint, _FOLD_ANGLE * unit(far.mean(0))[None])
+    factor = _kept_fraction(joint, np.linalg.norm(off, axis=1), np.zeros(1))
     return np.asarray(nearest[0] + factor[0] * off[0])
 
 
@@ -172,7 +178,7 @@ def _known_swings(joint: JointRange, swings: Float) -> tuple[Float, Float]:
     return nearest, np.asarray(swings - nearest)
 
 
-def _factor(joint: JointRange, swing_off: Float, twist_off: Float) -> Float:
+def _kept_fraction(joint: JointRange, swing_off: Float, twist_off: Float) -> Float:
     """Returns (T,) the fraction of a rotation's distance from the known ones that is kept.
 
     Args:
@@ -182,7 +188,7 @@ def _factor(joint: JointRange, swing_off: Float, twist_off: Float) -> Float:
     off = np.hypot(swing_off, twist_off)
     share = np.hypot(swing_off / joint.free_swing, twist_off / joint.free_twist)
     free = off / np.maximum(share, 1e-300)
-    return np.where(share > 1.0, _soft(off, free, joint.soft) / np.maximum(off, 1e-300), 1.0)
+    return np.where(share > 1.0, _soft_limited(off, free, joint.soft) / np.maximum(off, 1e-300), 1.0)
 
 
 def _off_around(twists: Float, least: float, most: float) -> Float:
@@ -195,13 +201,13 @@ def _off_around(twists: Float, least: float, most: float) -> Float:
     return np.asarray(np.maximum(np.maximum(above, below), 0.0))
 
 
-def _soft(far: Float, free: Float, soft: float) -> Float:
+def _soft_limited(far: Float, free: Float, soft: float) -> Float:
     """Returns (T,) distances, unchanged up to ``free``, then compressed to less than ``soft`` beyond it."""
     beyond = np.maximum(far - free, 0.0)
     return np.asarray(np.minimum(far, free) - soft * np.expm1(-beyond / soft))
 
 
-def _rise(angles: Float, start: float) -> Float:
+def _smooth_rise(angles: Float, start: float) -> Float:
     """Returns (T,) 0 up to ``start`` radians, 1 at 180 degrees, and a smooth transition between."""
     part = np.clip((angles - start) / (np.pi - start), 0.0, 1.0)
     return np.asarray(part**2 * (3.0 - 2.0 * part))

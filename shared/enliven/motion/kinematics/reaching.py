@@ -14,9 +14,9 @@ from enliven.motion.kinematics.ik import two_bone
 from enliven.motion.kinematics.quaternions import between, conj, load, mul, store, turn
 from enliven.motion.kinematics.vectors import length, minus, row, swing_to
 
-_ROUNDS = 8
+_FABRIK_ITERATIONS = 8
 """Number of FABRIK iterations. They spread the bend over the chain; the closed form then makes it exact."""
-_TRIES = 4
+_MAX_REPETITIONS = 4
 """Maximum repetitions if one half alone cannot be folded enough."""
 
 
@@ -42,7 +42,7 @@ def reach(points, goal, side, turns):
     elif count == 3:
         settle(points, goal, side)
     else:
-        for _ in range(_TRIES):
+        for _ in range(_MAX_REPETITIONS):
             spread(points, goal, sizes)
             settle(points, goal, side)
             if length(minus(row(points, count - 1), goal)) < 1e-9 * whole:
@@ -71,7 +71,7 @@ def spread(points, goal, sizes):
     """Runs FABRIK iterations, backwards from the goal and forwards from the first point (K, 3)."""
     count = len(points)
     first = row(points, 0)
-    for _ in range(_ROUNDS):
+    for _ in range(_FABRIK_ITERATIONS):
         points[count - 1, 0], points[count - 1, 1], points[count - 1, 2] = goal
         for i in range(count - 2, -1, -1):
             pulled(points, i + 1, i, sizes[i])

@@ -32,7 +32,7 @@ UPRIGHT = math.sin(math.radians(15.0))
 """Sine of the tilt on the screen within which a bone counts as vertical."""
 HALF_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 """(4,) a rotation by 180 degrees about z, which flips y."""
-_PARALLEL = 1e-4
+_END_ON_SINE = 1e-4
 """Sine between a bone and the viewing direction below which the bone is end-on and does not define a side."""
 
 
@@ -58,11 +58,13 @@ def basis_between(
         source_view: (3,) the capture device's viewing direction.
         source_up: (3,) its up.
     """
-    view, up = _unit(view, "view"), _unit(up, "up")
-    own_view = view if source_view is None else _unit(source_view, "source view")
-    own_up = up if source_up is None else _unit(source_up, "source up")
-    source_basis, is_source_sure = _basis(_unit(source, "first bone of the source"), own_view, own_up)
-    target_basis, is_target_sure = _basis(_unit(target, "first bone of the target"), view, up)
+    view, up = _unit_vector(view, "view"), _unit_vector(up, "up")
+    own_view = view if source_view is None else _unit_vector(source_view, "source view")
+    own_up = up if source_up is None else _unit_vector(source_up, "source up")
+    source_basis, is_source_sure = _view_basis(
+        _unit_vector(source, "first bone of the source"), own_view, own_up
+    )
+    target_basis, is_target_sure = _view_basis(_unit_vector(target, "first bone of the target"), view, up)
     basis = multiply(target_basis, conjugate(source_basis))
     turned = multiply(multiply(target_basis, HALF_TURN), conjugate(source_basis))
     if not (is_source_sure and is_target_sure) and abs(turned[0]) > abs(basis[0]) + 1e-9:
@@ -84,11 +86,11 @@ def first_bone(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
     return UP
 
 
-def _basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
+def _view_basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
     """Returns the basis for unit vectors, and whether ``up`` determined its side."""
     y = np.cross(z, view)
     sure = True
-    if np.linalg.norm(y) < _PARALLEL:
+    if np.linalg.norm(y) < _END_ON_SINE:
         y = _nearest_at_right_angles(z, up)
     else:
         y = y / np.linalg.norm(y)
@@ -111,7 +113,7 @@ def _nearest_at_right_angles(z: Float, up: Float) -> Float:
     raise AssertionError("one of three axes is at right angles enough")
 
 
-def _unit(vector: AnyArray, name: str) -> Float:
+def _unit_vector(vector: AnyArray, name: str) -> Float:
     vector = np.asarray(vector, np.float64)
     length = float(np.linalg.norm(vector)) if vector.shape == (3,) else math.nan
     if not (math.isfinite(length) and length > 0.0):

@@ -21,7 +21,7 @@ from enliven.motion.layers.polyline import arc_of
 from enliven.motion.layers.retarget import checked_down, clear_chain
 from enliven.rotation import canonical, multiply
 
-_SLIVER = 1e-9
+_EMPTY_PART_FRACTION = 1e-9
 """Fraction of a bone below which a part counts as empty."""
 
 
@@ -56,7 +56,7 @@ def copy_motion(
         InputError: if a shape or a chain does not exist, or the chain runs up the tree.
     """
     source, target = project.shape(from_shape), project.shape(to_shape)
-    pieces = _pieces(source, from_chain)
+    pieces = _chain_pieces(source, from_chain)
     checked_down(target, to_chain)
     if basis is None:
         first = first_bone(source.skeleton, tuple(from_chain))
@@ -72,23 +72,23 @@ def copy_motion(
         project = clear_chain(project, to_shape, to_chain)
         target = project.shape(to_shape)
     renamed = [(a, b, tuple(replace(r, layer=fresh[r.layer].id) for r in refs)) for a, b, refs in pieces]
-    return project.with_characters(_along(target, to_chain, renamed, tuple(fresh.values())))
+    return project.with_characters(_apply_along_chain(target, to_chain, renamed, tuple(fresh.values())))
 
 
 _Piece = tuple[float, float, tuple[Ref, ...]]
 """Start and end, as fractions of the length, and the layer references on this interval."""
 
 
-def _pieces(shape: Shape, chain: Sequence[int]) -> list[_Piece]:
+def _chain_pieces(shape: Shape, chain: Sequence[int]) -> list[_Piece]:
     """Returns the spans of a chain's bones, in sequence, with their intervals on the chain."""
     pieces: list[_Piece] = []
-    for bone, (start, end) in _places(shape, chain):
+    for bone, (start, end) in _bone_intervals(shape, chain):
         for a, b, span in _laid_out(shape.spans[bone]):
             pieces.append((start + (end - start) * a, start + (end - start) * b, span.refs))
     return pieces
 
 
-def _places(shape: Shape, chain: Sequence[int]) -> list[tuple[int, tuple[float, float]]]:
+def _bone_intervals(shape: Shape, chain: Sequence[int]) -> list[tuple[int, tuple[float, float]]]:
     """Returns the bones of a chain, each with its interval of the chain's arc length."""
     bones = checked_down(shape, chain)
     arc = arc_of(shape.skeleton, chain).tolist() if len(chain) > 1 else [0.0, 1.0]
@@ -102,41 +102,47 @@ def _laid_out(spans: tuple[Span, ...]) -> list[tuple[float, float, Span]]:
     return [(a, b, span) for (a, b), span in zip(pairwise(ends.tolist()), spans, strict=True)]
 
 
-def _along(shape: Shape, chain: Sequence[int], pieces: list[_Piece], layers: tuple[Layer, ...]) -> Shape:
+def _apply_along_chain(
+    shape: Shape, chain: Sequence[int], pieces: list[_Piece], layers: tuple[Layer, ...]
+) -> Shape:
     """Returns the shape with ``pieces`` of ``layers`` applied along a chain, innermost.
 
     Its own spans are split where a piece ends.
     """
     spans = list(shape.spans)
-    for bone, (start, end) in _places(shape, chain):
+    for bone, (start, end) in _bone_intervals(shape, chain):
         width = end - start
         inside = [((a - start) / width, (b - start) / width, refs) for a, b, refs in pieces if refs]
-        spans[bone] = _overlaid(spans[bone], inside)
+        spans[bone] = _overlaid_spans(spans[bone], inside)
     return shape.with_changes(spans=tuple(spans), layers=(*shape.layers, *layers))
 
 
-def _overlaid(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]:
+def _overlaid_spans(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]:
     """Returns the spans of a bone combined with the parts of the pieces on [0, 1]; pieces may extend
     beyond.
     """
     own_spans = _laid_out(spans)
     bounds = [x for a, b, _ in own_spans for x in (a, b)] + [x for a, b, _ in pieces for x in (a, b)]
-    cuts = _apart([min(max(x, 0.0), 1.0) for x in bounds])
+    cuts = _distinct_places([min(max(x, 0.0), 1.0) for x in bounds])
     overlaid: list[Span] = []
     for i, low in enumerate(cuts):
         # Copy the pieces without length at this end. A piece without length lies at the joint itself, and a
         # piece at the end of a bone belongs to the next bone.
         overlaid += [
-            replace(span, share=0.0) for a, b, span in own_spans if b - a <= _SLIVER and _near(a, low)
+            replace(span, share=0.0)
+            for a, b, span in own_spans
+            if b - a <= _EMPTY_PART_FRACTION and _are_equal(a, low)
         ]
         if i == len(cuts) - 1:
             break
-        overlaid += [Span(0.0, refs) for a, b, refs in pieces if b - a <= _SLIVER and _near(a, low)]
+        overlaid += [
+            Span(0.0, refs) for a, b, refs in pieces if b - a <= _EMPTY_PART_FRACTION and _are_equal(a, low)
+        ]
         high, middle = cuts[i + 1], (low + cuts[i + 1]) / 2
         a, b, span = next(piece for piece in own_spans if piece[0] < middle < piece[1])
         refs = [_part_of(ref, a, b, low, high) for ref in span.refs]
         refs += [_part_of(r, c, d, low, high) for c, d, some in pieces if c < middle < d for r in some]
-        overlaid.append(Span(high - low, tuple(refs), span.before if _near(a, low) else STILL[0].before))
+        overlaid.append(Span(high - low, tuple(refs), span.before if _are_equal(a, low) else STILL[0].before))
     return tuple(overlaid)
 
 
@@ -145,19 +151,19 @@ def _part_of(ref: Ref, start: float, end: float, low: float, high: float) -> Ref
     whole.
     """
     wide = (ref.end - ref.start) / (end - start)
-    first = ref.start if _near(start, low) else ref.start + (low - start) * wide
-    last = ref.end if _near(end, high) else ref.start + (high - start) * wide
+    first = ref.start if _are_equal(start, low) else ref.start + (low - start) * wide
+    last = ref.end if _are_equal(end, high) else ref.start + (high - start) * wide
     return Ref(ref.layer, first, last)
 
 
-def _apart(places: list[float]) -> list[float]:
+def _distinct_places(places: list[float]) -> list[float]:
     """Returns the places in order, without duplicates within rounding; 0 and 1 are exact."""
     kept = [0.0]
     for place in sorted(places):
-        if place - kept[-1] > _SLIVER and place < 1.0 - _SLIVER:
+        if place - kept[-1] > _EMPTY_PART_FRACTION and place < 1.0 - _EMPTY_PART_FRACTION:
             kept.append(place)
     return [*kept, 1.0]
 
 
-def _near(a: float, b: float) -> bool:
-    return abs(a - b) <= _SLIVER
+def _are_equal(a: float, b: float) -> bool:
+    return abs(a - b) <= _EMPTY_PART_FRACTION

@@ -27,7 +27,7 @@ from enliven.motion.kinematics import between, conj, load, mul, reach, row, stor
 from enliven.motion.layers.polyline import Polyline, place_of
 from enliven.rotation import rotate
 
-_SLIVER = 1e-9
+_ZERO_LENGTH = 1e-9
 """Length, metres, or fraction of an arc, below which lengths are zero and places equal, because of
 rounding."""
 
@@ -67,12 +67,12 @@ def led_chains(shape: Shape, layer: Layer, line: Polyline) -> list[LedChain]:
     links = rotate(layer.basis, np.diff(positions, axis=0))
     return [
         led
-        for chain, start, end in _chains(shape, layer.id)
-        if (led := _led(shape, chain, start, end, links, line.knots, layer.weight)) is not None
+        for chain, start, end in _layer_chains(shape, layer.id)
+        if (led := _led_chain(shape, chain, start, end, links, line.knots, layer.weight)) is not None
     ]
 
 
-def _led(
+def _led_chain(
     shape: Shape, chain: list[int], start: float, end: float, links: Float, knots: Float, weight: float
 ) -> LedChain | None:
     skeleton = shape.skeleton
@@ -81,13 +81,13 @@ def _led(
     knot, part = place_of(knots, np.array([start, end]))
     way = along[knot] + part * lengths[knot]
     ours, theirs = float(skeleton.lengths[chain[1:]].sum()), float(way[1] - way[0])
-    if ours <= _SLIVER or theirs <= _SLIVER:
+    if ours <= _ZERO_LENGTH or theirs <= _ZERO_LENGTH:
         return None
     side = bend_of(skeleton, chain)[1] if len(chain) > 2 else np.zeros(3)
     return LedChain(np.array(chain, np.int32), side, links, knot, part, ours / theirs, weight)
 
 
-def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
+def _layer_chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
     """Returns the chains of joints with bones that refer to a layer, each with the first start and the
     last end.
     """
@@ -108,7 +108,7 @@ def _chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
             after = [
                 c
                 for c in shape.skeleton.children[chain[-1]]
-                if c in intervals and c not in used and abs(intervals[c][0] - end) < _SLIVER
+                if c in intervals and c not in used and abs(intervals[c][0] - end) < _ZERO_LENGTH
             ]
             if not after:
                 break

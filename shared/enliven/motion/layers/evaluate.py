@@ -104,7 +104,7 @@ class Player:
         """Returns the shape at a time of the project."""
         times = np.array([seconds], np.float64)
         turns, joints = self.sample(times)
-        stretch = self._stretch(times)
+        stretch = self._bone_stretch(times)
         return ShapePose(upright(turns[0]), joints[0], None if stretch is None else stretch[0])
 
     def pose(self, seconds: float) -> Pose:
@@ -113,28 +113,28 @@ class Player:
 
     def sample(self, times: AnyArray) -> tuple[Float, Float]:
         """Returns (T, N, 4) rotations D_j and (T, N, 3) joints in metres at times (T,) in seconds."""
-        times = _times(times)
-        turns, joints = self._free(times)
+        times = _checked_times(times)
+        turns, joints = self._unpinned_pose(times)
         standing = self.standing()
         if standing is not None:
             first = standing.window.folded(times)
             on = joints[:, 0] - self._travel.at(first)
-            tree = (self.shape.skeleton.parents, self._links(times))
+            tree = (self.shape.skeleton.parents, self._link_offsets(times))
             standing.hold(first, on, tree, turns, joints)
         return turns, joints
 
     def linear(self, times: AnyArray, turns: Float) -> Float:
         """Returns (T, N, 3, 3) D_j U_j at times (T,), for the rotations D_j (T, N, 4) of :meth:`sample`."""
-        maps, stretch = to_matrix(turns), self._stretch(_times(times))
+        maps, stretch = to_matrix(turns), self._bone_stretch(_checked_times(times))
         return maps if stretch is None else np.asarray(maps @ stretch)
 
-    def _stretch(self, times: Float) -> Float | None:
+    def _bone_stretch(self, times: Float) -> Float | None:
         """Returns (T, N, 3, 3) U_j at times (T,); None if no bone is stretched."""
         if self._stretching is None:
             return None
         return self._stretching.stretch(times, self._stretching.at(times)[1])
 
-    def _links(self, times: Float) -> Float:
+    def _link_offsets(self, times: Float) -> Float:
         """Returns (T or 1, N, 3) metres from each joint's parent to the joint before its bone rotates."""
         links = self.shape.skeleton.vectors[None]
         if self._stretching is not None:
@@ -148,13 +148,13 @@ class Player:
 
     def free(self, times: AnyArray) -> tuple[Float, Float]:
         """Returns the same as :meth:`sample`, with no foot pinned."""
-        return self._free(_times(times))
+        return self._unpinned_pose(_checked_times(times))
 
-    def _free(self, times: Float) -> tuple[Float, Float]:
+    def _unpinned_pose(self, times: Float) -> tuple[Float, Float]:
         knots, skeleton = self._sampler.knots(times), self.shape.skeleton
         own, root = self._sampler.own(knots), self._travel.at(times)
         turns, joints = np.empty_like(own), np.empty((*own.shape[:2], 3))
-        links = self._links(times)
+        links = self._link_offsets(times)
         compose(skeleton.parents, links, self.shape.modeling, own, root, turns, joints)
         heard = self._sampler.weights(times) if self._led else None
         for number, part, chain in self._led:
@@ -167,11 +167,11 @@ class Player:
         """Returns (T, N, 4) the animation rotations a_j at times (T,): those of the layers, without the
         modeling.
         """
-        return self._sampler.own(self._sampler.knots(_times(times)))
+        return self._sampler.own(self._sampler.knots(_checked_times(times)))
 
     def root(self, times: AnyArray) -> Float:
         """Returns (T, 3) metres, the position of the root joint at times (T,)."""
-        return self._travel.at(_times(times))
+        return self._travel.at(_checked_times(times))
 
     def feed(self, take: str, turns: Float, root: Float) -> None:
         """Plays a live frame instead of a take, whatever the time; its layers stay unchanged.
@@ -215,5 +215,5 @@ class Player:
         return {names[pin.chain[-1]]: seen for pin, seen in (standing.pins if standing else ())}
 
 
-def _times(times: AnyArray) -> Float:
+def _checked_times(times: AnyArray) -> Float:
     return np.ascontiguousarray(np.atleast_1d(times), np.float64)

@@ -21,7 +21,7 @@ from enliven.document import FEET, Layer, Project, Shape
 from enliven.motion.contact import HeldPin
 from enliven.motion.layers.timing import Clocks
 
-_HEARD = 0.5
+_MIN_ACTIVE_WEIGHT = 0.5
 """Minimum weight of a fading layer for its foot mode to apply."""
 
 
@@ -33,11 +33,11 @@ def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Calla
     if not spoken or not pins:
         return None
     clocks = Clocks.of(spoken, [project.takes[layer.take] for layer in spoken])
-    mine = [[_speaks(shape, layer, pin) for layer in spoken] for pin in pins]
+    mine = [[_affects_pinned_limb(shape, layer, pin) for layer in spoken] for pin in pins]
     order = sorted(range(len(spoken)), key=lambda k: spoken[k].id != shape.travel)
 
     def modes(times: Float) -> Int:
-        heard = clocks.played(times).weight * clocks.curves(times) > _HEARD
+        heard = clocks.played(times).weight * clocks.curves(times) > _MIN_ACTIVE_WEIGHT
         chosen_modes = np.zeros((len(pins), len(times)), np.int64)
         for row, legs in zip(chosen_modes, mine, strict=True):
             for k in order:
@@ -48,7 +48,7 @@ def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Calla
     return modes
 
 
-def _speaks(shape: Shape, layer: Layer, pin: HeldPin) -> bool:
+def _affects_pinned_limb(shape: Shape, layer: Layer, pin: HeldPin) -> bool:
     """Returns whether a layer rotates a bone of a pinned limb, or moves the root of the shape."""
     if layer.id == shape.travel:
         return True

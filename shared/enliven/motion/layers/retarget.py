@@ -88,16 +88,16 @@ def bind_chain(
     name = unused(take_id, project.layer_names) if layer_id is None else layer_id
     if any(layer.id == name for layer in shape.layers):
         raise InputError(f"there is a layer {name!r} already", where=shape.where, mend="Choose another name.")
-    played.setdefault("stretch", _own(shape.skeleton, project.takes[take_id]))
+    played.setdefault("stretch", _is_own_clip(shape.skeleton, project.takes[take_id]))
     layer = Layer(name, take_id, source, basis, **played)
     arc = arc_of(shape.skeleton, target) if len(target) > 1 else [0.0, 1.0]
     spans = list(shape.spans)
     for bone, start, end in zip(bones, arc[:-1], arc[1:], strict=True):
-        spans[bone] = _laid(spans[bone], name, float(start), float(end))
+        spans[bone] = _with_layer(spans[bone], name, float(start), float(end))
     return project.with_characters(shape.with_changes(spans=tuple(spans), layers=(*shape.layers, layer)))
 
 
-def _own(skeleton: Skeleton, take: Clip) -> bool:
+def _is_own_clip(skeleton: Skeleton, take: Clip) -> bool:
     """Returns whether a take is a clip of this skeleton that moves or stretches its bones."""
     theirs = take.skeleton
     alike = skeleton.names == theirs.names and np.array_equal(skeleton.parents, theirs.parents)
@@ -180,7 +180,7 @@ def checked_down(shape: Shape, chain: Sequence[int]) -> list[int]:
     return bones
 
 
-def _laid(spans: tuple[Span, ...], layer: str, start: float, end: float) -> tuple[Span, ...]:
+def _with_layer(spans: tuple[Span, ...], layer: str, start: float, end: float) -> tuple[Span, ...]:
     """Returns the spans of a bone with [start, end] of an additional layer, each with its part."""
     laid, done = [], 0.0
     for i, span in enumerate(spans):

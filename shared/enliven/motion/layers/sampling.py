@@ -101,9 +101,9 @@ class Sampler:
         self._first, self._fixed = np.array(first, np.int32), np.array(fixed, np.float64).reshape(-1, 4)
         self._terms = np.array([term for term, _ in terms], np.int32)
         self._inverse = np.array([inverse for _, inverse in terms], np.bool_)
-        self._knot, self._part = self._places(list(wanted))
+        self._knot, self._part = self._knots_and_fractions(list(wanted))
 
-    def _places(self, wanted: list[tuple[int, float]]) -> tuple[Int32, Float]:
+    def _knots_and_fractions(self, wanted: list[tuple[int, float]]) -> tuple[Int32, Float]:
         """Returns the knot (M,) among all layers' and the fraction (M,) of the way to the next, for each
         sample.
         """
@@ -139,13 +139,13 @@ class _Take:
         """Writes the rotations at the knots of these layers into ``out`` (T, K, 4) of all."""
         if self.fed is not None:
             still = np.zeros((len(times), len(self._bases)))
-            self._knots(self.fed, still, still + self._weights, out)
+            self._write_knot_turns(self.fed, still, still + self._weights, out)
             return
         played, weights = self._clocks.played(times), self._weights * self._clocks.curves(times)
-        self._knots(self._turns, played.frame, weights, out)
+        self._write_knot_turns(self._turns, played.frame, weights, out)
         if not played.plain:
             others = np.empty_like(out)
-            self._knots(self._turns, played.other, weights, others)
+            self._write_knot_turns(self._turns, played.other, weights, others)
             blend_knots(others, played.share, played.weight, self._first, self._begin, out)
 
     def weights(self, times: Float) -> Float:
@@ -154,7 +154,7 @@ class _Take:
             return np.ones((len(times), len(self._bases)))
         return self._clocks.played(times).weight * self._clocks.curves(times)
 
-    def _knots(self, turns: Float, at: Float, weights: Float, out: Float) -> None:
+    def _write_knot_turns(self, turns: Float, at: Float, weights: Float, out: Float) -> None:
         how = (weights, self._turned, self._mirrored, self._begin, out)
         knot_turns(turns, self._bones, self._first, self._bases, at, *how)
 

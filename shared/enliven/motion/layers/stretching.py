@@ -23,11 +23,11 @@ from enliven.motion.layers.sampling import Sampler
 from enliven.motion.layers.timing import Clocks
 from enliven.rotation import rotate, stretch_of, turned_strain
 
-_LENGTH = 1e-9
+_MIN_BONE_FRACTION = 1e-9
 """Fraction of the shape's longest bone below which a bone has no usable length."""
-_ROUNDING = 1e-6
+_FRAME_ROUNDING = 1e-6
 """Fraction of a frame within which a time counts as exactly at a frame."""
-_REFLECTED = np.array([1.0, 1.0, 1.0, -1.0, -1.0, 1.0])
+_STRAIN_REFLECTION_SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, 1.0])
 """(6,) the effect of the reflection in the plane x = 0 on a strain."""
 
 
@@ -59,12 +59,13 @@ class _StretchLayer:
         for out, track in zip(totals, (finest.offsets, finest.strains), strict=True):
             if track is not None:
                 current, other = (
-                    _between(track[:, self.bones], frames[:, 0]) for frames in (played.frame, played.other)
+                    _interpolated_track(track[:, self.bones], frames[:, 0])
+                    for frames in (played.frame, played.other)
                 )
                 out += weight[:, None, None] * (current + played.share[:, :1, None] * (other - current))
         offsets, strains = totals[0] * self.signs[:, None], totals[1]
         if self.layer.mirrored:
-            offsets, strains = offsets * [-1.0, 1.0, 1.0], strains * _REFLECTED
+            offsets, strains = offsets * [-1.0, 1.0, 1.0], strains * _STRAIN_REFLECTION_SIGNS
         offsets, strains = rotate(self.layer.basis, offsets), turned_strain(self.layer.basis, strains)
         return np.einsum("nb,tbc->tnc", self.offsets, offsets), np.einsum(
             "nb,tbc->tnc", self.strains, strains
@@ -78,7 +79,7 @@ class _StretchLayer:
         played, most = self.clock.played(times), self.strains.argmax(1)
         here = np.where(played.share[:, 0] > 0.5, played.other[:, 0], played.frame[:, 0])
         # Between two frames, the first frame applies, because a mirroring cannot be interpolated.
-        rows = track[np.floor(here + _ROUNDING).astype(int)][:, self.bones]
+        rows = track[np.floor(here + _FRAME_ROUNDING).astype(int)][:, self.bones]
         heard = (played.weight[:, 0] * self.layer.weight > 0.5)[:, None] & (self.strains.max(1) > 0.5)
         return np.where(heard, rows[:, most], 1.0)
 
@@ -96,7 +97,7 @@ class StretchLayers:
         """
         both = zip(sampler.layers, sampler.lines, strict=True)
         heard = [(layer, line) for layer, line in both if layer.stretch and line.clip.deforms]
-        ratios = [_ratios(layer, line, shape) for layer, line in heard]
+        ratios = [_length_ratios(layer, line, shape) for layer, line in heard]
         finite_ratios = [ratio[np.isfinite(ratio)] for ratio in ratios]
         usual = (
             float(np.median(np.concatenate(finite_ratios)))
@@ -104,7 +105,7 @@ class StretchLayers:
             else 1.0
         )
         stretched = [
-            _stretched(layer, line, shape, np.where(np.isfinite(ratio), ratio, usual))
+            _prepared_layer(layer, line, shape, np.where(np.isfinite(ratio), ratio, usual))
             for (layer, line), ratio in zip(heard, ratios, strict=True)
         ]
         return StretchLayers(stretched) if stretched else None
@@ -126,14 +127,14 @@ class StretchLayers:
         return matrices
 
 
-def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _StretchLayer:
+def _prepared_layer(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _StretchLayer:
     """Returns one layer, prepared; ``ratios`` (N,) are metres of each bone per metre of the take."""
     skeleton, count = line.clip.skeleton, len(line.bones)
     upward = [int(skeleton.parents[a]) == b for a, b in pairwise(line.chain)] or [False]
     taken = np.zeros((2, len(shape.skeleton), count))
     wide = np.diff(line.knots)
     for j, spans in enumerate(shape.spans):
-        for share, ref in _refs(spans, layer):
+        for share, ref in _layer_parts(spans, layer):
             low, high = min(ref.start, ref.end), max(ref.start, ref.end)
             if low == high:
                 # If a reference has no length, it follows the bone before it, in proportion to the lengths of
@@ -152,7 +153,7 @@ def _stretched(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _St
     return _StretchLayer(layer, line.clip, Clocks.of([layer], [line.clip]), bones, signs, *taken)
 
 
-def _ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
+def _length_ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
     """Returns (N,) metres of each bone of a shape per metre of a layer's take on it.
 
     NaN for a bone of zero length, and for all bones if the chain has zero length.
@@ -161,19 +162,19 @@ def _ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
     theirs = line.clip.skeleton.positions[list(line.chain)]
     theirs = float(np.linalg.norm(np.diff(theirs, axis=0), axis=1).sum())
     for j, spans in enumerate(shape.spans):
-        refs = _refs(spans, layer)
+        refs = _layer_parts(spans, layer)
         part = sum(abs(ref.end - ref.start) for _, ref in refs)
-        if refs and part * theirs > 0.0 and lengths[j] > _LENGTH * lengths.max():
+        if refs and part * theirs > 0.0 and lengths[j] > _MIN_BONE_FRACTION * lengths.max():
             ratios[j] = lengths[j] * sum(share for share, _ in refs) / (part * theirs)
     return ratios
 
 
-def _refs(spans: tuple[Span, ...], layer: Layer) -> list[tuple[float, Ref]]:
+def _layer_parts(spans: tuple[Span, ...], layer: Layer) -> list[tuple[float, Ref]]:
     """Returns the parts of a layer on a bone, each with the fraction of its span."""
     return [(span.share, ref) for span in spans for ref in span.refs if ref.layer == layer.id]
 
 
-def _between(track: Float, at: Float) -> Float:
+def _interpolated_track(track: Float, at: Float) -> Float:
     """Returns (T, ...) the values of (F, ...) at frame numbers (T,)."""
     frame = np.clip(at.astype(int), 0, max(len(track) - 2, 0))
     part = np.clip(at - frame, 0.0, 1.0).reshape(-1, *(1,) * (track.ndim - 1))

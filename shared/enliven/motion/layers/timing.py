@@ -65,7 +65,7 @@ class Clocks:
             lane, how = layer.lane(clip.duration), (float(layer.loop), clip.step, float(len(clip.turns)))
             held = (layer.extent(clip.duration), float(layer.hold), layer.ease)
             rows.append((layer.offset, layer.speed, *how, *held))
-            lanes += [_row(lane, number) for number in range(len(lane))]
+            lanes += [_lane_row(lane, number) for number in range(len(lane))]
             counts.append(len(lane))
         first = np.array(list(accumulate(counts)), np.int64)
         table = np.array(rows, np.float64).reshape(-1, 8)
@@ -79,7 +79,7 @@ class Clocks:
         for number, layer in enumerate(self.layers):
             if layer.speeds:
                 even[:, number] = layer.offset + curve_of(layer.speeds).area(seconds - layer.offset)
-        _played(even, self.rows, self.lanes, self.first, out)
+        _play_layers(even, self.rows, self.lanes, self.first, out)
         for number, moments in enumerate(self.fine):
             if moments is not None:
                 second, frames = out[:2, :, number] * self.rows[number, 3], np.arange(float(len(moments)))
@@ -95,13 +95,13 @@ class Clocks:
         return out
 
 
-def _row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
+def _lane_row(lane: Sequence[Segment], number: int) -> tuple[float, ...]:
     segment = lane[number]
     return (segment.begin, segment.end, segment.first, segment.speed, *run_of(lane, number))
 
 
 @njit(cache=True, nogil=True)
-def _played(seconds, rows, lanes, first, out):
+def _play_layers(seconds, rows, lanes, first, out):
     """Computes ``TimeMap.moment`` at even ``seconds`` (T, L), into (5, T, L) in the order of
     :class:`Times`.
     """
@@ -128,11 +128,11 @@ def _played(seconds, rows, lanes, first, out):
                 share = (at - now[0]) / (before[1] - now[0])
                 out[2, t, i] = share * share * (3.0 - 2.0 * share)
             out[3, t, i] = rounds
-            out[4, t, i] = 1.0 if held > 0.0 else _weight(at, rounds, rows[i], now, lanes[last - 1, 1])
+            out[4, t, i] = 1.0 if held > 0.0 else _fade_weight(at, rounds, rows[i], now, lanes[last - 1, 1])
 
 
 @njit(cache=True, nogil=True)
-def _weight(at, rounds, row, now, end_of_lane):
+def _fade_weight(at, rounds, row, now, end_of_lane):
     """Returns the fade weight of a layer that does not hold, equal to that of ``TimeMap``."""
     speed, looped, ease = row[1], row[2], row[7]
     begin, end = now[4], now[5]

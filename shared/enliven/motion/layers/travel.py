@@ -17,7 +17,7 @@ from enliven.kernels import njit
 from enliven.motion.kinematics import turn
 from enliven.motion.layers.timing import Clocks
 
-_LOW = 0.15
+_MIN_ROOT_HEIGHT_FRACTION = 0.15
 """Minimum height of a root over the lowest joint, as a fraction of the whole extent, for standing on legs."""
 
 
@@ -44,7 +44,7 @@ def travel_scale(shape: Shape, clip: Clip) -> float:
     if shape.travel_scale is not None:
         return shape.travel_scale
     (legs, extent), (their_legs, their_extent) = height_of(shape.skeleton), height_of(clip.skeleton)
-    if legs > _LOW * extent and their_legs > _LOW * their_extent:
+    if legs > _MIN_ROOT_HEIGHT_FRACTION * extent and their_legs > _MIN_ROOT_HEIGHT_FRACTION * their_extent:
         return legs / their_legs
     return extent / their_extent if their_extent > 0.0 else 1.0
 
