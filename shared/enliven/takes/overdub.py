@@ -49,7 +49,7 @@ class OverdubTransfer:
     def __init__(self, shape: GraphShape, character: Character) -> None:
         pivots = np.asarray(character.pivots, np.float64)
         surface = np.asarray(character.vertices, np.float64)
-        vertices = _mesh_similarity(surface, np.asarray(shape.mesh.vertices)
+        vertices = np.asarray(shape.mesh.vertices)
         is_same_mesh = surface.shape == vertices.shape
         self._same = fit_similarity(surface, vertices) if is_same_mesh else Similarity()
         self._rest = shape.positions
@@ -157,30 +157,3 @@ def with_layer_over(
         )
     shape = shape.with_changes(over=(*shape.over, layer))
     return project.with_streams(stream).with_characters(shape)
-
-
-@dataclass(frozen=True)
-class _Similarity:
-    """A similarity transform: x maps to size turn x + move."""
-
-    size: float
-    turn: Float
-    move: Float
-
-    def back(self, points: Float) -> Float:
-        return np.asarray((points - self.move) @ self.turn / self.size)
-
-
-def _mesh_similarity(first: Float, second: Float) -> _Similarity:
-    """Returns the similarity from one mesh's vertices to the other's (Umeyama 1991); the identity if they
-    differ.
-    """
-    if first.shape != second.shape:
-        return _Similarity(1.0, np.eye(3), np.zeros(3))
-    middles = first.mean(0), second.mean(0)
-    a, b = first - middles[0], second - middles[1]
-    size = float(np.sqrt((b**2).sum() / max((a**2).sum(), 1e-12)))
-    u, _, vt = np.linalg.svd(b.T @ a)
-    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
-    turn = u @ vt
-    return _Similarity(size, turn, middles[1] - size * turn @ middles[0])
