@@ -138,7 +138,8 @@ class CubicKeys:
         """
         first, last = max(start, float(self.seconds[0])), min(stop, float(self.seconds[-1]))
         if first >= last:
-            at = np.array([min(max(start, float(self.seconds[0])), float(self.seconds[-1]))])
+            # All keys are before or after this time, so the curve holds its last or first value.
+            at = np.array([start])
             return CubicKeys(self.bone, at, self.at(at), np.zeros((1, 2, self.values.shape[1])))
         more = list[Float]()
         for cut in (first, last):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gltf_twins import Twin, chain
-from hypothesis import given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
@@ -110,12 +110,15 @@ def test_cubic_keys_are_written_as_the_file_has_them(tmp_path_factory, seed, sta
         )
 
 
+@example(seed=121, first=0.125, last=0.25, speed=1.0)  # a bone has no key between these times
 @settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.02, 0.15), st.floats(0.25, 0.45), st.sampled_from([1.0, 2.0, 0.4]))
 def test_trimmed_and_slowed_clips_keep_their_cubic_keys(tmp_path_factory, seed, first, last, speed) -> None:
     folder = tmp_path_factory.mktemp("trimmed")
     path = curved(seed).write(folder / "a.glb")
     rig, slow = read_gltf(path), SlowGltf(path)
+    # A few random curves turn too fast for frames at 120 Hz. They are sampled from the beginning.
+    assume(len(rig.clips[0].cubic) == 4)
     project, shape = playing(Project(), rig.shape, rig.clips[0])
     segment = Segment(0.0, last - first, first)
     layers = tuple(replace(layer, segments=(segment,), speed=speed, offset=0.5) for layer in shape.layers)
