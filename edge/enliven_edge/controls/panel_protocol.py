@@ -72,6 +72,10 @@ def encode(body: str) -> bytes:
     return b"$%s*%04X\n" % (raw, binascii.crc_hqx(raw, 0))
 
 
+_PRINTABLE = re.compile(rb"[\x20-\x7e]*")
+"""The characters of a body: printable ASCII."""
+
+
 def lamps_body(lamps: Lamps) -> str:
     """Returns the body of a message that sets the lamps: L and a character for each."""
     return "L" + "".join(_CODES[pattern] for pattern in astuple(lamps))
@@ -106,7 +110,8 @@ class Decoder:
 def _checked(line: bytes) -> str:
     """Returns the body of a line with a valid checksum, else an empty string."""
     body, _, checksum = line.rpartition(b"*")
-    if checksum != b"%04X" % binascii.crc_hqx(body, 0) or not body.isascii():
+    # The checksum starts at 0, so it does not change with zero bytes before the body.
+    if checksum != b"%04X" % binascii.crc_hqx(body, 0) or not _PRINTABLE.fullmatch(body):
         return ""
     return body.decode("ascii")
 

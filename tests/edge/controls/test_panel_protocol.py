@@ -36,6 +36,11 @@ def test_any_bytes_are_read_and_hold_no_more_than_a_line(noise):
     assert decoder._line is None or len(decoder._line) <= 64
 
 
+def test_zero_bytes_in_front_of_a_body_are_refused():
+    """The checksum is the same with them."""
+    assert Decoder().feed(encode("P0").replace(b"$", b"$\x00")) == []
+
+
 @given(bodies, st.data())
 def test_a_message_survives_being_split_anywhere(messages, data):
     stream = b"".join(map(encode, messages))
