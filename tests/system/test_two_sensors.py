@@ -13,6 +13,7 @@ from two_views import CLOCKS, RATE, View, left_from_right_camera, walker
 
 from enliven.cli import run
 from enliven.recording import Recorder, Recording
+from enliven_edge.doctor import shipped_recording
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.live.merge import settings_before_fusion
 from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved
@@ -153,6 +154,17 @@ def test_a_failed_calibration_loses_no_file(takes, space, tmp_path, capsys):
     assert "cannot be placed yet" in output.err and "was left unchanged" in output.err
     assert path.read_bytes() == (takes / "space.toml").read_bytes()
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("second", ["{}", "again={}", "./copy-link.mcap"])
+def test_recording_given_twice_is_refused(tmp_path, monkeypatch, capsys, second):
+    """It agrees with itself perfectly, whatever the place of the sensors."""
+    monkeypatch.chdir(tmp_path)
+    recording = shipped_recording()
+    (tmp_path / "copy-link.mcap").symlink_to(recording)
+    assert run(["calibrate", str(recording), second.format(recording), "-o", "space.toml"]) == 3
+    assert "the recording is given twice" in capsys.readouterr().err
+    assert not (tmp_path / "space.toml").exists()
 
 
 def test_an_edge_with_two_recordings_publishes_fused_bodies(takes, space, tmp_path):

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from enliven_edge.fusion.calibration import Calibration, Collector, SensorPair
     from enliven_edge.sensors import Sensor
     from enliven_edge.settings import EdgeSettings
+    from enliven_edge.sources import Source
     from enliven_edge.tracking import SceneSettings
 
 log = logging.getLogger(__name__)
@@ -79,6 +80,7 @@ def calibrate(
             where="calibrate",
             mend="Give two or more: enliven calibrate left.mcap right.mcap -o space.toml",
         )
+    _check_recordings(sensor_sources)
     with contextlib.ExitStack() as stack:
         sensors = opened(sensor_sources, stack)
         scenes = {name: source.scene for name, source in zip(sensors, sensor_sources, strict=True)}
@@ -92,6 +94,27 @@ def calibrate(
             f"and {calibration.loop_deg:.1f} deg"
         )
     _write(calibration, collectors, output, accept_doubt)
+
+
+def _check_recordings(sources: list[Source]) -> None:
+    """Checks that no recording is given twice: it would agree with itself, and the result would look good.
+
+    Raises:
+        InputError: if two sources read the same file.
+    """
+    files = set[Path]()
+    for source in sources:
+        path = source.options.get("path")
+        if source.sensor != "replay" or path is None:
+            continue
+        file = Path(path).resolve()
+        if file in files:
+            raise InputError(
+                "the recording is given twice",
+                where=str(path),
+                mend="Give the recording that each sensor made at the same time.",
+            )
+        files.add(file)
 
 
 def _collectors(
