@@ -156,12 +156,13 @@ def test_a_failed_calibration_loses_no_file(takes, space, tmp_path, capsys):
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize("second", ["{}", "again={}", "./copy-link.mcap"])
+@pytest.mark.parametrize("second", ["{}", "again={}", "link.mcap", "copy.mcap"])
 def test_recording_given_twice_is_refused(tmp_path, monkeypatch, capsys, second):
     """It agrees with itself perfectly, whatever the place of the sensors."""
     monkeypatch.chdir(tmp_path)
     recording = shipped_recording()
-    (tmp_path / "copy-link.mcap").symlink_to(recording)
+    (tmp_path / "link.mcap").symlink_to(recording)
+    (tmp_path / "copy.mcap").write_bytes(recording.read_bytes())
     assert run(["calibrate", str(recording), second.format(recording), "-o", "space.toml"]) == 3
     assert "the recording is given twice" in capsys.readouterr().err
     assert not (tmp_path / "space.toml").exists()

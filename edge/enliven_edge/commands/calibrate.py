@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import datetime
+import filecmp
+import itertools
 import logging
 import time
 from pathlib import Path
@@ -97,24 +99,20 @@ def calibrate(
 
 
 def _check_recordings(sources: list[Source]) -> None:
-    """Checks that no recording is given twice: it would agree with itself, and the result would look good.
+    """Checks that no recording, or a copy of one, is given twice: it would agree with itself and look good.
 
     Raises:
-        InputError: if two sources read the same file.
+        InputError: if two sources read the same content.
     """
-    files = set[Path]()
-    for source in sources:
-        path = source.options.get("path")
-        if source.sensor != "replay" or path is None:
-            continue
-        file = Path(path).resolve()
-        if file in files:
+    paths = [Path(source.options["path"]) for source in sources if "path" in source.options]
+    files = [path for path in paths if path.is_file()]
+    for first, second in itertools.combinations(files, 2):
+        if filecmp.cmp(first, second, shallow=False):
             raise InputError(
                 "the recording is given twice",
-                where=str(path),
+                where=str(second),
                 mend="Give the recording that each sensor made at the same time.",
             )
-        files.add(file)
 
 
 def _collectors(
