@@ -53,7 +53,7 @@ def _held(values: tuple[Any, ...]) -> SimpleNamespace:
 
 @overload(_held)
 def _held_in_kernels(values):
-    """Returns the function with which a kernel makes a structure of values of these types."""
+    """Returns the function that builds a structure of these types inside a kernel."""
     kind = HeldArgumentsType((("values", types.unliteral(values)),))
 
     def make(values):

@@ -89,8 +89,8 @@ def cast_mesh(
     mesh, settings = prepared.mesh, prepared.settings
     none_there = like is not None and like.likeness is None and _same_faces(like, mesh)
     seeks = seeks_person(settings) and not settings.joints and not none_there
-    with ThreadPoolExecutor(1) as beside:  # Run both in parallel, because they take about the same time.
-        person = beside.submit(_person_in, mesh, settings) if seeks else None
+    with ThreadPoolExecutor(1) as background:  # Run both in parallel, because they take about the same time.
+        person = background.submit(_person_in, mesh, settings) if seeks else None
         character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
         search_result = None if person is None else person.result
         if none_there:

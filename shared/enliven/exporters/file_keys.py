@@ -15,7 +15,7 @@ _MAX_CURVE_DEVIATION = 1e-2
 Frames at 120 Hz lose up to this much of a fast rotation between them. If a curve deviates more, something
 else moves the bone, too."""
 _MAX_POSED_CHANGE = 1e-9
-"""Largest change of a quaternion, or of a position in metres, with which a bone or the root is not posed."""
+"""Maximum change of a quaternion entry, or of the root in metres, that counts as rounding. More is a pose."""
 
 
 _MAX_RIGID_STRETCH = 1e-6

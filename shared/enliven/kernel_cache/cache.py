@@ -1,4 +1,4 @@
-"""The on-disk cache from which Numba loads the machine code of a kernel."""
+"""The on-disk cache of machine code: Numba loads kernels from it."""
 
 from __future__ import annotations
 

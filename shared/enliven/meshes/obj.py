@@ -92,7 +92,7 @@ def read_obj(data: bytes, beside: ReferencedFiles, name: str = "mesh") -> tuple[
         beside: opens the material files that it names.
 
     Raises:
-        DamagedMeshError: with the wrong line, or if there are no faces.
+        DamagedMeshError: if a line is wrong, which it names, or if there are no faces.
     """
     text = text_bytes(data)
     try:

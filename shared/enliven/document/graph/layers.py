@@ -15,7 +15,7 @@ from enliven.errors import InputError
 from enliven.rotation import IDENTITY
 
 _UNIT_TOLERANCE = 1e-3
-"""Maximum deviation of a rotation's length from 1: only values that are no rotation are refused."""
+"""Maximum deviation of a rotation's length from 1: rounding stays far below it."""
 
 
 def _is_rotation(turn: Float) -> bool:

@@ -36,8 +36,8 @@ from enliven.meshes import Mesh
 from enliven.rotation import continuous, from_matrix
 
 _MAX_UPRIGHT_DIFFERENCE = 1e-9
-"""Maximum entry-wise difference between the axes of nodes and the world axes with which curves are kept.
-Curves are given in world axes."""
+"""Maximum difference of an entry between the axes of a node and the world axes. Curves are in world axes, so
+they are only kept up to this difference."""
 
 
 def write_gltf(

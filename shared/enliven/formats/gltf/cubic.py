@@ -22,9 +22,9 @@ from enliven.meshes.gltf import Bind, GltfFile, GltfSurface, animated_locals, ma
 from enliven.rotation import conjugate, from_matrix, multiply
 
 _MAX_SCALE_DIFFERENCE = 1e-5
-"""Largest relative difference of scales along three axes with which a node's scale counts as uniform."""
+"""Maximum relative difference of the scales along three axes of a node that is scaled uniformly."""
 _MAX_CONSTANT_CHANGE = 1e-9
-"""Largest change of a value with which a channel counts as constant: below float32's resolution."""
+"""Maximum change of a value in a constant channel: below float32's resolution."""
 _MAX_QUATERNION_LENGTH_ERROR = 1e-3
 """Largest difference from 1 of the length of a quaternion in the file: rounding of small integers."""
 _MAX_CURVE_DEVIATION = 1e-4
@@ -159,7 +159,7 @@ def _sampler_keys(file: GltfFile, sampler: Any, path: str) -> tuple[Float, Float
 
 
 def _node_path(file: GltfFile, above: int, node: int) -> list[int]:
-    """Returns the path of nodes from below ``above`` to ``node``, or from the root if it is no ancestor."""
+    """Returns the path to ``node`` from the child of its ancestor ``above``, or else from the root."""
     way = list[int]()
     while node >= 0 and node != above:
         way.append(node)
