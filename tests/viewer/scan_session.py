@@ -140,7 +140,8 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     until(lambda: scan.message.fused > 3 and scan.surface, "a surface")
     shot("begun")
     first = len(scan.surface[0].faces)
-    until(lambda: scan.message.fused > 16 and scan.message.view, "more of it")
+    until(lambda: scan.message.undoable and scan.message.fused > 16 and scan.message.view, "more of it")
+    until(lambda: len(scan.surface[0].faces) > 1.5 * first, "its surface")
     report["grown"] = [first, len(scan.surface[0].faces)]
     report["words"] = advice_of(scan.message).text
     shot("growing")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.scanning import GroundPlane, find_ground, focus_of, surface_of, upright_frame
+from enliven.meshes import Mesh
+from enliven.scanning import GroundPlane, Scanner, find_ground, focus_of, surface_of, upright_frame
 from enliven_edge.scanning.next_best_view import next_view
 from enliven_edge.scanning.scan_view import ScanView
 
@@ -16,6 +18,7 @@ _SEARCH_INTERVAL_S = 1.0
 """Seconds between two searches in the whole scan. Each takes 0.15 s."""
 _DEFAULT_CAMERA_HEIGHT_M = 1.2
 """Assumed camera height above the floor until the floor is seen, in metres."""
+_ASSUMED_GROUND = GroundPlane(np.array([0.0, 1.0, 0.0]), -_DEFAULT_CAMERA_HEIGHT_M, 0.0)
 _MIN_MOTION_M = 0.03
 """Minimum motion of the floor or the centre that moves the placement, in metres. Without it, the view would
 jitter."""
@@ -37,6 +40,7 @@ class ScanPlacement:
         self.stage_from_scan[1, 3] = _DEFAULT_CAMERA_HEIGHT_M
         self.missing, self.view = 1.0, list[float]()
         self._looked, self._found, self._places = 0.0, False, 1
+        self._ground, self._ground_images = _ASSUMED_GROUND, 0
         self._room_from_shown: Float = np.eye(4)
 
     def look(self, shown: ScanView) -> None:
@@ -48,12 +52,9 @@ class ScanPlacement:
         self._looked = now
         if another:
             self._places, self._found = shown.places, False
+            self._ground, self._ground_images = _ASSUMED_GROUND, 0
         mesh, poses = surface_of(scanner.volumes[1]), [pose for _, pose in scanner.poses]
-        focus, ground = focus_of(poses), shown.ground
-        try:
-            ground = ground or find_ground(mesh, settings=scanner.settings.cut_out)
-        except InputError:
-            ground = GroundPlane(np.array([0.0, 1.0, 0.0]), -_DEFAULT_CAMERA_HEIGHT_M, 0.0)
+        focus, ground = focus_of(poses), shown.ground or self._ground_of(scanner, mesh)
         if shown.alone:
             mesh = shown.mesh()
             focus = np.asarray(mesh.bounds.mean(0)) if len(mesh.vertices) else focus
@@ -64,6 +65,19 @@ class ScanPlacement:
         self.missing, self.view = min(best_view.missing, 1.0), []
         if best_view.eye is not None:
             self.view = [*self._on_stage(best_view.eye), *self._on_stage(focus)]
+
+    def _ground_of(self, scanner: Scanner, mesh: Mesh) -> GroundPlane:
+        """Returns the floor under a room's surface, in the room's frame.
+
+        The frame stays when images are undone. So a floor found in more images is better than one found in
+        the few that are left, or than the assumed one: the placement does not jump, nor does the crop box.
+        """
+        images = len(scanner.poses)
+        if images >= self._ground_images:
+            with suppress(InputError):
+                self._ground = find_ground(mesh, settings=scanner.settings.cut_out)
+                self._ground_images = images
+        return self._ground
 
     def rows(self, pose: Float | None = None) -> list[float]:
         """Returns twelve numbers: the pose (4, 4) of the room, or of the shown surface if None, on the

@@ -1,5 +1,6 @@
 """Tests of scanning in the background: a viewer's command has effect at once, however busy the scan is."""
 
+import copy
 import sys
 import threading
 from pathlib import Path
@@ -12,9 +13,13 @@ from box_scans import take_of
 
 from enliven.camera import LEVEL_WORLD_FROM_CAMERA
 from enliven.errors import InputError
+from enliven.samples import load_sample
+from enliven.scanning import Scanner, ScanSettings, VolumeSettings
 from enliven.wire import Scan, ScanMessage
-from enliven_edge.scanning import LiveScan
+from enliven_edge.scanning import LiveScan, scan_placement
 from enliven_edge.scanning.scan_placement import ScanPlacement
+from enliven_edge.scanning.scan_view import shown_of
+from enliven_synthesis.sensor import HandheldPath
 
 PATIENCE = 60.0
 """Timeout in seconds that is enough on any machine."""
@@ -122,3 +127,26 @@ def test_a_box_of_the_stage_cuts_out_what_it_holds():
         assert 0.3 < np.ptp(mesh.vertices[:, 0]) < 0.6
     finally:
         scan.end()
+
+
+def test_the_placement_stays_when_nearly_all_images_are_undone(monkeypatch):
+    monkeypatch.setattr(scan_placement, "_SEARCH_INTERVAL_S", 0.0)
+    path = HandheldPath(target=(0.0, 0.45, 0.0), radius=1.3, height=(0.7, 1.3), turns=1.0, seconds=8.0)
+    take = take_of(load_sample("chair"), path, width=320)
+    scanner, place = Scanner(ScanSettings(volume=VolumeSettings(voxel=0.01))), ScanPlacement()
+    scanner.add(take.frame(0))
+    first = copy.deepcopy(scanner)
+    for index in range(5, 60, 5):
+        scanner.add(take.frame(index))
+    place.look(shown_of(scanner))
+    stage_from_scan = place.stage_from_scan.copy()
+    place.look(shown_of(first))
+    turn, height = place.stage_from_scan[:3, :3], place.stage_from_scan[1, 3]
+    assert np.array_equal(turn, stage_from_scan[:3, :3]) and height == stage_from_scan[1, 3], (
+        "the floor is still known"
+    )
+    alone = ScanPlacement()
+    alone.look(shown_of(first))
+    assert abs(alone.stage_from_scan[1, 3] - stage_from_scan[1, 3]) > 0.05, (
+        "one image does not show the floor"
+    )
