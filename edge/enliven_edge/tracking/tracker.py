@@ -231,7 +231,8 @@ class Tracker:
         if people and self._owner is not None and round(room.age * _FURNITURE_RATE_HZ) != self._gave_up:
             self._gave_up = round(room.age * _FURNITURE_RATE_HZ)
             floor = self.settings.scene.floor_band
-            room.absorb(furniture_beside(view, room.still & (kind == UNSEEN), self._owner, people, floor))
+            still = room.still_pixels(view.z) & (kind == UNSEEN)
+            room.absorb(furniture_beside(view, still, self._owner, people, floor))
 
     def _room_of(self, view: FrameView) -> BackgroundModel:
         """Returns the background model: a new one if the sensor was moved or exchanged."""

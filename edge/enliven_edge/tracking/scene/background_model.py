@@ -44,6 +44,9 @@ _MIN_MEASURED = 0.5
 """Minimum fraction of the known background that must be measured meanwhile. With less the lens is covered."""
 _FURNITURE_AFTER_S = 0.5
 """Seconds of constant depth after which a pixel next to a person is furniture. Standing people sway."""
+_STILL_M, _STILL_PER_M = 0.04, 0.01
+"""Difference in metres, and per square metre of depth, up to which two depths are the same: the sensor's
+noise."""
 _MAX_TIME_STEP_S = 0.5
 """Maximum time step in seconds, so that a gap in the stream ages nothing by more."""
 
@@ -129,10 +132,18 @@ class BackgroundModel:
         """
         guard(owner, ids, z, self._state.guarded, self._state.guard_z)
 
-    @property
-    def still(self) -> Bool:
-        """Returns (h, w) the pixels without known background that kept their depth longer than people can."""
-        return np.asarray((self.z == 0.0) & (self._state.still > _FURNITURE_AFTER_S))
+    def still_pixels(self, z: Float) -> Bool:
+        """Returns (h, w) the pixels without known background that keep their depth longer than people can.
+
+        A pixel that shows another depth now is left out: somebody passes in front of it, and it may show a
+        person who stands still.
+
+        Args:
+            z: (h, w) metres of this frame.
+        """
+        still = (self.z == 0.0) & (self._state.still > _FURNITURE_AFTER_S)
+        still[still] = np.abs(z[still] - self._state.still_z[still]) < _STILL_M + _STILL_PER_M * z[still] ** 2
+        return np.asarray(still)
 
     def absorb(self, where: Bool) -> None:
         """Learns the recent constant depth as background at the (h, w) pixels ``where``."""

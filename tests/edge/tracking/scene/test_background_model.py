@@ -129,9 +129,11 @@ def test_constant_depth_on_a_person_before_unknown_background_is_furniture(seed,
         z = metres + random.normal(scale=0.003 * metres, size=(8, 8))
         z[:, 4:] += speed * abs(i % 20 - 10) * FRAME
         room.learn(z, mine, round(i * FRAME * 1e9))
-    assert room.still[:, :4].mean() > 0.9 and not room.still[:, 4:].any()
-    room.absorb(room.still)
-    assert not room.still.any()
+    still = room.still_pixels(z)
+    assert still[:, :4].mean() > 0.9 and not still[:, 4:].any()
+    assert not room.still_pixels(z - 0.5).any(), "somebody passes in front of them"
+    room.absorb(still)
+    assert not room.still_pixels(z).any()
     depths = room.z[room.z > 0.0]
     np.testing.assert_allclose(depths, metres, atol=0.01 * metres)
 
