@@ -1,5 +1,5 @@
 # The front door. Every target sets up what it needs first; nothing else need be typed.
-.PHONY: help run test lint fuzz-quick fuzz bench nightly films possess-films scan-films session-films example-films setup setup-dev docs examples record-references clean test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
+.PHONY: help run test lint fuzz-quick fuzz bench nightly films possess-films scan-films session-films example-films setup setup-dev docs examples record-references clean test-slow test-long test-more test-matrix test-bare release test-arm test-devices panel audit test-web
 
 help:            ## what can be made
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 20
@@ -9,11 +9,16 @@ run: setup       ## watch a chair move with a recorded person (a window, or a fi
 
 # Types first: they take half a minute and the tests many. Three processes for two cores, since tests of cameras
 # and of processes wait much of their time.
-test: setup-dev  ## linters, types, every test, and one run of the main job
+PYTEST = .venv/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --durations=50
+
+test: setup-dev  ## linters, types, the fast tests, and one run of the main job
 	@.venv/bin/ruff check .
 	@.venv/bin/ruff format --check .
 	@.venv/bin/pyrefly check --summary=none
-	@.venv/bin/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --durations=50 $(ARGS)
+	@$(PYTEST) -m "not slow" $(ARGS)
+
+test-slow: setup-dev ## all other tests: real recordings, real windows and whole programs (CI runs them after make test)
+	@$(PYTEST) -m slow $(ARGS)
 
 test-long: setup-dev ## the long forms of tests: 50 windows killed, 500 random strokes and actions, 10,000 visitors, a sitting (25 minutes)
 	@ENLIVEN_KILLS=50 ENLIVEN_STROKES=500 .venv/bin/python -m pytest -n 0 -q tests/viewer/studio/test_studio_strokes.py \

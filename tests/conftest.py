@@ -104,10 +104,15 @@ LARGE = {"edge", "shared", "viewer"}
 """Folders whose own folders are collected as parts of their own."""
 
 
+# Before pytest's own hook, which selects by the marks.
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
     # The longest files first, so that test processes end at the same time; then those that the table lacks.
     durations = recorded_durations()
     items.sort(key=lambda item: (-durations.get(item.path, 0.0), item.path))
+    for item in items:
+        if item.path.is_relative_to(TESTS / "real"):
+            item.add_marker(pytest.mark.slow)
     seed = config.getoption("--shuffle")
     if seed is not None:
         items[:] = shuffled(items, random.Random(seed))
@@ -145,7 +150,9 @@ def pytest_runtest_logreport(report):
 
 def pytest_sessionfinish(session):
     if session.config.getoption("--record-durations") and "PYTEST_XDIST_WORKER" not in os.environ:
-        TABLE.write_text(table_of(TAKEN), encoding="utf-8")
+        # A run of the fast tests keeps what is known of files with slow tests, and the other way round.
+        known = {f"{TESTS.name}/{path.relative_to(TESTS)}": s for path, s in recorded_durations().items()}
+        TABLE.write_text(table_of(known | TAKEN), encoding="utf-8")
 
 
 @pytest.hookimpl(tryfirst=True)

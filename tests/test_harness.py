@@ -45,6 +45,7 @@ def test_laws_see_the_same_examples_unless_asked_to_search():
     assert len(first) > 50 and (first == second) == steady
 
 
+@pytest.mark.slow
 def test_a_shuffled_order_has_every_test_once_and_keeps_files_together():
     plain, shuffled, again = collected(), collected("--shuffle", "5"), collected("--shuffle", "5")
     assert shuffled == again != plain

@@ -34,6 +34,21 @@ BOUNDS = {
 }
 """Options that are added to a command line so that it ends soon; an edge ends only after a body is attached.
 If an option is given twice, the last value counts."""
+SLOW_PAGES = {
+    "docs/performing.md",
+    "docs/physics.md",
+    "docs/possession.md",
+    "docs/puppets.md",
+    "docs/retargeting.md",
+    "docs/scanning.md",
+    "docs/tour.md",
+    "docs/tutorials/example-driven-character.md",
+    "docs/tutorials/library-model.md",
+    "docs/tutorials/scan-to-character.md",
+    "docs/tutorials/two-cameras.md",
+    "edge/README.md",
+}
+"""Documents whose commands take more than a second of processor time."""
 TELLS = {"doctor": 4, "examples": 3}
 """Exit codes of commands that report missing parts: on this machine, or in a session without poses."""
 
@@ -48,7 +63,13 @@ def runnable(page: Path, kind: str) -> list[Block]:
 
 
 def named(pages: list[Path]):
-    return pytest.mark.parametrize("page", pages, ids=[str(page.relative_to(ROOT)) for page in pages])
+    """Parametrises a test by documents. Those of ``SLOW_PAGES`` belong to `make test-slow`."""
+    names = [str(page.relative_to(ROOT)) for page in pages]
+    marks = [[pytest.mark.slow] if name in SLOW_PAGES else [] for name in names]
+    parameters = [
+        pytest.param(page, id=name, marks=mark) for page, name, mark in zip(pages, names, marks, strict=True)
+    ]
+    return pytest.mark.parametrize("page", parameters)
 
 
 def test_every_block_is_run_or_states_a_reason():
@@ -146,6 +167,7 @@ def test_separate_tests_mention_their_pages():
 
 
 @named([page for page in pages_of("python") if page.name not in ELSEWHERE])
+@pytest.mark.slow
 def test_the_code_of_a_document_runs(page, place, capsys):
     names: dict[str, object] = {}
     for block in runnable(page, "python"):

@@ -52,6 +52,7 @@ def test_a_script_runs_and_draws_its_pictures(script, models, tmp_path, monkeypa
         assert len(tiles) == 4 and all((a != b).mean() > 2e-4 for a, b in pairwise(tiles)), "it moves"
 
 
+@pytest.mark.slow
 def test_a_script_follows_a_running_edge(tmp_path, monkeypatch, capsys):
     script, (port, control) = ROOT / "examples" / f"{NEEDS_EDGE}.py", free_ports()[:2]
     words = ["--sensor", "synthetic", "--port", str(port), "--control-port", str(control), "--seconds", "300"]

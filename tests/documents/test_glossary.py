@@ -3,6 +3,7 @@
 import ast
 import re
 
+import pytest
 from blocks import ROOT
 
 ROWS = [
@@ -24,6 +25,7 @@ def defined() -> set[str]:
     }
 
 
+@pytest.mark.slow
 def test_every_class_that_it_names_is_there():
     names = {name for row in ROWS for name in re.findall(r"`(\w+)`", row[2])}
     assert len(names) > 50

@@ -39,6 +39,7 @@ def extras(folder: str) -> set[str]:
     return set(project.get("optional-dependencies", {}))
 
 
+@pytest.mark.slow
 def test_an_edge_records_a_performance_without_any_extra(tmp_path):
     words = ["edge", "--possess-at", "0.3", "--seconds", "0.5", "--speed", "0", "--port", "0"]
     command = [sys.executable, "-c", HIDDEN, *words, "--record", "performance.mcap"]

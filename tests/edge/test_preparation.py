@@ -11,6 +11,7 @@ def compile_something() -> None:
     numba.njit(lambda x: x + 1)(1)
 
 
+@pytest.mark.slow
 def test_the_first_compilation_starts_the_process_once():
     with TrackerCompilation() as tracker:
         assert tracker._process is None

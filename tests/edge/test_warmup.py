@@ -69,5 +69,6 @@ def test_warm_up_compiles_all_kernels():
 
 
 @pytest.mark.timeout(700)
+@pytest.mark.slow
 def test_first_frames_without_warmup_load_kernels():
     assert {"minimise", "_solid"} <= set(kernels_of(warm=False)["live"])

@@ -89,6 +89,7 @@ def test_json_lines():
     assert line["level"] == "info"
 
 
+@pytest.mark.slow
 def test_a_cut_recording_is_read_with_one_sentence(tmp_path):
     from enliven_edge.assets import CHAIR
 

@@ -125,6 +125,7 @@ def test_a_port_in_use(enliven):
     assert "Traceback" not in asked.stderr
 
 
+@pytest.mark.slow
 def test_two_edges_of_one_name(tmp_path, enliven):
     path = recorded(tmp_path / "long.mcap", lambda i: np.zeros((120, 160), np.uint16), 900)
     ports = ["--port", "0", "--control-port", "0", "--name", "twin"]
@@ -142,6 +143,7 @@ def test_two_edges_of_one_name(tmp_path, enliven):
     assert first.returncode == 0
 
 
+@pytest.mark.slow
 def test_edge_without_a_log_reader_continues_and_ends_well(tmp_path):
     """The reader of its log disappears; only later messages are lost."""
     path = recorded(tmp_path / "short.mcap", lambda i: np.zeros((120, 160), np.uint16), 30)

@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
 from name_hook import TELEMETRY_HOST, NameHook
 from patience import until
 
@@ -63,6 +64,7 @@ def fenced(*words: str | Path) -> list[str | Path]:
     return ["unshare", "-rn", sys.executable, "-c", LOOPBACK_ALONE, *words]
 
 
+@pytest.mark.slow
 def test_no_program_looks_up_an_outside_name(tmp_path: Path, screen: str) -> None:
     """Runs every program at once under the hook, and also the bare library without enliven.
 
@@ -110,6 +112,7 @@ def test_no_program_looks_up_an_outside_name(tmp_path: Path, screen: str) -> Non
     assert "127.0.0.1" in hook.log.read_text(), "the viewer of enliven run was under the hook"
 
 
+@pytest.mark.slow
 def test_the_edge_ends_at_sigterm_after_the_clock_has_jumped_before_1970(tmp_path: Path) -> None:
     """With the library's telemetry on, a process may hang then: its uploads wait for a later time."""
     hook = NameHook(tmp_path / "ours")

@@ -46,6 +46,7 @@ def walk(path: Path) -> None:
 
 
 @with_engine
+@pytest.mark.slow
 def test_a_chair_walks_through_a_tower(tmp_path):
     walk(tmp_path / "walk.mcap")
     command = [sys.executable, "-m", "enliven", "run", "--recording", str(tmp_path / "walk.mcap")]

@@ -211,6 +211,7 @@ def test_the_film_shows_a_cactus_that_acts(road: Path) -> None:
 
 
 @pytest.mark.system
+@pytest.mark.slow
 def test_the_take_plays_back_as_it_was_and_opens_in_the_studio(road: Path) -> None:
     character, poses, _ = taken(road / "take.mcap")
     document, surfaces = Document(Timeline(bounded=False)), SolvedSurfaces(wait=True)

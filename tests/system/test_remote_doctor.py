@@ -112,6 +112,7 @@ def test_text_from_an_edge_controls_no_terminal(capsys):
 
 
 @pytest.mark.system
+@pytest.mark.slow
 def test_the_real_edge_is_heard(capsys):
     edge = RealEdge("--sensor", "synthetic")
     try:

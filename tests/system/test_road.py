@@ -203,6 +203,7 @@ def test_ctrl_c_within_a_text_that_is_executed_ends_with_130(tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a parent's end is seen on POSIX only")
+@pytest.mark.slow
 def test_children_of_a_killed_run_end_by_themselves(tmp_path):
     started, children = started_run(tmp_path)
     started.kill()

@@ -31,6 +31,7 @@ def child(parent: int, command: str) -> int | None:
     return None
 
 
+@pytest.mark.slow
 def test_the_window_outlives_a_killed_edge(tmp_path: Path, screen: str) -> None:
     log = (tmp_path / "log").open("w")
     words = ["run", "--window", "--size", "160x120", "--recording", str(CHAIR), "--possess-at", "0.2"]

@@ -40,6 +40,7 @@ def seen(viewer: EdgeClient, number: int = 1) -> set[str]:
     return {key for key, piece in viewer.latest(SCAN_PIECE).items() if piece.number == number and piece.seen}
 
 
+@pytest.mark.slow
 def test_a_scan_is_begun_grows_goes_back_and_becomes_a_character(running, frames) -> None:
     viewer = running.viewer()
     assert isinstance(running.ask(Scan("pause")), Refused), "nothing is scanned"

@@ -72,6 +72,7 @@ def test_once_option_ends_the_program_at_first_fault(installed):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGTERM")
+@pytest.mark.slow
 def test_a_read_that_never_returns_is_ended_by_sigterm_and_the_take_is_whole(tmp_path, installed):
     take, log = tmp_path / "take.mcap", tmp_path / "log"
     options = ["--set", "faults=hangs", "--set", "every=30", "--set", "frames=100", "--record", str(take)]
@@ -129,6 +130,7 @@ def test_run_without_its_camera_gives_advice_and_command(no_camera):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGTERM")
+@pytest.mark.slow
 def test_edge_started_before_its_camera_waits_and_informs_viewers(no_camera, tmp_path):
     port, control = free_ports()
     ports = ["--port", str(port), "--control-port", str(control), "--name", "kiosk"]

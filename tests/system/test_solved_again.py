@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from performed_take import chair_actor, perform
@@ -47,6 +48,7 @@ hows = st.fixed_dictionaries(
     late=st.integers(0, 3),
     seed=st.integers(0, 99),
 )
+@pytest.mark.slow
 def test_solving_again_on_the_same_mesh_equals_the_recording(how, given_orders, absent, late, seed):
     """For any attachments and settings, leaving and returning performers, and hand-overs."""
     first, gone = absent

@@ -87,6 +87,7 @@ def taller(by: float) -> Mesh:
     return replace(CHAIR, vertices=CHAIR.vertices * [1.0, by, 1.0])
 
 
+@pytest.mark.slow
 def test_a_character_comes_changes_while_it_is_held_and_goes_and_the_take_shows_it(edge: StagedEdge) -> None:
     link = edge.link
     assert edge.put(project_of_mesh(taller(1.05), "chair"), "chair") == Done()
@@ -165,6 +166,7 @@ def test_stage_command_lists_puts_removes_and_reports_errors(edge: StagedEdge, t
     assert "no such file" in run("put", str(tmp_path / "none.obj"))
 
 
+@pytest.mark.slow
 def test_a_scan_stands_on_the_stage_of_an_edge_that_runs(edge: StagedEdge, tmp_path: Path) -> None:
     box = trimesh.creation.box((0.4, 0.5, 0.3))
     thing = Mesh(np.add(box.vertices, [0.0, 0.25, 0.0]), np.array(box.faces, np.int32))

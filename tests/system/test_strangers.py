@@ -156,6 +156,7 @@ def request(body: requests.Ask) -> bytes:
     return framed(pack_control(requests.Request(1, body)))
 
 
+@pytest.mark.slow
 def test_a_viewer_that_floods_and_leaves_does_not_end_the_edge(edge: RunningEdge) -> None:
     """Ten thousands of commands from libzmq's own socket, which is closed while they wait."""
     context = zmq.Context()
@@ -229,6 +230,7 @@ def test_long_requests_that_pile_up_take_no_memory(edge: RunningEdge) -> None:
         reset(each)
 
 
+@pytest.mark.slow
 def test_unread_characters_take_no_memory(edge: RunningEdge) -> None:
     rude = [connected(edge.control_port, "DEALER") for _ in range(3)]
     pushed(rude, request(requests.GetState("statue")) * 100, 0.5)

@@ -110,6 +110,7 @@ def errors(space, made):
     )
 
 
+@pytest.mark.slow
 def test_the_exact_place_is_found(space):
     """Rendered and tracked, without prior knowledge: 2.5 cm, 1 degree and 8 ms at most."""
     right_in_left = inverse(space.sensors["left"].camera) @ space.sensors["right"].camera
@@ -120,6 +121,7 @@ def test_the_exact_place_is_found(space):
     assert abs(offset * 1e-9 - (CLOCKS["left"] - CLOCKS["right"])) < 0.008
 
 
+@pytest.mark.slow
 def test_two_fused_sensors_are_more_accurate_than_one(takes, space, found):
     both = performed(takes, space, {"left": "left", "right": "right"}, found)
     alone = [errors(space, performed(takes, space, {n: n}, found)) for n in ("left", "right")]

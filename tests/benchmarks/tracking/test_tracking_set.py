@@ -67,6 +67,7 @@ def test_every_difficulty_exists_without_recorded_motions(split: str, monkeypatc
     assert max(len(s.people) for s in listed) >= 3
 
 
+@pytest.mark.slow
 def test_everyone_comes_into_view_and_stays_on_the_floor() -> None:
     for sequence in sequences():
         if sequence.kind == "recovery" or sequence.trouble not in ("", "knocked"):

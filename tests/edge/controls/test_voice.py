@@ -72,6 +72,7 @@ def heard(recogniser: Recogniser, sound: bytes) -> list[str]:
 
 
 @spoken
+@pytest.mark.slow
 def test_most_commands_are_heard_and_none_is_taken_for_another(recogniser):
     right = 0
     for phrase in SETTINGS.map:
@@ -126,6 +127,7 @@ def test_sounds_without_speech_give_no_command(recogniser, kind):
 
 
 @spoken
+@pytest.mark.slow
 def test_viewers_receive_heard_phrases_and_their_commands(tmp_path):
     written(tmp_path / "say.wav", said("puppet follow my pose") + said("look at the lights"))
     for hides_talk in (False, True):

@@ -97,6 +97,7 @@ class Studio:
      (GREETING + READY + ORDER, ORDER)],
     ids=["silent", "greeting", "once", "again", "orders"],
 )  # fmt: skip
+@pytest.mark.slow
 def test_a_crowd_of_the_same_address_does_not_mute_a_studio(
     publisher: Publisher, first: bytes, again: bytes
 ) -> None:

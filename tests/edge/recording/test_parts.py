@@ -94,6 +94,7 @@ def test_a_full_disk_pauses_and_room_resumes(tmp_path, monkeypatch) -> None:
         subprocess.run(["umount", str(disk)], check=True)
 
 
+@pytest.mark.slow
 def test_an_edge_records_again_when_there_is_room_and_after_a_restart(tmp_path) -> None:
     compiler = shutil.which("cc") or shutil.which("gcc")
     if not sys.platform.startswith("linux") or compiler is None:

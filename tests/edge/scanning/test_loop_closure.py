@@ -96,6 +96,7 @@ def closed(frames):
     return scanner, scanner.close_loops(), before
 
 
+@pytest.mark.slow
 def test_a_way_that_comes_back_is_closed_and_fused_again(frames, closed):
     scanner, closing, (before, twice, keyframes) = closed
     assert before > 0.015 and twice > 0.01, "it is doubled before"

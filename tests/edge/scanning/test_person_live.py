@@ -22,6 +22,7 @@ STILL, TURNED, STEP = 3, 62, 5.8
 """Images before the turn, images during one full turn, and degrees per image."""
 
 
+@pytest.mark.slow
 def test_full_turn_creates_a_character_with_named_ends(tmp_path):
     scene = TurningPerson(640)
     images = [scene.frame(n, max(n - STILL, 0) * np.radians(STEP)) for n in range(STILL + TURNED + 6)]

@@ -73,6 +73,7 @@ def test_invalid_box_is_refused_before_the_scan(box, tmp_path):
         run("--recording", tmp_path / "none.mcap", "-o", tmp_path / "made.glb", f"--box={box}")
 
 
+@pytest.mark.slow
 def test_object_added_between_two_scans_is_extracted(folder, tmp_path):
     target = tmp_path / "new.glb"
     output = run(
@@ -104,6 +105,7 @@ def test_a_bare_floor_is_no_place_before(folder, tmp_path):
         run("--recording", folder / "with.mcap", "--before", bare, "-o", tmp_path / "no.glb", "--voxel", 16)
 
 
+@pytest.mark.slow
 def test_added_scan_completes_the_earlier_one(tmp_path):
     front = recorded(tmp_path / "front.mcap", last=70)
     back = recorded(tmp_path / "back.mcap", first=50)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from chair_on_turntable import HELD, ROOM, STILL, THING, WAY
 
 from enliven.scanning.objects import MovedScanner, ObjectState, following
@@ -16,6 +17,7 @@ IMAGES, TURNING = 85, 70
 moving."""
 
 
+@pytest.mark.slow
 def test_spun_object_is_tracked_and_room_stays_still():
     take = MovedObjectScan(THING, WAY, load_profile("kinect1"), STILL, room=ROOM, width=320)
     frames = [take.frame(index) for index in range(IMAGES)]
@@ -37,6 +39,7 @@ def test_spun_object_is_tracked_and_room_stays_still():
     )
 
 
+@pytest.mark.slow
 def test_object_picked_up_by_two_hands_is_tracked():
     """It stands for a second and a half, is picked up within the next second, and is then turned."""
     take = MovedObjectScan(THING, HandTurnedPath(), load_profile("kinect1"), HELD, room=ROOM, width=320)

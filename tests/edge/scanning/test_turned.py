@@ -90,6 +90,7 @@ WITHIN = 1.8
 """Depth limit in metres: the object is nearer, the person is not."""
 
 
+@pytest.mark.slow
 def test_object_turned_in_two_hands_is_scanned_without_hands():
     take = MovedObjectScan(SMALL, HELD_UP, load_profile("kinect1"), LEVEL, room=ROOM, width=640)
     scanner, steps = Scanner(alone_within(VolumeSettings(voxel=0.006), WITHIN)), []

@@ -76,6 +76,7 @@ def live(kept):
     return kept.awake()
 
 
+@pytest.mark.slow
 def test_images_arrive_unchanged_and_gaps_are_reported(live):
     """Compared by clock and count: on a loaded machine some frames are skipped, as with a camera."""
     seen = []
@@ -95,6 +96,7 @@ def test_images_arrive_unchanged_and_gaps_are_reported(live):
     assert live.sensor.fps == pytest.approx(1e9 / STEP, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_call_that_hangs_is_noticed_by_the_edge_s_own_timer(live):
     """Counted in waits of minimum duration; the edge does nothing else meanwhile."""
     before, at = time.process_time(), time.monotonic()
@@ -112,6 +114,7 @@ def test_a_call_that_hangs_is_noticed_by_the_edge_s_own_timer(live):
     assert live.frame().time_ns - last > 0.5e9, "the sensor's clock knows of the silence"
 
 
+@pytest.mark.slow
 def test_lost_and_back_again_and_again(live):
     """Its process is killed, the device is gone for two attempts and returns: each time a new process."""
     for _ in range(live.driver.rounds):
@@ -124,6 +127,7 @@ def test_lost_and_back_again_and_again(live):
         live.frame()
 
 
+@pytest.mark.slow
 def test_another_size_in_the_middle_of_the_stream(live, takes):
     """Image and lens always match; nothing computes in its place while the mode changes."""
     live.play(takes[1])
@@ -143,6 +147,7 @@ def test_another_size_in_the_middle_of_the_stream(live, takes):
     assert spent < LOAD * max(waited, PAUSE * STEP * 1e-9)
 
 
+@pytest.mark.slow
 def test_garbage_and_closing_of_one_sensor_do_not_affect_another(live, takes, monkeypatch, request):
     """An image of garbage is reported and skipped; the other sensor is not affected.
 

@@ -100,6 +100,7 @@ def test_known_bones_follow_the_fitted_mesh():
 
 
 @pytest.mark.parametrize(("how", "side"), [("mapped", "left"), ("inside", "right")])
+@pytest.mark.slow
 def test_mesh_waves_with_its_performer(known, how, side):
     """The mesh reaches its performer's pose without a jump, with hanging arms, and then waves."""
     own = ActorSettings(how=how, stand="modelled")

@@ -73,6 +73,7 @@ def loose(project):
     st.sampled_from(["steps", "stands", "swims"]),
 )
 @settings(max_examples=15, deadline=None)
+@pytest.mark.slow
 def test_nobody_is_led_astray_in_a_minute(seed, kind, body):
     project = project_of(seed, kind, body, 60)
     puppet = project.puppets["stool"]

@@ -95,6 +95,7 @@ def kernels_of(checkout: Path) -> list[Path]:
     return sorted((checkout.parent / "cache" / "enliven" / "kernels").glob("*.kernel"))
 
 
+@pytest.mark.slow
 def test_machine_code_is_kept_until_its_code_changes(checkout):
     assert run_caller(checkout) == (12.0, 0)
     assert run_caller(checkout) == (12.0, 1), "it was kept"
@@ -115,6 +116,7 @@ def test_words_and_moved_lines_compile_nothing(checkout):
     assert run_caller(checkout) == (12.0, 1)
 
 
+@pytest.mark.slow
 def test_another_checkout_finds_compiled_kernels(checkout):
     assert run_caller(checkout) == (12.0, 0)
     other = checkout.with_name("other")
@@ -129,6 +131,7 @@ def test_another_checkout_finds_compiled_kernels(checkout):
     assert not list(checkout.rglob("*.n*"))
 
 
+@pytest.mark.slow
 def test_kernels_of_an_installed_release_are_found_first(checkout):
     assert run_caller(checkout) == (12.0, 0)
     shipped = checkout.parent / "site" / "enliven_kernels"
@@ -141,6 +144,7 @@ def test_kernels_of_an_installed_release_are_found_first(checkout):
     assert run_caller(checkout, PYTHONPATH=str(shipped.parent)) == (13.0, 0), "the release has other code"
 
 
+@pytest.mark.slow
 def test_a_damaged_file_is_compiled_again(checkout):
     assert run_caller(checkout) == (12.0, 0)
     for path in kernels_of(checkout):
@@ -160,6 +164,7 @@ def test_a_damaged_file_is_compiled_again(checkout):
 @pytest.mark.parametrize(
     ("read", "given"), [("pair", "Pair(1.0, 2.0)"), ("pair.values", "hold(Pair(1.0, 2.0))")]
 )
+@pytest.mark.slow
 def test_fields_that_change_places_in_a_named_tuple_are_other_code(tmp_path, read, given):
     """A kernel reads fields by position, and its own file does not name their order."""
     for fields, expected in (("a b", (1.0, 0)), ("b a", (2.0, 0)), ("a b", (1.0, 1))):

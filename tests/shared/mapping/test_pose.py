@@ -54,6 +54,7 @@ def _turned(q, v):
 
 @settings(max_examples=25, deadline=None, phases=FAST)
 @given(SEEDS, NAMES, NAMES)
+@pytest.mark.slow
 def test_limbs_point_as_the_performers(seed, source, target):
     random = np.random.default_rng(seed)
     clip = random_motion(random, person(source, random), size=0.7)

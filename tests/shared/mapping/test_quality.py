@@ -44,6 +44,7 @@ def test_at_rest_all_is_well():
 
 @settings(max_examples=3, deadline=None)
 @given(SEEDS)
+@pytest.mark.slow
 def test_what_stretches_is_moved_less_on_both_sides_alike(seed):
     shape, clip = webbed("horse", horse()), random_motion(np.random.default_rng(seed), man(), size=1.2)
     plan = automatic(clip, shape)
@@ -69,6 +70,7 @@ def test_what_does_not_stretch_is_left_alone():
     assert softened(plan, clip, shape) == plan
 
 
+@pytest.mark.slow
 def test_the_next_best_mapping_is_better_or_none():
     shape, clip = webbed("horse", horse()), random_motion(np.random.default_rng(5), man(), size=2.0)
     result = retarget(shape, clip, automatic(clip, shape))

@@ -103,6 +103,7 @@ def test_feet_are_held_on_request(files):
         assert any("steps" in layer.take for layer in moved.layers) == steps
 
 
+@pytest.mark.slow
 def test_a_surface_that_stretches_is_said_with_its_joints_and_a_better_mapping(files, capsys):
     banded = Project().with_characters(webbed("banded", horse()))
     write_gltf(files / "banded.glb", [performance_of(banded, "banded")])

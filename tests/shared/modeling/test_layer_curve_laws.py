@@ -120,6 +120,7 @@ def test_compiled_they_are_the_same(fast, weights, time, loop, back):
 @worlds
 @laws
 @given(speeds, shares, times, st.floats(0.15, 0.85))
+@pytest.mark.slow
 def test_clips_are_split_trimmed_and_shifted_under_curves(rig, fast, weights, time, share):
     project, name = WORLDS[rig]
     count = len(project.character(name).playing)

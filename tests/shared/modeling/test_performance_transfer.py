@@ -69,6 +69,7 @@ def test_transferred_performance_keeps_position_and_size():
 
 @settings(deadline=None, max_examples=4)
 @given(size=st.floats(0.05, 20.0), x=st.floats(-9, 9), z=st.floats(-9, 9))
+@pytest.mark.slow
 def test_the_same_mesh_of_another_size_elsewhere_does_the_same_at_its_size(size, x, z):
     usual, name = transfer_performance(with_stool(), SOURCE, "stool", nodes=NODES)
     other, _ = transfer_performance(with_stool(size, (x, 0.0, z)), SOURCE, "stool", nodes=NODES)

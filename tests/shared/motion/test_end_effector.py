@@ -42,6 +42,7 @@ def line(rng, joints, bend=0.3):
 
 @laws
 @given(seeds, st.integers(3, 9), st.booleans())
+@pytest.mark.slow
 def test_the_end_is_where_the_takes_is(seed, joints, mirrored):
     rng = np.random.default_rng(seed)
     source, target = line(rng, 5), line(rng, joints)

@@ -1,6 +1,7 @@
 """A graph of poses: its laws, and a slow obvious twin."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
@@ -39,6 +40,7 @@ def shaken(poses, random, size):
 
 @settings(max_examples=20)
 @given(seed=SEEDS)
+@pytest.mark.slow
 def test_links_without_error_bring_all_poses_back(seed):
     poses, links, random = made(seed)
     poses_found, belief = settled(shaken(poses, random, 0.1), links)

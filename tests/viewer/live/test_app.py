@@ -18,6 +18,7 @@ SESSION = Path(__file__).parents[1] / "window_session.py"
 AUDIENCE = Path(__file__).parents[1] / "audience_session.py"
 
 
+@pytest.mark.slow
 def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["frames"] >= 15 and report["spread"] > 5 and report["errors"] == []
@@ -39,17 +40,20 @@ def test_a_window_shows_the_scene_and_heeds_its_keys(tmp_path: Path) -> None:
     assert report["over"], "Escape ends a window that was opened to watch"
 
 
+@pytest.mark.slow
 def test_window_without_an_edge_names_the_address(tmp_path: Path) -> None:
     report = in_a_window(SESSION, str(tmp_path), "empty")
     assert report["notice"] == "Waiting for a stage at 127.0.0.1:5580"
     assert report["spread"] > 3 and report["errors"] == []
 
 
+@pytest.mark.slow
 def test_a_bare_window_is_the_picture_alone(tmp_path: Path) -> None:
     report = in_a_window(SESSION, str(tmp_path), "bare")
     assert report["size"] == [0, 0, 640, 480] and report["spread"] > 5 and report["over"]
 
 
+@pytest.mark.slow
 def test_an_audience_sees_the_performance_alone_and_no_frozen_picture(tmp_path: Path) -> None:
     report = in_a_window(AUDIENCE, str(tmp_path))
     assert report["done"], report

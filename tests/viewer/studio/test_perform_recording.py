@@ -107,6 +107,7 @@ def until(session: PerformSession, done: Callable[[], object]) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.slow
 def test_a_span_is_recorded_and_no_more_and_again_where_it_loops(session: PerformSession) -> None:
     editor = session.editor
     session.recording.span = (0.3, 0.9)
@@ -124,6 +125,7 @@ def test_a_span_is_recorded_and_no_more_and_again_where_it_loops(session: Perfor
     session.recording.stop()
 
 
+@pytest.mark.slow
 def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSession) -> None:
     heard = session.live.feed.on_message
 
@@ -148,6 +150,7 @@ def test_a_word_begins_a_recording_takes_it_again_and_ends_it(session: PerformSe
     assert session.recording.phase == "idle" and session.editor.history.names[-1] == "record take 1"
 
 
+@pytest.mark.slow
 def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -> None:
     """A mesh from a file is a puppet without examples, one from a scan is at rest; neither is duplicated."""
     mesh, editor = load_sample("chair"), session.editor
@@ -175,6 +178,7 @@ def test_the_motion_of_a_scanned_mesh_is_on_that_mesh(session: PerformSession) -
         assert editor.project.characters["chair"].kind == before
 
 
+@pytest.mark.slow
 def test_waiting_samples_are_put_on_the_stage(session: PerformSession, tmp_path: Path) -> None:
     """A sample that was opened before the stage connected, and one that was opened afterwards."""
     later = Workspace.new(Editor(), tmp_path / "own")

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from in_a_window import in_a_window
 
 SESSION = Path(__file__).parents[1] / "perform_session.py"
 
 
+@pytest.mark.slow
 def test_a_performance_is_recorded_onto_the_timeline_and_survives_its_edge(tmp_path: Path) -> None:
     report = in_a_window(SESSION, str(tmp_path), seconds=620.0)
     assert report["done"], json.dumps(report)

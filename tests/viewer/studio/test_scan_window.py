@@ -30,6 +30,7 @@ def carried(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_chair_is_scanned_undone_kept_and_added_to(carried: Path, tmp_path: Path) -> None:
     report = in_a_window(SESSION, str(tmp_path), str(carried), seconds=600.0)
     assert report["done"], report.get("missing", report)

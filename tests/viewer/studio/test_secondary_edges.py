@@ -55,6 +55,7 @@ def until(session: PerformSession, done: Callable[[], object]) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.slow
 def test_two_edges_are_recorded_and_one_continues_alone(two) -> None:
     session, edges = two
     with pytest.raises(InputError, match="here already"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from in_a_window import in_a_window
 
 SESSION = Path(__file__).parents[1] / "studio_steady_session.py"
@@ -11,6 +12,7 @@ BELOW = ("look for cameras", "voice wanted", "address", "connect", "recorded per
 """Widgets below the list of cameras."""
 
 
+@pytest.mark.slow
 def test_widgets_stay_in_place_as_cameras_are_found_and_previewed(tmp_path: Path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     for shown, least in (("start page", 20), ("no stage", 30), ("a scan", 5)):

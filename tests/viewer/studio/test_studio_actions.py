@@ -22,6 +22,7 @@ from enliven_viewer.studio.workspace.workspace import Workspace
 SESSION = Path(__file__).parents[1] / "studio_actions_session.py"
 
 
+@pytest.mark.slow
 def test_every_action_is_done_from_its_menu_and_by_its_key(tmp_path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"] and report["refused"] == {} and report["complaints"] == []
@@ -51,6 +52,7 @@ NOT_AT_RANDOM = (*_STEPS, "file.", "shape.bake", "help.", "tool.", "perform.", "
 """Dialogs, steps through the history, and actions that take seconds in a thread."""
 
 
+@pytest.mark.slow
 def test_actions_at_random_are_undone_bit_for_bit(stage: Workspace) -> None:
     import random
 
@@ -95,6 +97,7 @@ def test_impossible_action_gives_a_reason_and_changes_nothing(stage: Workspace) 
     assert stage.editor.project is before
 
 
+@pytest.mark.slow
 def test_each_action_is_found_first_by_its_own_name(stage: Workspace) -> None:
     for action in stage.actions:
         assert stage.actions.find(action.label)[0].label == action.label

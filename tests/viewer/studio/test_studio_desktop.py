@@ -24,6 +24,7 @@ ON_X11 = sys.platform.startswith("linux") and ctypes.util.find_library("X11") is
 
 
 @pytest.mark.skipif(not ON_X11, reason="the density is said to an X server")
+@pytest.mark.slow
 def test_on_a_screen_of_twice_the_density_all_is_twice_as_large_in_its_place(tmp_path) -> None:
     plain, dense, large = (
         in_a_window(SESSION, str(tmp_path / str(k)), *arguments)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from in_a_window import in_a_window
 
 SESSION = Path(__file__).parents[1] / "studio_examples_session.py"
 
 
+@pytest.mark.slow
 def test_a_star_acts_after_two_poses_in_the_window(tmp_path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"] and report["spread"] > 30 and report["bad"] == [], report

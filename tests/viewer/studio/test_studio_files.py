@@ -248,6 +248,7 @@ def test_file_is_replaced_only_after_confirmation(tmp_path) -> None:
     assert own.chosen() == tmp_path / "old.enliven"
 
 
+@pytest.mark.slow
 def test_files_are_saved_dropped_filmed_and_opened_again_in_the_window(tmp_path) -> None:
     report = in_a_window(FILES, str(tmp_path))
     assert report["done"], report
@@ -267,6 +268,7 @@ def test_files_are_saved_dropped_filmed_and_opened_again_in_the_window(tmp_path)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="studios are forked to be killed")
+@pytest.mark.slow
 def test_50_studios_killed_at_random_moments_lose_20_seconds_at_most(tmp_path) -> None:
     command = [sys.executable, str(KILLED), str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
@@ -279,6 +281,7 @@ def test_50_studios_killed_at_random_moments_lose_20_seconds_at_most(tmp_path) -
     assert all(name.count("recovery") == 0 for name in report["left"]), report["left"]
 
 
+@pytest.mark.slow
 def test_real_windows_killed_at_random_moments_give_back_all_but_the_last_seconds(tmp_path) -> None:
     """A single one here; `make test-long` kills 50."""
     kills = os.environ.get("ENLIVEN_KILLS", "1")
@@ -397,6 +400,7 @@ def depth_recording(folder, frames: int):
     return path
 
 
+@pytest.mark.slow
 def test_opened_depth_is_tracked_in_the_background_into_a_take(workspace, tmp_path) -> None:
     path, editor = depth_recording(tmp_path, 40), workspace.editor
     workspace.open(path)

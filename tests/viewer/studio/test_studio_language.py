@@ -175,6 +175,7 @@ def test_values_plurals_and_tables_follow_the_language() -> None:
     assert tr("") == "" and tr("a name that nobody translates") == "a name that nobody translates"
 
 
+@pytest.mark.slow
 def test_german_fits_into_the_window_and_keeps_every_widget(tmp_path) -> None:
     shown = in_a_window(SESSION, str(tmp_path))
     assert len(shown) == 11

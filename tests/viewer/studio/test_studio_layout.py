@@ -21,6 +21,7 @@ def shown(tmp_path_factory) -> dict:
     return in_a_window(SESSION, str(tmp_path_factory.mktemp("layout")), screen="3840x2160x24")
 
 
+@pytest.mark.slow
 def test_no_letters_are_cut_or_overlap_at_any_size(shown: dict) -> None:
     assert len(shown) == 22
     for name, report in shown.items():

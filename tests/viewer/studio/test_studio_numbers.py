@@ -153,6 +153,7 @@ def test_a_bookmark_brings_the_view_back_and_is_in_the_file(workspace, tmp_path)
     assert not editor.project.views
 
 
+@pytest.mark.slow
 def test_in_the_window(tmp_path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"] and report["complaints"] == ["that is not a number"], report

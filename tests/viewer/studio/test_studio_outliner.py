@@ -178,6 +178,7 @@ def test_renaming_changes_only_the_name(workspace) -> None:
     assert set(rename_take(editor.project, "sway", "swing").takes) >= {"swing", "hello"}
 
 
+@pytest.mark.slow
 def test_in_the_window(tmp_path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"] and report["complaints"] == []

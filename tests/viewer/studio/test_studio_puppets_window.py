@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from in_a_window import in_a_window
 
 SESSION = Path(__file__).parents[1] / "studio_puppets_session.py"
 
 
+@pytest.mark.slow
 def test_an_artist_poses_a_puppet_in_the_window(tmp_path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"] and report["bad"] == [], report

@@ -21,6 +21,7 @@ SESSION = Path(__file__).parents[1] / "studio_recording_session.py"
 STEP = 33_333_333
 
 
+@pytest.mark.slow
 def test_slow_presses_work_and_a_closed_window_loses_nothing(tmp_path: Path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"], report

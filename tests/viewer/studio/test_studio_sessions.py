@@ -60,6 +60,7 @@ def test_figure_6_keeps_every_motion(films, tmp_path) -> None:
     assert swung == pytest.approx(np.pi / 2, abs=1e-6), "the whole quarter turn, three bones later"
 
 
+@pytest.mark.slow
 def test_the_squid_is_one_closed_surface_with_six_moving_tentacles(films, tmp_path) -> None:
     workspace = played(films, "squid", tmp_path)
     project = workspace.editor.project
@@ -72,6 +73,7 @@ def test_the_squid_is_one_closed_surface_with_six_moving_tentacles(films, tmp_pa
     assert (moved > 0.1).sum() == 6 and (moved < 1e-9).sum() == 1, "the mantle's own tip stays"
 
 
+@pytest.mark.slow
 def test_the_mantis_stands_on_four_legs_and_reaches_with_two_arms(films, tmp_path) -> None:
     workspace = played(films, "mantis", tmp_path)
     project = workspace.editor.project

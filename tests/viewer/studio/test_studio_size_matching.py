@@ -29,6 +29,7 @@ def box(stage: Workspace, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 @given(st.sampled_from(["limb", "post", "star"]), st.floats(0.2, 6.0))
 @settings(max_examples=12)
+@pytest.mark.slow
 def test_fitting_matches_the_others_height_in_place(stage, name, size) -> None:
     editor = stage.editor
     editor.go_to(0)

@@ -70,6 +70,7 @@ def test_the_tour_is_taken_by_hand_from_the_start_page_to_the_kept_file(tmp_path
     assert report["closed"] == [True, True, 0] and report["left the stage"]
 
 
+@pytest.mark.slow
 def test_show_me_does_every_step(tmp_path: Path) -> None:
     report = in_a_window(SESSION, str(tmp_path), "show")
     assert report["done"], json.dumps(report)

@@ -207,6 +207,7 @@ def test_full_colour_buttons_use_a_readable_text_colour() -> None:
             assert not (fills and plain), f"{path}:{node.lineno}: fill the button with style.filled"
 
 
+@pytest.mark.slow
 def test_both_themes_are_drawn_in_three_workspaces(tmp_path) -> None:
     shown = in_a_window(SESSION, str(tmp_path))
     for name, colours in THEMES.items():

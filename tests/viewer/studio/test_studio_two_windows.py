@@ -179,6 +179,7 @@ def test_differences_of_every_part_are_found(make_limb) -> None:
     assert both.characters["x"] is a.characters["x"] and "v" in both.views
 
 
+@pytest.mark.slow
 def test_the_dialogue_compares_adds_and_saves_in_the_real_window(tmp_path: Path) -> None:
     report = in_a_window(SESSION, str(tmp_path))
     assert report["done"], report

@@ -44,9 +44,10 @@ _MIN_MEASURED = 0.5
 """Minimum fraction of the known background that must be measured meanwhile. With less the lens is covered."""
 _FURNITURE_AFTER_S = 0.5
 """Seconds of constant depth after which a pixel next to a person is furniture. Standing people sway."""
-_STILL_M, _STILL_PER_M = 0.04, 0.01
-"""Difference in metres, and per square metre of depth, up to which two depths are the same: the sensor's
-noise."""
+_DEPTH_NOISE_M = 0.04
+"""Difference in metres up to which two depths near the sensor are the same."""
+_DEPTH_NOISE_PER_M = 0.01
+"""Increase of this difference with the square of the depth, in 1/metres: the noise of depth sensors."""
 _MAX_TIME_STEP_S = 0.5
 """Maximum time step in seconds, so that a gap in the stream ages nothing by more."""
 
@@ -135,14 +136,16 @@ class BackgroundModel:
     def still_pixels(self, z: Float) -> Bool:
         """Returns (h, w) the pixels without known background that keep their depth longer than people can.
 
-        A pixel that shows another depth now is left out: somebody passes in front of it, and it may show a
-        person who stands still.
+        A pixel that shows another depth now is left out. If a visitor passes in front of a person who stands
+        still, the person does not become background.
 
         Args:
             z: (h, w) metres of this frame.
         """
         still = (self.z == 0.0) & (self._state.still > _FURNITURE_AFTER_S)
-        still[still] = np.abs(z[still] - self._state.still_z[still]) < _STILL_M + _STILL_PER_M * z[still] ** 2
+        still[still] = np.abs(z[still] - self._state.still_z[still]) < (
+            _DEPTH_NOISE_M + _DEPTH_NOISE_PER_M * z[still] ** 2
+        )
         return np.asarray(still)
 
     def absorb(self, where: Bool) -> None:

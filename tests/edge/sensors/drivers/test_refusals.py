@@ -191,6 +191,7 @@ def plugged(folder: Path, allowed: bool | None = None) -> None:
             (folder / "nodes" / "001" / f"{number:03}").touch()
 
 
+@pytest.mark.slow
 def test_missing_camera_gives_advice_and_command(said):
     sensor, reports = said
     kind, words, code = reports["nothing"]

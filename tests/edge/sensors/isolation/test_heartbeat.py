@@ -81,6 +81,7 @@ def edge(tmp_path, monkeypatch):
     until(lambda: not helpers(), "an end without a helper process")
 
 
+@pytest.mark.slow
 def test_heartbeats_continue_during_every_camera_failure(edge, tmp_path):
     sensor, viewer = edge
     viewer.until(HealthKind.SENSOR_LOST, "no device")

@@ -114,6 +114,7 @@ def test_unexplained_points_are_measured_from_the_nearest_capsule():
 
 @settings(deadline=None, max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.floats(-0.5, 0.2), st.floats(0.1, 1.0))
+@pytest.mark.slow
 def test_rays_are_clear_of_capsules_by_the_least_distance_along_them(seed, near, long):
     """Compared with every ray and capsule, sampled densely along both."""
     dice = np.random.default_rng(seed)

@@ -89,6 +89,7 @@ def slowly(owner: np.ndarray, z: np.ndarray, people: int = PEOPLE) -> np.ndarray
 
 @given(SCENES)
 @settings(max_examples=150, deadline=None)
+@pytest.mark.slow
 def test_result_matches_flood_fill(seed):
     owner, z = scene(seed)
     np.testing.assert_array_equal(after(owner, z)[0], slowly(owner, z))
