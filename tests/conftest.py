@@ -151,8 +151,8 @@ def pytest_runtest_logreport(report):
 def pytest_sessionfinish(session):
     if session.config.getoption("--record-durations") and "PYTEST_XDIST_WORKER" not in os.environ:
         # A run of the fast tests keeps what is known of files with slow tests, and the other way round.
-        known = {f"{TESTS.name}/{path.relative_to(TESTS)}": s for path, s in recorded_durations().items()}
-        TABLE.write_text(table_of(known | TAKEN), encoding="utf-8")
+        recorded = {f"{TESTS.name}/{path.relative_to(TESTS)}": s for path, s in recorded_durations().items()}
+        TABLE.write_text(table_of(recorded | TAKEN), encoding="utf-8")
 
 
 @pytest.hookimpl(tryfirst=True)

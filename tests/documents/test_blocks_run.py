@@ -48,7 +48,7 @@ SLOW_PAGES = {
     "docs/tutorials/two-cameras.md",
     "edge/README.md",
 }
-"""Documents whose commands take more than a second of processor time."""
+"""Documents with commands that take more than a second of processor time."""
 TELLS = {"doctor": 4, "examples": 3}
 """Exit codes of commands that report missing parts: on this machine, or in a session without poses."""
 
@@ -63,7 +63,7 @@ def runnable(page: Path, kind: str) -> list[Block]:
 
 
 def named(pages: list[Path]):
-    """Parametrises a test by documents. Those of ``SLOW_PAGES`` belong to `make test-slow`."""
+    """Parametrises a test by documents. It marks ``SLOW_PAGES`` as slow."""
     names = [str(page.relative_to(ROOT)) for page in pages]
     marks = [[pytest.mark.slow] if name in SLOW_PAGES else [] for name in names]
     parameters = [

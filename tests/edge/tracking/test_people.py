@@ -222,7 +222,7 @@ def test_person_close_to_the_sensor_does_not_count_as_moved_sensor(stagecraft):
     log = s.watch(playground, Tracker(), 2.2)
     assert ids_of(log, 0) == {log[APPEARS][2][0]}
     assert seen(log[-6:], 0) == 1.0
-    # The visitor hid the performer, whose pixels must not have become background: the fit is exact again.
+    # The pixels of the hidden performer must not have become background: the fit is exact again.
     for time, bodies, _ in log[-6:]:
         error = np.linalg.norm(bodies[0].joints - playground.joints(time)[0], axis=1)
         assert error.mean() < 0.05

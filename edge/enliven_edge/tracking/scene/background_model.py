@@ -136,8 +136,8 @@ class BackgroundModel:
     def still_pixels(self, z: Float) -> Bool:
         """Returns (h, w) the pixels without known background that keep their depth longer than people can.
 
-        A pixel that shows another depth now is left out. If a visitor passes in front of a person who stands
-        still, the person does not become background.
+        A pixel that shows another depth now is left out. If a visitor passes in front of a motionless
+        person, the person does not become background.
 
         Args:
             z: (h, w) metres of this frame.
