@@ -99,8 +99,8 @@ example-films: setup-dev ## film meshes that act by a few example poses, into ou
 
 examples: setup-dev ## run the scripts of examples/ that need no files of yours, into out/scripts
 	@mkdir -p out/scripts && cd out/scripts && for script in $(or $(ONLY),possess_chair legs_only made_mesh scan_and_possess \
-		canon cut_and_merge undo_edits key_poses track_people \
-		rigged_dog sample_mesh carried_camera); do \
+		canon cut_and_merge cut_leg undo_edits key_poses star two_performers knock_over track_people \
+		rigged_dog walking_dog sample_mesh carried_camera); do \
 		echo "$$script" && ../../.venv/bin/python ../../examples/$$script.py || exit 1; done
 
 record-references: setup-dev ## record the stored poses and picture of tests/system again, on purpose

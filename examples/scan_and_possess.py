@@ -1,25 +1,38 @@
-"""Scan a chair with a camera that is carried around it, and possess the scan."""
+"""Scan a cactus with a camera that is carried around it, and possess the scan."""
 
-from enliven import Recording, fit_height, load_sample, possess, save_mesh
-from enliven.possession import ActorSettings
+from dataclasses import replace
+
+import numpy as np
+
+from enliven import Project, Recording, fit_height, load_sample, possess, save_mesh
+from enliven.modeling.puppet import make_puppet
 from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
 from enliven_edge.assets import CHAIR
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
-from enliven_viewer.film import write_project_sheet
+from enliven_viewer.film import write_project_film, write_project_sheet
 
 # This camera is simulated. Record a real one with `enliven record`, and read it with
 # Recording("FILE.mcap").frames().
-path = HandheldPath(target=(0.0, 0.5, 0.0), radius=1.5, height=(0.7, 1.3), turns=1.0, seconds=8.0)
-carried = HandheldScan(
-    fit_height(load_sample("chair"), 1.1), load_profile("kinect1"), path, width=320, colour=True
-)
+path = HandheldPath(target=(0.0, 0.5, 0.0), radius=1.5, height=(0.7, 1.3), turns=-1.0, seconds=8.0)
+cactus = fit_height(load_sample("cactus"), 1.1)
+carried = HandheldScan(cactus, load_profile("kinect1"), path, width=320, colour=True)
 
-scanner = Scanner(ScanSettings(volume=VolumeSettings(voxel=0.01)))
-states = [scanner.add(carried.frame(number)).state for number in range(0, carried.frames, 3)]
+scanner, states, unfinished = Scanner(ScanSettings(volume=VolumeSettings(voxel=0.01))), [], []
+for number in range(0, carried.frames, 3):
+    states.append(scanner.add(carried.frame(number)).state)
+    if number % 12 == 9:
+        unfinished.append(scanner.thing())
 print(f"{len(states)} images, {states.count(ScanState.LOST)} of them not used")
-scan = scanner.thing()
-save_mesh(scan, "scan_and_possess.glb")
+save_mesh(scanner.thing(), "scan_and_possess.glb")
 
-performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][60:150]
-project, _ = possess(fit_height(scan, 1.75), performer, settings=ActorSettings())
+# The scan becomes as tall as the performer. The performer stands in it.
+*growing, scan = [replace(mesh, vertices=1.6 * mesh.vertices) for mesh in [*unfinished, scanner.thing()]]
+performer = [frame.bodies[0] for frame in Recording(CHAIR).truth()][46:136]
+performer = [replace(body, joints=body.joints + np.array([0.0, 0.0, 2.7])) for body in performer]
+project, _ = possess(scan, performer)
 write_project_sheet("scan_and_possess.png", project, [0.0, 0.8, 1.6, 2.4], "A scan that came alive")
+
+projects = [make_puppet(Project(), mesh, "scan") for mesh in growing]
+times = [0.0] * len(growing) + [*np.arange(0.0, 2.28, 0.05)]
+projects += [project] * (len(times) - len(growing))
+write_project_film("scan_and_possess.webp", projects, times, rate=20)

@@ -32,6 +32,8 @@ ADDED = {
     "kernels/README.md": "package-kernels.md",
 }
 """Pages outside ``docs/``, from the top of the checkout, and their names in the site."""
+PICTURES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "examples").rglob("*.png"))
+"""Pictures outside ``docs/``, from the top of the checkout. They have the same paths in the site."""
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s#]+)(#[^()\s]*)?\)")
 """A Markdown link or picture: mark, text, target without anchor, anchor. Anchors alone do not match."""
 API = "api.md"
@@ -44,8 +46,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
     for path, uri in ADDED.items():
         files.append(File.generated(config, uri, content=(ROOT / path).read_text(encoding="utf-8")))
-    for picture in sorted((ROOT / "examples").glob("*.png")):
-        files.append(File.generated(config, f"examples/{picture.name}", abs_src_path=str(picture)))
+    for path in PICTURES:
+        files.append(File.generated(config, path, abs_src_path=str(ROOT / path)))
     files.append(File.generated(config, API, content=api_page()))
     return files
 

@@ -17,17 +17,27 @@ from enliven.wire import free_ports
 
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
 MOST_LINES = 40
-ARGUMENTS = {"retarget_model": ("TRAFFIC.bvh", "HORSE.glb"), "match_limbs": ("SPIDER.glb",)}
+ARGUMENTS = {
+    "retarget_model": ("TRAFFIC.bvh", "HORSE.glb"),
+    "match_limbs": ("SPIDER.glb",),
+    "walking_dog": ("DOG.glb",),
+}
 """Files that scripts are called with; they are made for the test."""
 TILE, GAP = 420, 10
 """Pixels of one picture on a sheet, and of the gap between two."""
 NEEDS_EDGE = "listen_to_edge"
+NEEDS_PHYSICS = "knock_over"
+MAX_DIFFERENCE = 12.0
+"""Maximum mean difference of the first image to that of the stored film, of 255: other machines draw it
+slightly differently."""
 
 
 @pytest.fixture(scope="module")
 def models(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("models")
     write_models(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        run(ROOT / "examples" / "rigged_dog.py", ["-o", "DOG.glb"], folder, patch)
     return folder
 
 
@@ -41,9 +51,17 @@ def run(script: Path, arguments: list[str], folder: Path, monkeypatch) -> None:
     "script", [path for path in SCRIPTS if path.stem != NEEDS_EDGE], ids=lambda one: one.stem
 )
 def test_a_script_runs_and_draws_its_pictures(script, models, tmp_path, monkeypatch, capsys):
+    if script.stem == NEEDS_PHYSICS:
+        pytest.importorskip("mujoco", reason="mujoco is not installed (the extra 'physics')")
     run(script, [str(models / name) for name in ARGUMENTS.get(script.stem, ())], tmp_path, monkeypatch)
-    pictures = sorted(tmp_path.glob("*.png"))
-    assert pictures or capsys.readouterr().out.count("\n") >= 3, "it shows something, or prints it"
+    pictures, films = sorted(tmp_path.glob("*.png")), sorted(tmp_path.glob("*.webp"))
+    assert [film.stem for film in films] in ([], [script.stem])
+    for film in films:
+        with Image.open(film) as drawn, Image.open(ROOT / "docs" / "gallery" / film.name) as stored:
+            assert abs(drawn.n_frames - stored.n_frames) <= 2 and drawn.size == stored.size
+            first, second = (np.asarray(image.convert("RGB"), float) for image in (drawn, stored))
+        assert np.abs(first - second).mean() < MAX_DIFFERENCE, "make the film of docs/gallery again"
+    assert pictures or films or capsys.readouterr().out.count("\n") >= 3, "it shows something, or prints it"
     for path in pictures:
         assert path.stem.startswith(script.stem)
         sheet = np.asarray(Image.open(path).convert("L"), float)

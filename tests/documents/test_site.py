@@ -5,20 +5,22 @@ import re
 
 import pytest
 import site_hooks
-from site_hooks import ADDED, API, LINK, ROOT, api_page, exported, rewritten
+from site_hooks import ADDED, API, LINK, PICTURES, ROOT, api_page, exported, rewritten
 
 import enliven
 
 NAVIGATION = re.findall(r"^ +- .*?([\w/.-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
 PAGES = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")}
 PAGES = {path for path in PAGES if not path.startswith("example-sensor/")}
+EXAMPLES = ADDED["examples/README.md"]
 
 
 class Files:
     """The files of the site, as MkDocs offers them to hooks."""
 
     def get_file_from_path(self, path: str):
-        return path if path in {*PAGES, *ADDED.values(), API, "enliven.png"} else None
+        pictures = {"enliven.png", "gallery/star.webp", *PICTURES}
+        return path if path in {*PAGES, *ADDED.values(), API, *pictures} else None
 
 
 def test_every_page_is_in_the_navigation_once():
@@ -38,6 +40,8 @@ def test_pages_from_outside_exist():
         ("docs/tour.md", "tour.md", "[code](../shared/enliven/files.py)", "code"),
         ("docs/lab/tracking.md", "lab/tracking.md", "[t](../tracking.md)", "[t](../tracking.md)"),
         ("docs/lab/tracking.md", "lab/tracking.md", "[r](../../README.md)", "[r](../index.md)"),
+        ("examples/README.md", EXAMPLES, "![c](pictures/canon.png)", "![c](examples/pictures/canon.png)"),
+        ("examples/README.md", EXAMPLES, "![s](../docs/gallery/star.webp)", "![s](gallery/star.webp)"),
         ("kernels/README.md", "package-kernels.md", "[r](../docs/releasing.md)", "[r](releasing.md)"),
         ("docs/tour.md", "tour.md", "[w](https://example.org/a.md)", "[w](https://example.org/a.md)"),
     ],

@@ -8,21 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.document import Character, Project, SkinWeights
-from enliven.meshes import Mesh
-from enliven.oneshot import mesh_at
+from enliven.document import Project
 from enliven.person import Body
+from enliven_viewer.film.project_scenes import ProjectScenes
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.playback import bounds_of
-from enliven_viewer.render import OrbitCamera, Renderer, Scene, SceneCharacter, SceneStyle
+from enliven_viewer.render import OrbitCamera, Renderer
 from enliven_viewer.render.gl import offscreen_context
 
 _AZIMUTH, _ELEVATION = math.radians(38), math.radians(14)
 """Azimuth of the camera from the front towards the left, and elevation."""
 _MAX_COLUMNS = 6
 """Maximum number of images in one row."""
-_STYLE = SceneStyle(body=1.0, reveal=1.0, cues=0.0, graph=0.0, held=0.0)
-"""Meshes with performers in them, without attachment points and graphs."""
 
 
 def write_project_sheet(
@@ -49,14 +46,8 @@ def write_project_sheet(
     """
     if bodies and len(bodies) != len(times):
         raise ValueError(f"{len(bodies)} bodies for {len(times)} times")
-    scenes = [
-        Scene(
-            tuple(_still(mesh_at(project, name, time), name) for name in project.characters),
-            tuple(bodies[index : index + 1]),
-            _STYLE,
-        )
-        for index, time in enumerate(times)
-    ]
+    source = ProjectScenes()
+    scenes = [source.scene(project, time, bodies[index : index + 1]) for index, time in enumerate(times)]
     box = bounds_of([np.stack(scene.box) for scene in scenes if scene.box is not None])
     if box is None:
         return
@@ -68,21 +59,3 @@ def write_project_sheet(
         renderer.draw(scene, camera.view(size[0] / size[1]))
         tiles.append(Tile(time, renderer.pixels()))
     write_sheet(Path(path), tiles, _MAX_COLUMNS, title, ", ".join(project.characters))
-
-
-def _still(mesh: Mesh, name: str) -> SceneCharacter:
-    """Returns a mesh as a character with a single transform."""
-    count = len(mesh.vertices)
-    weights = np.zeros((count, 4), np.float32)
-    weights[:, 0] = 1.0
-    character = Character(
-        id=name,
-        vertices=mesh.vertices.astype(np.float32),
-        faces=mesh.faces,
-        skin=SkinWeights(np.zeros((count, 4), np.uint16), weights),
-        pivots=np.zeros((1, 3), np.float32),
-        edges=np.zeros((0, 2), np.int32),
-        colours=mesh.colours,
-        materials=mesh.materials,
-    )
-    return SceneCharacter(character, character.rest_pose(), vertices=character.vertices)

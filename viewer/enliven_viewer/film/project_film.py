@@ -1,0 +1,157 @@
+"""A short film of a project from one fixed camera, for pages and messages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from enliven.arrays import Float, UInt8
+from enliven.document import BOX, Project, Props
+from enliven.errors import InputError
+from enliven.files import write_picture
+from enliven.film import FilmWriter
+from enliven.person import Body
+from enliven_viewer.film.project_scenes import ProjectScenes
+from enliven_viewer.render import OrbitCamera, Renderer, Scene
+from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.settings import LookName, RenderSettings
+
+_FIELD_OF_VIEW = math.radians(28)
+"""Vertical field of view in radians: a long lens, as for a portrait."""
+_FILLED = 0.9
+"""Maximum fraction of the image's width and height that the subject fills at any time of the film."""
+_HEAD_M = 0.16
+"""Distance in metres from the head's joint to the top of the drawn head, with some room."""
+_BIT_RATE = 2.0
+"""Mbit/s of an MP4 file, for encoders without a quality option."""
+_SHADOW_SIZE = 768
+"""Side length of the shadow map in pixels: twice the usual, because films are looked at again and again."""
+_WEBP_QUALITY = 75
+"""Quality of a WebP file from 0 to 100. The floor shows no bands at this quality."""
+_WEBP_METHOD = 4
+"""Effort of the WebP encoder from 0 to 6. 6 takes ten times as long and saves less than 1 %."""
+
+
+def write_project_film(
+    path: Path | str,
+    project: Project | Sequence[Project],
+    times: Sequence[float],
+    *,
+    bodies: Sequence[Sequence[Body]] = (),
+    props: Sequence[Props | None] = (),
+    rate: float = 25.0,
+    size: tuple[int, int] = (480, 300),
+    azimuth: float = 38.0,
+    elevation: float = 12.0,
+    look: LookName = "studio",
+    reveal: float = 1.0,
+) -> None:
+    """Draws the characters of a project as a film that shows the whole motion from one place.
+
+    Pages show a .webp file like a picture, and it loops. It repeats without a jump if the last image leads to
+    the first.
+
+    Args:
+        path: the suffix determines the format: .webp, or .mp4.
+        project: a project, or one for each image, if it is edited during the film.
+        times: time in the project for each image, in seconds.
+        bodies: the performers of each image, drawn with the characters; or none.
+        props: the loose boxes and balls of each image; or none.
+        rate: images per second.
+        size: size of the film in pixels (width, height).
+        azimuth: direction of the camera in degrees: 0 is the front (+Z), 90 is the characters' left (+X).
+        elevation: elevation of the camera in degrees.
+        look: the light, backdrop and floor.
+        reveal: transparency of a mesh around the performers inside it, from 0 to 1.
+
+    Raises:
+        ValueError: if the numbers of projects, bodies or props differ from the number of times.
+        InputError: if a character has no mesh, there is nothing to film, or the suffix is unknown.
+        ResourceError: if OpenGL is missing, or the file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix not in (".webp", ".mp4"):
+        problem = f"cannot write {path.suffix or 'no'} films"
+        raise InputError(problem, where=str(path), mend="Known: webp, mp4.")
+    source = ProjectScenes(reveal)
+    scenes = [
+        source.scene(version, time, people, loose)
+        for time, version, people, loose in zip(
+            times,
+            _for_each(times, [project] if isinstance(project, Project) else project, "projects"),
+            _for_each(times, bodies or [()], "bodies"),
+            _for_each(times, props or [None], "props"),
+            strict=True,
+        )
+    ]
+    points = [_points_of(scene) for scene in scenes]
+    if not sum(map(len, points)):
+        raise InputError("it is empty", where="project", mend="Add a character or performers.")
+    settings = RenderSettings(look=look, shadow_size=_SHADOW_SIZE)
+    renderer, camera = Renderer(offscreen_context(), size, settings), OrbitCamera(_FIELD_OF_VIEW)
+    aspect = size[0] / size[1]
+    _frame_points(camera, np.concatenate(points), math.radians(azimuth), math.radians(elevation), aspect)
+    images = []
+    for scene in scenes:
+        renderer.draw(scene, camera.view(aspect))
+        images.append(renderer.pixels())
+    _write_images(path, images, rate)
+
+
+def _for_each(times: Sequence[float], values: Sequence[Any], name: str) -> Sequence[Any]:
+    """Returns a value for each time. A single value serves all times."""
+    if len(values) not in (1, len(times)):
+        raise ValueError(f"{len(values)} {name} for {len(times)} times")
+    return values if len(values) == len(times) else [*values] * len(times)
+
+
+def _points_of(scene: Scene) -> Float:
+    """Returns (N, 3) metres: points that the camera must show, without balls, which fly through the image."""
+    points: list[Float] = [np.asarray(actor.extent, np.float64) for actor in scene.actors]
+    for body in scene.bodies:
+        points += [body.joints, body.joints + np.array([0.0, _HEAD_M, 0.0])]
+    if scene.props is not None:
+        points.append(scene.props.positions[scene.props.shapes == BOX])
+    return np.concatenate(points) if points else np.zeros((0, 3))
+
+
+def _frame_points(
+    camera: OrbitCamera, points: Float, azimuth: float, elevation: float, aspect: float
+) -> None:
+    """Places a camera as close as possible so that it shows all points (N, 3).
+
+    A point at (right, up, back) in the camera's axes is inside the image's left and right edge if
+    ``|right - x| <= k (distance - back)``, and likewise for its height. So each edge bounds
+    ``k distance + x`` or ``k distance - x``. For two opposite edges, the sum of both bounds gives the
+    smallest distance, and their difference gives the centre x.
+    """
+    camera.go((0.0, 0.0, 0.0), azimuth, elevation, 1.0)
+    camera.advance(10.0)
+    rows = camera.view(aspect).camera_from_world[:3, :3]
+    middle = (points.min(0) + points.max(0)) / 2
+    right, up, back = rows @ (points - middle).T
+    slope = _FILLED * math.tan(camera.field_of_view / 2)
+    offset, distance = np.zeros(3), 0.0
+    for axis, across, k in ((0, right, slope * aspect), (1, up, slope)):
+        high, low = (across + k * back).max(), (k * back - across).max()
+        offset[axis] = (high - low) / 2
+        distance = max(distance, (high + low) / (2 * k))
+    camera.go(tuple(middle + offset @ rows), azimuth, elevation, distance)
+    camera.advance(10.0)
+
+
+def _write_images(path: Path, images: Sequence[UInt8], rate: float) -> None:
+    """Writes images as a WebP file that loops, or as an MP4 file."""
+    if path.suffix == ".mp4":
+        with FilmWriter(path, None, rate, _BIT_RATE) as writer:
+            for image in images:
+                writer.add(image)
+        return
+    first, *others = map(Image.fromarray, images)
+    options = {"quality": _WEBP_QUALITY, "method": _WEBP_METHOD, "duration": round(1000 / rate), "loop": 0}
+    write_picture(path, first, save_all=True, append_images=others, **options)
