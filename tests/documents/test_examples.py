@@ -50,6 +50,7 @@ def run(script: Path, arguments: list[str], folder: Path, monkeypatch) -> None:
 @pytest.mark.parametrize(
     "script", [path for path in SCRIPTS if path.stem != NEEDS_EDGE], ids=lambda one: one.stem
 )
+@pytest.mark.slow
 def test_a_script_runs_and_draws_its_pictures(script, models, tmp_path, monkeypatch, capsys):
     if script.stem == NEEDS_PHYSICS:
         pytest.importorskip("mujoco", reason="mujoco is not installed (the extra 'physics')")
