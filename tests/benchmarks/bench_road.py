@@ -101,5 +101,5 @@ def _performed(edge: Edge, frames: list[DepthFrame]) -> tuple[list[float], float
         edge.step(frame)
         if i >= WARM:
             latencies.append(1e3 * (time.perf_counter() - start))
-        edge._listen()
+        edge._poll_requests()
     return latencies, time.perf_counter() - begin, sizes

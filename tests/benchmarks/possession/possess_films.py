@@ -31,7 +31,7 @@ from enliven.deformation.constraints.floor_contact import FloorSettings
 from enliven.frames import BodyFrame
 from enliven.meshes.mesh import Mesh
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven_edge.importing.mirror import mirrored
+from enliven_edge.importing.mirror import mirror_frames
 from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.stage.character_setup import cast, cast_mesh
 
@@ -151,7 +151,7 @@ def _scan() -> tuple[list[BodyFrame], EmbeddedActor]:
     frames = held_still(own, 1.2)
     for other in (
         read(WING),
-        [frame for frame in mirrored(iter(read(WAVE))) if isinstance(frame, BodyFrame)],
+        [frame for frame in mirror_frames(iter(read(WAVE))) if isinstance(frame, BodyFrame)],
     ):
         frames += as_if_by(own, other, frames[-1].time_ns + 33_333_333)
     mesh = scan_in_world(DATA / f"{SCAN}.pcd", DATA / f"{SCAN}.csv", own)

@@ -48,7 +48,7 @@ from enliven.scanning import (
 from enliven.scanning.objects import MovedScanner
 from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.importing.placed_images import PosedDepthReader
-from enliven_edge.scanning import Keep, PersonScanner, ScannedMesh, SurfacePreview, finished
+from enliven_edge.scanning import Keep, PersonScanner, ScannedMesh, SurfacePreview, finish_scan
 from enliven_edge.stage.character_setup import cast_mesh
 from enliven_synthesis.sensor import (
     FollowingPath,
@@ -231,7 +231,7 @@ class Filming:
         """Yields the frames of a film."""
         scanner = film.scanner(film.settings)
         yield from self._scanned(film, scanner)
-        scan = finished(scanner, film.keep, 50_000, "thing")
+        scan = finish_scan(scanner, film.keep, 50_000, "thing")
         print(f"  {len(scan.mesh.faces)} triangles; {scan.said}", flush=True)
         yield from self._turned(scan.mesh, film.title)
         if film.bodies is not None:

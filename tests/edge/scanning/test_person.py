@@ -165,7 +165,7 @@ def test_leaving_the_view_and_moving_an_arm_are_reported(scene):
         person_scanner.add(scene.frame(n))
     for n in range(8, 16):
         person_scanner.add(scene.frame(n, left_arm=0.35 + 0.14 * (n - 7)))
-    moved = person_scanner.limbs_moved()
+    moved = person_scanner.measure_limb_motion()
     assert list(moved) == ["left arm"] and 0.12 < moved["left arm"] < 0.9
     for n in range(16, 20):
         person_scanner.add(scene.frame(n, seen=False))

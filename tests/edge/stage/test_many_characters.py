@@ -31,10 +31,10 @@ from enliven.wire import (
     pack_control,
     unpack_control,
 )
-from enliven_edge.commands.preparation import prepared
+from enliven_edge.commands.preparation import prepare_actors
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
-from enliven_edge.settings import CharacterSettings, EdgeSettings, WireSettings, characters_of
+from enliven_edge.settings import CharacterSettings, EdgeSettings, WireSettings, characters_from_options
 from enliven_edge.stage.choice import pairs
 from enliven_edge.stage.initial_possession import InitialPossession
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
@@ -206,21 +206,21 @@ def test_characters_come_change_and_go_while_others_continue(graph):
 
 
 def test_the_command_line_names_any_number_and_ids_are_unique():
-    wanted = characters_of(["chair", "chair", "cactus"], ["graph"], ["all", "legs", "arms"], {})
-    actors, parts = prepared(wanted, EdgeSettings(nodes=16))
+    wanted = characters_from_options(["chair", "chair", "cactus"], ["graph"], ["all", "legs", "arms"], {})
+    actors, parts = prepare_actors(wanted, EdgeSettings(nodes=16))
     assert [actor.character.id for actor in actors] == ["chair", "chair 2", "cactus"]
     assert parts == {"chair": "all", "chair 2": "legs", "cactus": "arms"}
     named = {"left": CharacterSettings("lamp", parts="arms"), "right": CharacterSettings()}
-    assert characters_of([], [], [], named) == list(named.items())
-    assert characters_of([], [], [], {}) == [("", CharacterSettings("chair"))]
-    assert characters_of(["x.glb", "y.obj"], ["skeleton", "graph"], [], named) == [
+    assert characters_from_options([], [], [], named) == list(named.items())
+    assert characters_from_options([], [], [], {}) == [("", CharacterSettings("chair"))]
+    assert characters_from_options(["x.glb", "y.obj"], ["skeleton", "graph"], [], named) == [
         ("", CharacterSettings("x.glb", "skeleton")),
         ("", CharacterSettings("y.obj", "graph")),
     ]
     with pytest.raises(InputError, match="--parts is given 2 times"):
-        characters_of(["a", "b", "c"], [], ["all", "legs"], {})
+        characters_from_options(["a", "b", "c"], [], ["all", "legs"], {})
     with pytest.raises(InputError, match="skelton"):
-        characters_of(["a"], ["skelton"], [], {})
+        characters_from_options(["a"], ["skelton"], [], {})
 
 
 def test_possession_requests_round_trip_without_names():
