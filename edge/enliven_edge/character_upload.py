@@ -85,14 +85,14 @@ class _Preparation(threading.Thread):
 
     def run(self) -> None:
         # Imported here, because an edge without clients never needs it.
-        from enliven_edge.uploaded_actor import cast_sent
+        from enliven_edge.uploaded_actor import create_uploaded_actor
 
         where, mend = f"character {self.order.id!r}", "Send it again."
         try:
             if hashlib.sha256(self._data).digest() != self.order.digest:
                 raise InputError("it was changed during the transfer", where=where, mend=mend)
             previous = self._stage.actors.get(self.order.id)
-            actor = cast_sent(self._data, self.order, self._settings, previous)
+            actor = create_uploaded_actor(self._data, self.order, self._settings, previous)
             self.carried = self._stage.carry_over(actor)
             self.actor = actor
         except EnlivenError as error:

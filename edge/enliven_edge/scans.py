@@ -15,7 +15,7 @@ from enliven.frames import DepthFrame, Frame
 from enliven.meshes import Mesh
 from enliven.wire import Scan, ScanMessage, check_character
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage import Peer, Stage, cast_mesh
+from enliven_edge.stage import Peer, Stage, create_mesh_actor
 
 if TYPE_CHECKING:
     from enliven.possession import Actor
@@ -154,7 +154,7 @@ class Scans:
             offset = np.array([self._find_offset(mesh, name), 0.0, 0.0])
             mesh = replace(mesh, vertices=mesh.vertices + offset)
             ends, joints = (None, None) if person is None else (person.ends + offset, person.bones + offset)
-            actor = cast_mesh(mesh, name, nodes, settings, fit=False, ends=ends, joints=joints)
+            actor = create_mesh_actor(mesh, name, nodes, settings, fit=False, ends=ends, joints=joints)
             check_character(actor.character)
             actor.warm_up()
             return actor

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Self
 from enliven.commands import progress_lines, say
 from enliven.document import unused
 from enliven.kernel_cache import on_compilation, user_folder
-from enliven_edge.stage import cast, name_of, parts_for
+from enliven_edge.stage import create_actor, name_of, parts_for
 from enliven_edge.stage.puppet import is_puppet
 from enliven_edge.warmup import warm_up_tracking
 
@@ -52,15 +52,17 @@ def _create_actor(
 ) -> Actor:
     """Returns the actor for the settings, with an unused ID. Only the modules that it needs are imported."""
     if is_puppet(character.mesh):
-        from enliven_edge.stage.puppet import cast_puppet
+        from enliven_edge.stage.puppet import create_puppet_actor
 
-        return cast_puppet(character.mesh, edge_settings.puppet, name, used_ids)
+        return create_puppet_actor(character.mesh, edge_settings.puppet, name, used_ids)
     name = unused(name or name_of(character.mesh), used_ids)
     if (character.drive or edge_settings.drive) == "skeleton":
-        from enliven_edge.stage.rig import cast_rig
+        from enliven_edge.stage.rig import create_rig_actor
 
-        return cast_rig(character.mesh, edge_settings.matching, name)
-    return cast(character.mesh, edge_settings.nodes, edge_settings.actor, edge_settings.up or None, name)
+        return create_rig_actor(character.mesh, edge_settings.matching, name)
+    return create_actor(
+        character.mesh, edge_settings.nodes, edge_settings.actor, edge_settings.up or None, name
+    )
 
 
 class TrackerCompilation:

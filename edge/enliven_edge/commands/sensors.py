@@ -80,9 +80,9 @@ def sensors(
         facts = _describe_sensor(frames, condition_of(sensor), sensor.name)
     console.print(facts_table(facts))
     if protocol is not None:
-        from enliven_edge.terminal import encoded_picture
+        from enliven_edge.terminal import encode_image
 
-        typer.echo(encoded_picture(_draw_picture(frames[-1]), protocol, console.width), nl=False, color=True)
+        typer.echo(encode_image(_draw_picture(frames[-1]), protocol, console.width), nl=False, color=True)
     if output is not None:
         _write_picture_file(frames[-1], output, [f"{label}: {value}" for label, value in facts[:4]])
         say(f"{output}: its depth, near is bright")

@@ -93,7 +93,7 @@ def orders_from_command(command: Command, stage: Stage) -> list[Order]:
     mode = _MODES[word]
     return [
         Possess(possession.character, possession.body, parts or possession.parts, mode)
-        for possession in stage.takings(mode)
+        for possession in stage.pending_possessions(mode)
     ]
 
 

@@ -35,7 +35,7 @@ from enliven_edge.commands.preparation import prepare_actors
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import CharacterSettings, EdgeSettings, WireSettings, characters_from_options
-from enliven_edge.stage.choice import pairs
+from enliven_edge.stage.choice import pair_nearest
 from enliven_edge.stage.initial_possession import InitialPossession
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.rig.rig_actor import RigActor
@@ -146,7 +146,7 @@ def test_pairs_are_the_nearest_first_by_trying_all(performers, places):
 
     bodies = [person(x=x, z=z, id=k) for k, (x, z) in enumerate(performers)]
     names = {f"c{k}": np.array(place) for k, place in enumerate(places)}
-    links = pairs(bodies, dict.fromkeys(names, Free()), names, anyhow=False)
+    links = pair_nearest(bodies, dict.fromkeys(names, Free()), names, includes_busy=False)
     assert len(links) == min(len(performers), len(places)) == len(dict(links)) == len({w for _, w in links})
     remaining = {(name, body.id) for name in names for body in bodies}
     hips = {body.id: body.joints[0][[0, 2]] for body in bodies}
