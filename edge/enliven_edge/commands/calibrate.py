@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _EVALUATION_INTERVAL_S = 4.0
-"""Interval between two evaluations of the data of live sensors, in seconds. A calibration takes time from the
-trackers."""
+"""Seconds between two trial calibrations with live sensors. Each takes processor time from the trackers."""
 
 
 def calibrate(

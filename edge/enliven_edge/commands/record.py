@@ -80,7 +80,7 @@ def record_stream(
     cannot be used is left out. Both are logged.
     """
     from enliven_edge.sensors import EventLog, SensorFault, condition_of
-    from enliven_edge.tracking.frame import flaw_of
+    from enliven_edge.tracking.frame import find_flaw
 
     count, first_ns, event_log = 0, None, EventLog(recorder)
     while not stop.is_set():
@@ -95,7 +95,7 @@ def record_stream(
             continue
         if frame is None:
             return
-        if flaw := flaw_of(frame):
+        if flaw := find_flaw(frame):
             log.warning("%s: a frame is left out: %s", stream.name, flaw)
             event_log.failed(InputError(flaw, where=stream.name))
             continue

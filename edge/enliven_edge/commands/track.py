@@ -138,10 +138,10 @@ def _report_progress(frames: Iterator[BodyFrame], total: int) -> Iterator[BodyFr
 
 
 def track_frames(frames: Iterable[Frame], settings: TrackerSettings) -> Iterator[BodyFrame]:
-    """Yields the bodies in each depth image, world frame; each sensor is tracked by itself.
+    """Yields the bodies in each depth image, in the world frame. Each sensor has its own tracker.
 
-    People who are there in the first image are found in it. An image that cannot be used is left out, as the
-    edge leaves it out.
+    People in the first image are detected in that image. Images that cannot be used are left out, as by the
+    edge.
     """
     from enliven.frames import BodyFrame, DepthFrame
     from enliven_edge.tracking import Tracker, without_deadline

@@ -71,9 +71,9 @@ def _parse_command(key: str, text: str, where: str) -> Command:
 
 
 def orders_from_command(command: Command, stage: Stage) -> list[Order]:
-    """Returns the orders of a command, as of a viewer that names no character.
+    """Returns the orders of a command, as if a viewer had sent them without naming a character.
 
-    Empty for a command of windows.
+    Empty for a command that windows carry out.
     """
     word, _, parts = command.partition(" ")
     if word in CALLS:

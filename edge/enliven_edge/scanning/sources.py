@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven_edge.sensors import SensorFault, open_reopening, sensor_opener, sensor_options
-from enliven_edge.tracking.frame import flaw_of
+from enliven_edge.tracking.frame import find_flaw
 
 log = logging.getLogger(__name__)
 
@@ -50,5 +50,5 @@ def sensor_images(name: str, options: list[str], stop: threading.Event) -> Itera
                 continue
             if frame is None:
                 return
-            if isinstance(frame, DepthFrame) and not flaw_of(frame):
+            if isinstance(frame, DepthFrame) and not find_flaw(frame):
                 yield frame

@@ -188,7 +188,8 @@ def _measure_walk(hips: Float) -> tuple[float, float, Float]:
 
 
 def _count_seconds(times: Float) -> float:
-    """Returns seconds, counted in tenths that contain a moment."""
+    """Returns the observed time in seconds: the number of tenths of a second that contain at least one of
+    ``times``, divided by ten."""
     return 0.1 * len(np.unique(np.floor(times / 0.1)))
 
 
