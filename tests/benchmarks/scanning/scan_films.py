@@ -232,7 +232,7 @@ class Filming:
         scanner = film.scanner(film.settings)
         yield from self._scanned(film, scanner)
         scan = finish_scan(scanner, film.keep, 50_000, "thing")
-        print(f"  {len(scan.mesh.faces)} triangles; {scan.said}", flush=True)
+        print(f"  {len(scan.mesh.faces)} triangles; {scan.cut_note}", flush=True)
         yield from self._turned(scan.mesh, film.title)
         if film.bodies is not None:
             take = perform(*film.bodies(scan), (film.act,))

@@ -28,7 +28,7 @@ def say(ask: Callable[[], object]) -> list[str]:
 
 def on_usb(folder: Path, name: str) -> None:
     """Makes the system list the cameras of this USB tree."""
-    refusals.attached = lambda: list_attached(folder / name / "devices", folder / name / "nodes")
+    refusals.list_attached = lambda: list_attached(folder / name / "devices", folder / name / "nodes")
 
 
 def opened_twice() -> object:

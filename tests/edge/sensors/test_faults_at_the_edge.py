@@ -131,7 +131,7 @@ def test_one_of_several_sensors_breaks_and_comes_back(outlet):
     with fused(once=False) as sensor:
         edge = Edge(sensor, Tracker(), Stage([]), outlet)
         reported = serve(edge)
-        newest_times = {w.name: w._health._schedule._newest for w in sensor._threads}
+        newest_times = {w.name: w._health._timing._newest for w in sensor._threads}
     assert any(HealthKind.SENSOR_LOST in states for states in reported)
     assert HealthKind.SENSOR_LOST not in reported[-1]
     assert edge.frames > 60 and set(newest_times) == {"a", "b"}

@@ -113,7 +113,7 @@ class PoseRecovery:
         elsewhere = seen is not None and seen.estimate.count_apart(posture.joints()) > 0
         self._turn += 1
         doubted = [*doubtful, *_ARMS] if badly else doubtful
-        checks_limbs = self._arms.tried
+        checks_limbs = self._arms.try_arms
         arm = checks_limbs(observation, posture, report, doubted, seen, steps=_FIT_STEPS) if arms else None
         if arm is not None and self._is_better(arm, observation, posture, seen, _MAX_LIMB_COST):
             return arm
@@ -154,7 +154,8 @@ class PoseRecovery:
         seen: EstimateAtPoints | None,
         max_cost_ratio: float,
     ) -> bool:
-        """Returns True if a posture costs less than ``max_cost_ratio`` of another, both without the temporal term."""
+        """Returns True if a posture costs less than ``max_cost_ratio`` of another, both without temporal
+        term."""
         _, same = self._fitter.fit(observation, posture, iterations=1)
         before, after = cost(same, posture, seen), cost(candidate[1], candidate[0], seen)
         return after < max_cost_ratio * before and same.explained - candidate[1].explained <= _MAX_UNEXPLAINED

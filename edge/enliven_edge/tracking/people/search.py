@@ -131,7 +131,8 @@ class Search:
         Args:
             view: the frame.
             newcomer: the candidate.
-            failed_unions: (h, w) unions that were already searched without success; those of this candidate are added.
+            failed_unions: (h, w) unions that were already searched without success. Those of this candidate
+                are added.
         """
         expecting = self._expecting(newcomer, view.time_ns)
         for union in newcomer.unions if expecting.estimator else []:

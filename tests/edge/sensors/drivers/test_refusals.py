@@ -143,7 +143,7 @@ def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package,
     """Reported before the library is loaded."""
     monkeypatch.setattr(cameras, "version", {package: version}.__getitem__)
     with pytest.raises(ResourceError) as raised:
-        cameras.library(package, sensor)
+        cameras.import_library(package, sensor)
     reason = str(raised.value)
     assert f"{package} {version} is installed" in reason and why in reason
     assert f'pip install "enliven-edge[{sensor}]"' in reason
@@ -154,7 +154,9 @@ def test_versions_that_work_are_let_be():
         "depthai": ("3.6.1", "3.7.0", "3.11.0", "3.12.0"),
         "pyrealsense2": ("2.56.5.9235", "2.59.1.11053"),
     }
-    assert not any(cameras.unsupported(package, v) for package, versions in good.items() for v in versions)
+    assert not any(
+        cameras.explain_unsupported(package, v) for package, versions in good.items() for v in versions
+    )
 
 
 @pytest.fixture(scope="module", params=LIBRARIES)
