@@ -24,7 +24,7 @@ class CameraPreview:
     """Creates camera previews with a limited rate."""
 
     def __init__(self) -> None:
-        self._told_ns: int | None = None
+        self._last_sent_ns: int | None = None
 
     def of(self, frame: Frame, place: Float | None, *, mirrored: bool = False) -> CameraMessage | None:
         """Returns the preview message of a frame.
@@ -37,23 +37,28 @@ class CameraPreview:
         """
         if place is None:
             return None
-        if self._told_ns is not None and 0 <= frame.time_ns - self._told_ns < _INTERVAL_NS:
+        if self._last_sent_ns is not None and 0 <= frame.time_ns - self._last_sent_ns < _INTERVAL_NS:
             return None
-        self._told_ns = frame.time_ns
-        rows = place[:3].ravel().tolist()
+        self._last_sent_ns = frame.time_ns
+        pose_rows = place[:3].ravel().tolist()
         if not isinstance(frame, DepthFrame):
-            return CameraMessage(rows, _DEFAULT_INTRINSICS)
-        lens, small = frame.intrinsics, nearness(frame.depth)
-        across = (lens.width - 1 - lens.cx if mirrored else lens.cx) / lens.height
-        intrinsics = [lens.fx / lens.height, lens.fy / lens.height, across, lens.cy / lens.height]
-        small = small[:, ::-1] if mirrored else small
-        return CameraMessage(rows, intrinsics, small.shape[1], small.shape[0], small.tobytes())
+            return CameraMessage(pose_rows, _DEFAULT_INTRINSICS)
+        camera, image = frame.intrinsics, nearness(frame.depth)
+        centre_x = (camera.width - 1 - camera.cx if mirrored else camera.cx) / camera.height
+        intrinsics = [
+            camera.fx / camera.height,
+            camera.fy / camera.height,
+            centre_x,
+            camera.cy / camera.height,
+        ]
+        image = image[:, ::-1] if mirrored else image
+        return CameraMessage(pose_rows, intrinsics, image.shape[1], image.shape[0], image.tobytes())
 
 
 def nearness(depth: UInt16) -> np.ndarray:
     """Returns (h, w) uint8, a subsampled depth image: 255 near, 1 far, 0 unknown."""
     step = max(-(-depth.shape[0] // _MAX_HEIGHT_PX), -(-depth.shape[1] // (2 * _MAX_HEIGHT_PX - 16)))
-    some = depth[::step, ::step]
-    near = np.clip((_FAR_MM - some) / (_FAR_MM - _NEAR_MM), 0.0, 1.0)
-    is_known = (some > 0) & (some < 65535)
-    return np.where(is_known, 1 + np.round(254 * near), 0).astype(np.uint8)
+    subsampled = depth[::step, ::step]
+    brightness = np.clip((_FAR_MM - subsampled) / (_FAR_MM - _NEAR_MM), 0.0, 1.0)
+    is_known = (subsampled > 0) & (subsampled < 65535)
+    return np.where(is_known, 1 + np.round(254 * brightness), 0).astype(np.uint8)

@@ -56,17 +56,17 @@ class _Upload:
     peer: Peer | None = None
     parts: list[bytes] = field(default_factory=list)
     received: int = 0
-    begun: float = field(default_factory=time.monotonic)
-    heard: float = field(default_factory=time.monotonic)
+    started_at: float = field(default_factory=time.monotonic)
+    last_part_at: float = field(default_factory=time.monotonic)
 
     def is_late(self, now: float) -> bool:
         """Returns True if the upload has timed out: no parts arrive, or they arrive too slowly."""
-        due = (now - self.begun - _TIMEOUT_S) * _MIN_BYTES_PER_SECOND
-        return now - self.heard >= _TIMEOUT_S or self.received < due
+        due = (now - self.started_at - _TIMEOUT_S) * _MIN_BYTES_PER_SECOND
+        return now - self.last_part_at >= _TIMEOUT_S or self.received < due
 
-    def pace(self, now: float) -> tuple[float, float]:
+    def eviction_key(self, now: float) -> tuple[float, float]:
         """Returns a sort key: the slowest first, and the oldest first among equally slow ones."""
-        return self.received / max(now - self.begun, 0.1), self.heard
+        return self.received / max(now - self.started_at, 0.1), self.last_part_at
 
 
 class _Preparation(threading.Thread):
@@ -75,9 +75,9 @@ class _Preparation(threading.Thread):
     The solvers' kernels release the interpreter lock, so frames continue.
     """
 
-    def __init__(self, arrival: _Upload, stage: Stage, settings: EdgeSettings) -> None:
+    def __init__(self, upload: _Upload, stage: Stage, settings: EdgeSettings) -> None:
         super().__init__(name="preparation", daemon=True)
-        self.order, self.peer, self._data = arrival.order, arrival.peer, b"".join(arrival.parts)
+        self.order, self.peer, self._data = upload.order, upload.peer, b"".join(upload.parts)
         self._stage, self._settings = stage, settings
         self.actor: Actor | None = None
         self.refused: InputError | None = None
@@ -85,14 +85,14 @@ class _Preparation(threading.Thread):
 
     def run(self) -> None:
         # Imported here, because an edge without clients never needs it.
-        from enliven_edge.uploaded_actor import cast_sent
+        from enliven_edge.uploaded_actor import create_uploaded_actor
 
         where, mend = f"character {self.order.id!r}", "Send it again."
         try:
             if hashlib.sha256(self._data).digest() != self.order.digest:
                 raise InputError("it was changed during the transfer", where=where, mend=mend)
-            former = self._stage.actors.get(self.order.id)
-            actor = cast_sent(self._data, self.order, self._settings, former)
+            previous = self._stage.actors.get(self.order.id)
+            actor = create_uploaded_actor(self._data, self.order, self._settings, previous)
             self.carried = self._stage.carry_over(actor)
             self.actor = actor
         except EnlivenError as error:
@@ -120,16 +120,16 @@ class CharacterUploads:
         self._stage, self._settings = stage, settings or EdgeSettings()
         self._waiting: dict[_Key, _Upload] = {}
         self._complete: deque[_Upload] = deque()
-        self._under_way: _Preparation | None = None
-        self._standing: dict[str, PutCharacter] = {}
+        self._preparing: _Preparation | None = None
+        self._on_stage: dict[str, PutCharacter] = {}
         self._refused: dict[PutCharacter, InputError] = {}
-        self._prepared_for: Peer | None = None
-        stage.places.watch(self._coming)
+        self._last_served: Peer | None = None
+        stage.places.watch(self._pending)
 
     @property
     def revisions(self) -> dict[str, int]:
         """The revisions of the characters that clients put on the stage, by id."""
-        return {name: order.revision for name, order in self._standing.items()}
+        return {name: order.revision for name, order in self._on_stage.items()}
 
     def put(self, order: PutCharacter, peer: Peer | None = None) -> Answer:
         """Announces a character, or asks for its progress.
@@ -140,18 +140,18 @@ class CharacterUploads:
         Raises:
             InputError: if it was refused, if its revision is not newer, or if the stage is full.
         """
-        current = self._standing.get(order.id)
+        current = self._on_stage.get(order.id)
         if current is not None and (current.digest, current.fit) == (order.digest, order.fit):
             return Done()
         if order in self._refused:
             raise self._refused[order]
         where = f"character {order.id!r}"
         self._check_revision(order, current, where)
-        if any(order == each.order for each in self._complete) or (
-            self._under_way is not None and self._under_way.order == order
+        if any(order == upload.order for upload in self._complete) or (
+            self._preparing is not None and self._preparing.order == order
         ):
             return Awaited(order.size)
-        return Awaited(self._expect(order, peer, where).received)
+        return Awaited(self._find_or_add(order, peer, where).received)
 
     def take(self, part: CharacterPart, peer: Peer | None = None) -> Answer:
         """Adds the next part of a character that was announced.
@@ -160,34 +160,34 @@ class CharacterUploads:
             InputError: for an unexpected part.
         """
         key = peer, part.id, part.digest
-        arrival = self._waiting.get(key)
-        if arrival is None or part.offset != arrival.received:
+        upload = self._waiting.get(key)
+        if upload is None or part.offset != upload.received:
             mend = "Ask for its progress with PutCharacter."
             raise InputError("this part was not expected", where=f"character {part.id!r}", mend=mend)
-        arrival.received += len(part.data)
-        arrival.heard = time.monotonic()
-        if arrival.received > arrival.order.size:
+        upload.received += len(part.data)
+        upload.last_part_at = time.monotonic()
+        if upload.received > upload.order.size:
             del self._waiting[key]
-            problem = f"more than the {arrival.order.size} bytes that were announced came"
+            problem = f"more than the {upload.order.size} bytes that were announced came"
             raise InputError(problem, where=f"character {part.id!r}", mend="Announce it again.")
-        arrival.parts.append(part.data)
-        if arrival.received == arrival.order.size:
-            self._complete = deque(each for each in self._complete if not _replaces(arrival, each))
+        upload.parts.append(part.data)
+        if upload.received == upload.order.size:
+            self._complete = deque(older for older in self._complete if not _replaces(upload, older))
             self._complete.append(self._waiting.pop(key))
-        return Awaited(arrival.received)
+        return Awaited(upload.received)
 
     def poll(self) -> None:
         """Shows prepared characters, and starts to prepare uploaded ones. Call it once per frame."""
-        self._standing = {name: it for name, it in self._standing.items() if name in self._stage.actors}
+        self._on_stage = {name: order for name, order in self._on_stage.items() if name in self._stage.actors}
         self._drop_late()
-        ready = self._under_way
-        if ready is not None and not ready.is_alive():
-            self._under_way = None
-            self._finish(ready)
-        if self._under_way is None and self._complete:
-            self._under_way = _Preparation(self._next(), self._stage, self._settings)
-            self._prepared_for = self._under_way.peer
-            self._under_way.start()
+        preparation = self._preparing
+        if preparation is not None and not preparation.is_alive():
+            self._preparing = None
+            self._finish(preparation)
+        if self._preparing is None and self._complete:
+            self._preparing = _Preparation(self._take_next(), self._stage, self._settings)
+            self._last_served = self._preparing.peer
+            self._preparing.start()
 
     def _check_revision(self, order: PutCharacter, current: PutCharacter | None, where: str) -> None:
         """Raises InputError for a revision that is not newer than the one on the stage, or skips too many."""
@@ -199,86 +199,88 @@ class CharacterUploads:
             problem = f"revision {order.revision} is too far above the newest one, {newest}"
             raise InputError(problem, where=where, mend=mend)
 
-    def _next(self) -> _Upload:
+    def _take_next(self) -> _Upload:
         """Returns the next character to prepare: viewers that send many take turns with the others."""
-        others = (each for each in self._complete if each.peer is not self._prepared_for)
-        arrival = next(others, self._complete[0])
-        self._complete = deque(each for each in self._complete if each is not arrival)
-        return arrival
+        others = (candidate for candidate in self._complete if candidate.peer is not self._last_served)
+        upload = next(others, self._complete[0])
+        self._complete = deque(candidate for candidate in self._complete if candidate is not upload)
+        return upload
 
-    def _coming(self) -> Iterator[tuple[str, Peer | None]]:
+    def _pending(self) -> Iterator[tuple[str, Peer | None]]:
         """Yields the characters that are being uploaded: id, and the viewer that sends it."""
-        for each in [*self._waiting.values(), *self._complete]:
-            yield each.order.id, each.peer
-        if self._under_way is not None:
-            yield self._under_way.order.id, self._under_way.peer
+        for upload in [*self._waiting.values(), *self._complete]:
+            yield upload.order.id, upload.peer
+        if self._preparing is not None:
+            yield self._preparing.order.id, self._preparing.peer
 
-    def _finish(self, ready: _Preparation) -> None:
+    def _finish(self, preparation: _Preparation) -> None:
         """Puts a prepared character on the stage, or remembers why it was refused."""
-        order, current = ready.order, self._standing.get(ready.order.id)
-        if ready.actor is None:
+        order, current = preparation.order, self._on_stage.get(preparation.order.id)
+        if preparation.actor is None:
             problem = f"the preparation of {order.id!r} ended early"
-            self._refused[order] = ready.refused or InputError(
+            self._refused[order] = preparation.refused or InputError(
                 problem, where="stage", mend="Look at the log."
             )
             log.warning("%s", self._refused[order])
-            for old in list(self._refused)[:-_MAX_REFUSALS]:
-                del self._refused[old]
+            for oldest in list(self._refused)[:-_MAX_REFUSALS]:
+                del self._refused[oldest]
         elif current is None or current.revision < order.revision:
-            self._stage.put(ready.actor, ready.carried, ready.peer)
-            self._standing[order.id] = order
+            self._stage.put(preparation.actor, preparation.carried, preparation.peer)
+            self._on_stage[order.id] = order
             log.info("%s stands on the stage, revision %d", order.id, order.revision)
 
-    def _expect(self, order: PutCharacter, peer: Peer | None, where: str) -> _Upload:
+    def _find_or_add(self, order: PutCharacter, peer: Peer | None, where: str) -> _Upload:
         """Returns the upload of a character. It replaces an earlier one of the same viewer and id."""
         key = peer, order.id, order.digest
         self._drop_late()
-        pending = self._waiting.get(key) or self._resumed(order, peer)
+        pending = self._waiting.get(key) or self._resume(order, peer)
         if pending is not None and pending.order == order:
             return pending
-        arrival = _Upload(order, peer)
-        self._waiting = {key: each for key, each in self._waiting.items() if not _replaces(arrival, each)}
+        upload = _Upload(order, peer)
+        self._waiting = {key: other for key, other in self._waiting.items() if not _replaces(upload, other)}
         self._stage.places.check(order.id, peer)
-        self._make_room(arrival, where)
-        self._waiting[key] = arrival
-        return arrival
+        self._make_room(upload, where)
+        self._waiting[key] = upload
+        return upload
 
     def _drop_late(self) -> None:
         """Drops uploads that stopped or are too slow, which frees their places."""
         now = time.monotonic()
-        self._waiting = {key: each for key, each in self._waiting.items() if not each.is_late(now)}
+        self._waiting = {key: upload for key, upload in self._waiting.items() if not upload.is_late(now)}
 
-    def _resumed(self, order: PutCharacter, peer: Peer | None) -> _Upload | None:
+    def _resume(self, order: PutCharacter, peer: Peer | None) -> _Upload | None:
         """Returns the upload that a viewer had started before it reconnected, or None."""
-        for key, each in self._waiting.items():
-            if each.order == order and each.peer is not None and not each.peer.is_open:
+        for key, upload in self._waiting.items():
+            if upload.order == order and upload.peer is not None and not upload.peer.is_open:
                 self._waiting[peer, order.id, order.digest] = self._waiting.pop(key)
-                each.peer = peer
-                return each
+                upload.peer = peer
+                return upload
         return None
 
-    def _make_room(self, arrival: _Upload, where: str) -> None:
+    def _make_room(self, new_upload: _Upload, where: str) -> None:
         """Drops the slowest uploads of viewers that send more than this one, until there is room.
 
         Raises:
             InputError: if this viewer has too many uploads, or all others have fewer.
         """
-        order, now = arrival.order, time.monotonic()
+        order, now = new_upload.order, time.monotonic()
         while True:
-            on_way = [*self._waiting.values(), *self._complete]
-            own = [each for each in on_way if each.peer is arrival.peer]
-            room = MAX_SENT_BYTES - sum(each.order.size for each in own)
+            all_uploads = [*self._waiting.values(), *self._complete]
+            viewer_uploads = [upload for upload in all_uploads if upload.peer is new_upload.peer]
+            free_bytes = MAX_SENT_BYTES - sum(upload.order.size for upload in viewer_uploads)
             mend = "Send it again in a moment."
-            if len(own) >= _MAX_UPLOADS_PER_VIEWER or order.size > room:
+            if len(viewer_uploads) >= _MAX_UPLOADS_PER_VIEWER or order.size > free_bytes:
                 raise InputError("too many characters are being transferred", where=where, mend=mend)
-            room = _MAX_BYTES - sum(each.order.size for each in on_way)
-            if len(on_way) < _MAX_UPLOADS and order.size <= room:
+            free_bytes = _MAX_BYTES - sum(upload.order.size for upload in all_uploads)
+            if len(all_uploads) < _MAX_UPLOADS and order.size <= free_bytes:
                 return
-            counts = Counter(each.peer for each in on_way)
-            others = [entry for entry in self._waiting.items() if entry[1].peer is not arrival.peer]
-            if not others:
+            counts = Counter(upload.peer for upload in all_uploads)
+            other_uploads = [entry for entry in self._waiting.items() if entry[1].peer is not new_upload.peer]
+            if not other_uploads:
                 raise InputError("too many characters are being transferred", where=where, mend=mend)
-            slowest = min(others, key=lambda entry: (-counts[entry[1].peer], *entry[1].pace(now)))
+            slowest = min(
+                other_uploads, key=lambda entry: (-counts[entry[1].peer], *entry[1].eviction_key(now))
+            )
             del self._waiting[slowest[0]]
 
 

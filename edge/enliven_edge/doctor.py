@@ -6,7 +6,7 @@ from importlib import resources
 from pathlib import Path
 
 from enliven.doctor import Check
-from enliven_edge.sensors import attached, crash_reports, profile_names, sensor_names
+from enliven_edge.sensors import crash_reports, list_attached, profile_names, sensor_names
 
 
 def checks() -> list[Check]:
@@ -19,24 +19,24 @@ def checks() -> list[Check]:
             ", ".join(profile_names()),
             "Install enliven-edge again.",
         ),
-        _shipped_recording(),
-        *_cameras(),
-        _crashes(),
+        _check_recording(),
+        *_check_cameras(),
+        _list_crash_reports(),
     ]
 
 
-def _shipped_recording() -> Check:
+def _check_recording() -> Check:
     """Checks the recording that ``enliven run`` replays."""
     path = shipped_recording()
     mend = "Make it again: enliven synthesize -o chair.mcap"
     return Check("shipped recording", path.is_file(), path.name if path.is_file() else "not found", mend)
 
 
-def _crashes() -> Check:
-    """Lists the stored crash reports. Their existence does not count as a failure of this machine."""
-    kept = crash_reports.reports()
-    detail = "\n".join([f"{len(kept)} kept in {crash_reports.folder()}", *map(str, kept)])
-    return Check("crash reports", True, detail if kept else "none kept")
+def _list_crash_reports() -> Check:
+    """Lists the stored crash reports. A stored report does not count as a failed check."""
+    reports = crash_reports.reports()
+    detail = "\n".join([f"{len(reports)} kept in {crash_reports.folder()}", *map(str, reports)])
+    return Check("crash reports", True, detail if reports else "none kept")
 
 
 def shipped_recording() -> Path:
@@ -44,11 +44,11 @@ def shipped_recording() -> Path:
     return Path(str(resources.files("enliven_edge") / "assets" / "chair.mcap"))
 
 
-def _cameras() -> list[Check]:
+def _check_cameras() -> list[Check]:
     """Checks each depth camera on USB that the system lists."""
     checks = []
-    for camera in attached():
-        troubles = camera.troubles()
-        detail = ", ".join([camera.title, *(problem for problem, _ in troubles)])
-        checks.append(Check(camera.kind.name, not troubles, detail, " ".join(mend for _, mend in troubles)))
+    for camera in list_attached():
+        problems = camera.find_problems()
+        detail = ", ".join([camera.title, *(problem for problem, _ in problems)])
+        checks.append(Check(camera.kind.name, not problems, detail, " ".join(mend for _, mend in problems)))
     return checks

@@ -36,9 +36,9 @@ _SESSION = re.compile(rb"\d{13}\n[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\s*")
 """The whole content of the file ``.ses``: milliseconds of the epoch, then an id."""
 _FILES = re.compile(r"deviceid(\.lock|\.tmp\..*)?|onnxruntime\.db(-shm|-wal|-journal)?")
 """Names of the files that the telemetry writes into its folder."""
-_SHORT = 64
+_MAX_SIGNATURE_BYTES = 64
 """Maximum bytes that are read of a file to recognise it: both patterns are shorter."""
-_SQLITE = b"SQLite format 3\0"
+_SQLITE_MAGIC = b"SQLite format 3\0"
 """The first bytes of the queue of events."""
 _IN_USE_BYTE = 128
 """The byte of a ``-shm`` file that SQLite keeps locked while a process has the database open."""
@@ -82,7 +82,7 @@ def remove_telemetry_files() -> list[Path]:
         return []
     removed: list[Path] = []
     for folder in _telemetry_folders():
-        with contextlib.suppress(OSError), _opened_below(folder) as descriptor:
+        with contextlib.suppress(OSError), _open_folder(folder) as descriptor:
             removed += [folder / name for name in _remove_own_files(descriptor)]
         if not any(path.parent == folder for path in removed):
             continue
@@ -113,7 +113,7 @@ def _telemetry_folders() -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def _opened_below(folder: Path) -> Iterator[int]:
+def _open_folder(folder: Path) -> Iterator[int]:
     """Opens ``folder`` for functions with ``dir_fd``. Its last parts must not be symbolic links.
 
     Raises:
@@ -136,7 +136,7 @@ def _remove_own_files(folder: int) -> list[str]:
     names = [name for name in os.listdir(folder) if _FILES.fullmatch(name)]
     if "onnxruntime.db-shm" in names and _is_in_use("onnxruntime.db-shm", folder):
         return []
-    is_queue = _first_bytes("onnxruntime.db", folder).startswith(_SQLITE)
+    is_queue = _first_bytes("onnxruntime.db", folder).startswith(_SQLITE_MAGIC)
     is_device_id = _DEVICE_ID.fullmatch(_first_bytes("deviceid", folder)) is not None
     removed = []
     for name in names:
@@ -160,7 +160,7 @@ def _first_bytes(path: Path | str, folder: int | None = None) -> bytes:
     except OSError:
         return b""
     with os.fdopen(descriptor, "rb") as file:
-        return file.read(_SHORT) if _is_own_file(os.fstat(descriptor)) else b""
+        return file.read(_MAX_SIGNATURE_BYTES) if _is_own_file(os.fstat(descriptor)) else b""
 
 
 def _is_in_use(name: str, folder: int) -> bool:

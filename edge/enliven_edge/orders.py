@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from enliven_edge.stage import HandSizing, Stage
     from enliven_edge.tracking import Tracker
 
-_ONE = 0
+_SINGLE_SUBJECT = 0
 """The subject of orders that replace each other whatever their content."""
 
 
@@ -49,7 +49,7 @@ class OrderTarget(Protocol):
     physics: PhysicsSwitch
 
 
-def handlers_of(edge: OrderTarget) -> dict[type[Order], Handler]:
+def create_handlers(edge: OrderTarget) -> dict[type[Order], Handler]:
     """Returns the handler of each kind of order. A new kind needs one more line."""
     return {
         Possess: Handler(lambda order: _possess(edge.stage, order), _subject_of_possession),
@@ -60,40 +60,42 @@ def handlers_of(edge: OrderTarget) -> dict[type[Order], Handler]:
         Smooth: Handler(
             lambda order: edge.tracker.output.smooth(order.body, order.amount), lambda order: order.body
         ),
-        Look: Handler(lambda order: edge.stage.set_view(_view(order)), lambda order: _ONE),
+        Look: Handler(lambda order: edge.stage.set_view(_screen_view(order)), lambda order: _SINGLE_SUBJECT),
         Browse: Handler(lambda order: edge.stage.browse(order.character, order.step)),
-        Lock: Handler(lambda order: _lock(edge.tracker, order.on), lambda order: _ONE),
+        Lock: Handler(lambda order: _lock(edge.tracker, order.on), lambda order: _SINGLE_SUBJECT),
         PutCharacter: Handler(lambda order, peer: edge.uploads.put(order, peer), takes_peer=True),
         CharacterPart: Handler(lambda order, peer: edge.uploads.take(order, peer), takes_peer=True),
         RemoveCharacter: Handler(lambda order: edge.stage.remove(order.character)),
         Resize: Handler(lambda order: edge.sizing.ask(order)),
         Scan: Handler(lambda order: edge.scans.ask(order)),
         # Only this machine may open a microphone, not a stranger on the network.
-        Listen: Handler(lambda order: edge.controls.listen(order.on), lambda order: _ONE, who="this machine"),
-        PlayPhysics: Handler(lambda order: edge.physics.ask(order.world), lambda order: _ONE),
+        Listen: Handler(
+            lambda order: edge.controls.listen(order.on), lambda order: _SINGLE_SUBJECT, who="this machine"
+        ),
+        PlayPhysics: Handler(lambda order: edge.physics.ask(order.world), lambda order: _SINGLE_SUBJECT),
     }
 
 
-def _possess(stage: Stage, asked: Possess) -> None:
+def _possess(stage: Stage, request: Possess) -> None:
     """Lets a performer possess a character, or previews the parts that the performer would hold."""
-    if asked.mode == "preview":
-        stage.preview(asked.character, asked.body, asked.parts)
+    if request.mode == "preview":
+        stage.preview(request.character, request.body, request.parts)
     else:
-        stage.possess(asked.character, asked.body, asked.parts, asked.mode)
+        stage.possess(request.character, request.body, request.parts, request.mode)
 
 
-def _subject_of_possession(asked: Possess) -> tuple[str, str | None] | None:
+def _subject_of_possession(request: Possess) -> tuple[str, str | None] | None:
     """Returns the subject that a newer request replaces.
 
     Each "join" and "extend" counts, since it adds holds.
     """
-    return (asked.mode, asked.character) if asked.mode in ("alone", "preview") else None
+    return (request.mode, request.character) if request.mode in ("alone", "preview") else None
 
 
-def _view(asked: Look) -> ScreenView:
+def _screen_view(request: Look) -> ScreenView:
     """Returns a viewer's view."""
-    eye = None if asked.eye is None else np.array(asked.eye)
-    return ScreenView(np.array(asked.direction), np.array(asked.up), eye)
+    eye = None if request.eye is None else np.array(request.eye)
+    return ScreenView(np.array(request.direction), np.array(request.up), eye)
 
 
 def _lock(tracker: Tracker, on: bool) -> None:

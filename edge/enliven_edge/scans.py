@@ -15,7 +15,7 @@ from enliven.frames import DepthFrame, Frame
 from enliven.meshes import Mesh
 from enliven.wire import Scan, ScanMessage, check_character
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage import Peer, Stage, cast_mesh
+from enliven_edge.stage import Peer, Stage, create_mesh_actor
 
 if TYPE_CHECKING:
     from enliven.possession import Actor
@@ -64,7 +64,7 @@ class Scans:
         self._number = 0
         self._begun = self._ended = False
         self._name = ""
-        stage.places.watch(self._coming)
+        stage.places.watch(self._reserved)
 
     @property
     def active(self) -> bool:
@@ -96,12 +96,12 @@ class Scans:
             return True
         return self._scan.offer(frame, waits=waits)
 
-    def poll(self, told: MessageSink) -> None:
+    def poll(self, sink: MessageSink) -> None:
         """Sends progress to viewers, and puts a finished scan on the stage. Call it once per frame."""
         if self._begun or self._ended:
-            told.forget("scan piece")
+            sink.forget("scan piece")
         if self._ended:
-            told.send(ScanMessage(self._number), 0)
+            sink.send(ScanMessage(self._number), 0)
         if self._begun and self._beginning is not None:
             # Start loading here, not in ``ask``. Loading takes long, and the viewer's other requests would
             # have to wait.
@@ -116,9 +116,9 @@ class Scans:
         actor, scan.actor = scan.actor, None
         if actor is not None:
             self._stage.put(actor)
-            told.forget("scan piece")
+            sink.forget("scan piece")
         for message in scan.messages():
-            told.send(message, getattr(message, "time_ns", 0))
+            sink.send(message, getattr(message, "time_ns", 0))
 
     def close(self) -> None:
         """Ends the scan. An unfinished scan is discarded."""
@@ -138,35 +138,39 @@ class Scans:
         self._number += 1
         self._begun, self._name = True, name
         named = msgspec.structs.replace(order, name=name)
-        self._beginning = _ScanLoader(self._number, named, self._caster())
+        self._beginning = _ScanLoader(self._number, named, self._create_cast())
 
-    def _coming(self) -> Iterator[tuple[str, Peer | None]]:
+    def _reserved(self) -> Iterator[tuple[str, Peer | None]]:
         """Yields the id that the scan will have on the stage, so that its place is reserved."""
         done = self._scan is not None and self._scan.phase == "done"
         if (self._scan is not None or self._beginning is not None) and not done:
             yield self._name, None
 
-    def _caster(self) -> Cast:
+    def _create_cast(self) -> Cast:
         """Returns a function that makes the actor of a scanned mesh, ready for its first frame."""
         nodes, settings = self._settings.nodes, self._settings.actor
 
-        def made(mesh: Mesh, name: str, person: ScannedPerson | None) -> Actor:
-            aside = np.array([self._aside(mesh, name), 0.0, 0.0])
-            mesh = replace(mesh, vertices=mesh.vertices + aside)
-            ends, joints = (None, None) if person is None else (person.ends + aside, person.bones + aside)
-            actor = cast_mesh(mesh, name, nodes, settings, fit=False, ends=ends, joints=joints)
+        def cast(mesh: Mesh, name: str, person: ScannedPerson | None) -> Actor:
+            offset = np.array([self._find_offset(mesh, name), 0.0, 0.0])
+            mesh = replace(mesh, vertices=mesh.vertices + offset)
+            ends, joints = (None, None) if person is None else (person.ends + offset, person.bones + offset)
+            actor = create_mesh_actor(mesh, name, nodes, settings, fit=False, ends=ends, joints=joints)
             check_character(actor.character)
             actor.warm_up()
             return actor
 
-        return made
+        return cast
 
-    def _aside(self, mesh: Mesh, name: str) -> float:
+    def _find_offset(self, mesh: Mesh, name: str) -> float:
         """Returns the metres along +X that move a mesh next to the resting positions of other characters."""
-        others = [
-            character.vertices[:, 0].max() for own, character in self._stage.characters.items() if own != name
+        other_extents = [
+            character.vertices[:, 0].max()
+            for mesh_extent, character in self._stage.characters.items()
+            if mesh_extent != name
         ]
-        return float(max(others) + _CHARACTER_GAP_M - mesh.vertices[:, 0].min()) if others else 0.0
+        return (
+            float(max(other_extents) + _CHARACTER_GAP_M - mesh.vertices[:, 0].min()) if other_extents else 0.0
+        )
 
     def _free_name(self) -> str:
         """Returns "scan", or the first of "scan 2", "scan 3", ... that is unused on the stage."""

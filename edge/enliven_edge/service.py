@@ -14,9 +14,9 @@ from enliven.health import HealthState, Severity, worst_first
 from enliven.wire import CallMessage, Order, as_sent
 from enliven_edge.camera_preview import CameraPreview
 from enliven_edge.character_upload import CharacterUploads
-from enliven_edge.controls import Call, Controls, Lamps, lamps_of
+from enliven_edge.controls import Call, Controls, Lamps, lamps_from_state
 from enliven_edge.network import FrameRate, Handler, Outlet
-from enliven_edge.orders import handlers_of
+from enliven_edge.orders import create_handlers
 from enliven_edge.physics import PhysicsSwitch
 from enliven_edge.scans import Scans
 from enliven_edge.sensors import Sensor, SensorFault, condition_of, health_of, is_device
@@ -76,12 +76,12 @@ class Edge:
         self.camera_preview = CameraPreview()
         self.pace = FrameRate()
         self.frames = 0
-        self._heard = time.monotonic()
-        self._opening, self._stop_after = InitialPossession(stage, possess_at, parts), stop_after
+        self._last_frame_at = time.monotonic()
+        self._initial_possession, self._stop_after = InitialPossession(stage, possess_at, parts), stop_after
         self._first_ns: int | None = None
         self._stopped, self._once = False, once
-        self.handlers: dict[type[Order], Handler] = handlers_of(self)
-        self._show()
+        self.handlers: dict[type[Order], Handler] = create_handlers(self)
+        self._show_characters()
 
     def run(self) -> None:
         """Runs until the sensor's stream ends, :meth:`stop` is called, or the parent program is gone.
@@ -95,7 +95,7 @@ class Edge:
                 self.step(frame)
             else:
                 self._wait()
-            self._listen()
+            self._poll_requests()
         self.scans.close()
 
     def stop(self) -> None:
@@ -109,12 +109,12 @@ class Edge:
             if time.monotonic() > deadline:
                 log.warning("no viewer came within %.0f s, starting without one", seconds)
                 return
-            self._listen()
+            self._poll_requests()
             time.sleep(0.02)
 
     def step(self, frame: Frame) -> None:
         """Processes one frame from the sensor to the viewers. A frame out of order is dropped."""
-        read_ns, self._heard = time.time_ns(), time.monotonic()
+        read_ns, self._last_frame_at = time.time_ns(), time.monotonic()
         if not self.health.admit(frame, getattr(self.sensor, "fps", None)):
             self._end_at_fault()
             self.outlet.set_health(self._health_states())
@@ -122,28 +122,28 @@ class Edge:
         if self._is_over(frame):
             self.stop()
             return
-        self._show()
+        self._show_characters()
         self.tracker.output.latency = self.pace.latency_ms(50) * 1e-3
         bodies = [] if self.scans.active else as_sent(self.tracker.track(frame))
         while not self.scans.take(frame, waits=getattr(self.sensor, "recorded", False)):
-            self._listen()
+            self._poll_requests()
         self.sizing.follow(bodies, frame.time_ns)
         poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces)
-        tick = self._with_props(self.stage.tick(frame, poses, frame.read_ns or read_ns))
+        tick = self._add_props(self.stage.tick(frame, poses, frame.read_ns or read_ns))
         self.outlet.publish(tick)
         for change in self.sizing.changes():
             self.outlet.send(change, frame.time_ns)
-        self._glance(frame)
-        self._judge(tick)
+        self._send_preview(frame)
+        self._check_health(tick)
 
-    def _glance(self, frame: Frame) -> None:
+    def _send_preview(self, frame: Frame) -> None:
         """Sends viewers the camera's pose and preview image, with a limited rate."""
         place = frame.world_from_camera if isinstance(frame, BodyFrame) else self.tracker.world_from_camera
         mirrored = self.tracker.settings.output.mirror
         if self.outlet.tells_picture and (message := self.camera_preview.of(frame, place, mirrored=mirrored)):
             self.outlet.send(message, frame.time_ns)
 
-    def _show(self) -> None:
+    def _show_characters(self) -> None:
         """Puts uploaded characters on the stage.
 
         Sends viewers, take and physics new, changed and removed ones.
@@ -156,13 +156,13 @@ class Edge:
         if (change := self.physics.change()) is not None:
             self.outlet.send(change, 0)
 
-    def _with_props(self, tick: Tick) -> Tick:
+    def _add_props(self, tick: Tick) -> Tick:
         return replace(tick, props=self.physics.step(tick))
 
-    def _judge(self, tick: Tick) -> None:
+    def _check_health(self, tick: Tick) -> None:
         """Measures and checks a published frame, and reports the result in the heartbeat."""
         frame, bodies, tracker = tick.frame, tick.bodies, self.tracker
-        self.pace.took(tick.read_ns, time.time_ns())
+        self.pace.add_frame(tick.read_ns, time.time_ns())
         self.frames += 1
         place, state = tracker.world_from_camera, tracker.state
         self.health.judge(frame, bodies, place, state)
@@ -173,7 +173,7 @@ class Edge:
         self.outlet.set_health(self._health_states())
         self.outlet.report(self.pace, "tracking" if bodies else "watching", len(bodies), self.sensor.name)
         first = frame.time_ns if self._first_ns is None else self._first_ns
-        self._opening.take_hold((frame.time_ns - first) * 1e-9)
+        self._initial_possession.take_hold((frame.time_ns - first) * 1e-9)
 
     def _frames(self) -> Iterator[Frame | None]:
         """Yields the sensor's frames, and None whenever none is due."""
@@ -206,20 +206,20 @@ class Edge:
 
     def _wait(self) -> None:
         """Reports a sensor without frames if that lasts."""
-        self._show()
-        self.health.silent(time.monotonic() - self._heard)
+        self._show_characters()
+        self.health.silent(time.monotonic() - self._last_frame_at)
         self.outlet.set_health(self._health_states())
 
     def _health_states(self) -> list[HealthState]:
         """Returns the health states, including those that the sensor reports itself."""
         return worst_first([*self.health.states, *health_of(self.sensor)])
 
-    def _listen(self) -> None:
+    def _poll_requests(self) -> None:
         """Carries out the requests of viewers and controls. One that fails is refused with its reason."""
         self.controls.apply_commands(
-            self.stage, self.carry_out, self._call, lambda message: self.outlet.send(message, 0)
+            self.stage, self.carry_out, self._send_call, lambda message: self.outlet.send(message, 0)
         )
-        self.controls.show(self._lamps())
+        self.controls.show(self._lamp_patterns())
         self.outlet.poll_requests(self.handlers)
 
     def carry_out(self, order: Order) -> None:
@@ -230,16 +230,16 @@ class Edge:
         """
         self.handlers[type(order)].apply(order)
 
-    def _call(self, word: Call, control: str) -> None:
+    def _send_call(self, word: Call, control: str) -> None:
         """Sends a control's command to the windows."""
         self.outlet.send(CallMessage(word, control[:64]), 0)
 
-    def _lamps(self) -> Lamps:
+    def _lamp_patterns(self) -> Lamps:
         """Returns the patterns of the controls' lamps, from the state of the stage and the health states."""
         health_states = self.outlet.publisher.status.health
-        return lamps_of(
-            present=self.stage.occupied,
-            held=bool(self.stage.holders),
+        return lamps_from_state(
+            is_performer_present=self.stage.occupied,
+            is_character_held=bool(self.stage.holders),
             locked=self.tracker.locked,
-            worst=max((state.severity for state in health_states), default=Severity.NOTE),
+            highest_severity=max((state.severity for state in health_states), default=Severity.NOTE),
         )

@@ -120,7 +120,7 @@ class EdgeSettings:
     fusion: FusionSettings = setting(FusionSettings, "Fusion of several sensors' bodies.")
 
 
-def characters_of(
+def characters_from_options(
     meshes: Sequence[str],
     drives: Sequence[str],
     parts: Sequence[str],

@@ -14,7 +14,7 @@ from typing import Any
 
 from enliven.errors import InputError
 from enliven.settings import setting
-from enliven_edge.sensors import Sensor, kept_open, sensor_advice, sensor_names, sensor_opener
+from enliven_edge.sensors import Sensor, open_reopening, sensor_advice, sensor_names, sensor_opener
 from enliven_edge.tracking import SceneSettings
 
 Value = bool | int | float | str
@@ -50,7 +50,7 @@ class Source:
     scene: SceneSettings | None = None
 
 
-def source_of(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] | None = None) -> Source:
+def parse_source(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] | None = None) -> Source:
     """Returns the source of a word of the command line.
 
     Args:
@@ -61,15 +61,17 @@ def source_of(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] |
     Raises:
         InputError: if it is neither.
     """
-    called, equals, sensor_or_path = word.partition("=")
+    name_prefix, equals, sensor_or_path = word.partition("=")
     if not equals or Path(word).exists():
-        called, sensor_or_path = "", word
-    own = {
-        k.removeprefix(f"{called}."): v for k, v in options.items() if called and k.startswith(f"{called}.")
+        name_prefix, sensor_or_path = "", word
+    own_options = {
+        k.removeprefix(f"{name_prefix}."): v
+        for k, v in options.items()
+        if name_prefix and k.startswith(f"{name_prefix}.")
     }
-    chosen_options = {**{k: v for k, v in options.items() if "." not in k}, **own}
+    chosen_options = {**{k: v for k, v in options.items() if "." not in k}, **own_options}
     if sensor_or_path in sensor_names() and sensor_or_path != "replay":
-        return Source(called or None, sensor_or_path, chosen_options)
+        return Source(name_prefix or None, sensor_or_path, chosen_options)
     if sensor_or_path != "replay" and not Path(sensor_or_path).exists():
         raise InputError(
             f"{sensor_or_path!r} is neither a sensor nor a recording",
@@ -77,10 +79,10 @@ def source_of(word: str, options: Mapping[str, Any], replay: Mapping[str, Any] |
             mend=sensor_advice(sensor_or_path),
         )
     path = {} if sensor_or_path == "replay" else {"path": sensor_or_path}
-    return Source(called or None, "replay", {**(replay or {}), **path, **chosen_options})
+    return Source(name_prefix or None, "replay", {**(replay or {}), **path, **chosen_options})
 
 
-def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None) -> list[Source]:
+def sources_from_settings(tables: Mapping[str, SourceSettings], folder: Path | None = None) -> list[Source]:
     """Returns the sources of a settings file. A recording's path is relative to the file's ``folder``."""
     sources = []
     for name, table in tables.items():
@@ -92,7 +94,9 @@ def sources_of(tables: Mapping[str, SourceSettings], folder: Path | None = None)
     return sources
 
 
-def opened(sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = False) -> dict[str, Sensor]:
+def open_sources(
+    sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = False
+) -> dict[str, Sensor]:
     """Opens the sensors and returns them by identity. They reopen after failing, and ``stack`` closes them.
 
     Args:
@@ -106,7 +110,7 @@ def opened(sources: Sequence[Source], stack: contextlib.ExitStack, wait: bool = 
     sensors: dict[str, Sensor] = {}
     for source in sources:
         awaited = (source.name or source.sensor) if wait and source.sensor != "replay" else ""
-        sensor = stack.enter_context(kept_open(sensor_opener(source.sensor, **source.options), awaited))
+        sensor = stack.enter_context(open_reopening(sensor_opener(source.sensor, **source.options), awaited))
         name = source.name or sensor.name
         if name in sensors:
             raise InputError(

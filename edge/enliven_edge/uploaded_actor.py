@@ -10,7 +10,7 @@ from enliven.formats.project import project_of
 from enliven.possession import Actor, EmbeddedActor
 from enliven.wire import PutCharacter, check_character
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.stage import cast_mesh
+from enliven_edge.stage import create_mesh_actor
 
 _MAX_UNPACKED_BYTES = 256 * 1024 * 1024
 """Maximum bytes of an uploaded character after decompression: a million vertices, and a puppet's takes."""
@@ -23,11 +23,13 @@ _MAX_DISTANCE_UNFITTED = 1e9
 """Maximum units of a mesh that will be fitted: a house in micrometres."""
 
 
-def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: Actor | None = None) -> Actor:
+def create_uploaded_actor(
+    data: bytes, order: PutCharacter, settings: EdgeSettings, previous: Actor | None = None
+) -> Actor:
     """Returns the actor of an uploaded character, ready for its first frame.
 
     Args:
-        former: the actor with the same id on the stage, if any: its state before an edit.
+        previous: the actor with the same id on the stage, if any: its state before an edit.
 
     Raises:
         InputError: for data that is not a project of one character, or a character that cannot be moved.
@@ -45,14 +47,14 @@ def cast_sent(data: bytes, order: PutCharacter, settings: EdgeSettings, former: 
     if not (np.abs(mesh.vertices) < farthest).all():
         problem = f"a vertex is {farthest:g} from the origin, or not finite"
         raise InputError(problem, where=where, mend="Scale it to metres.")
-    actor = _actor_of(project, character.with_changes(id=order.id), order, settings, former)
+    actor = _create_actor(project, character.with_changes(id=order.id), order, settings, previous)
     check_character(actor.character)  # Raises now if the character cannot be sent to viewers.
     actor.warm_up()
     return actor
 
 
-def _actor_of(
-    project: Project, character: RigBase, order: PutCharacter, settings: EdgeSettings, former: Actor | None
+def _create_actor(
+    project: Project, character: RigBase, order: PutCharacter, settings: EdgeSettings, previous: Actor | None
 ) -> Actor:
     """Returns the actor of a character by its rig. Only the required modules are loaded."""
     if isinstance(character, GraphShape):
@@ -61,15 +63,21 @@ def _actor_of(
             mend = f"Give it {_MAX_NODES} at most."
             raise InputError(f"it has {nodes} nodes", where=character.where, mend=mend)
         ends_and_joints = {"ends": character.ends, "joints": character.joints}
-        like = former if isinstance(former, EmbeddedActor) and not len(character.ends) else None
-        return cast_mesh(
-            character.mesh, character.id, nodes, settings.actor, fit=order.fit, like=like, **ends_and_joints
+        unedited = previous if isinstance(previous, EmbeddedActor) and not len(character.ends) else None
+        return create_mesh_actor(
+            character.mesh,
+            character.id,
+            nodes,
+            settings.actor,
+            fit=order.fit,
+            like=unedited,
+            **ends_and_joints,
         )
     if isinstance(character, Shape):
         from enliven_edge.stage.rig import RigActor
 
         return RigActor(character, settings.matching)
     assert isinstance(character, Puppet)
-    from enliven_edge.stage.puppet import cast_from_project
+    from enliven_edge.stage.puppet import create_actor_from_project
 
-    return cast_from_project(project, character, settings.puppet)
+    return create_actor_from_project(project, character, settings.puppet)

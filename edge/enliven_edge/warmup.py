@@ -14,7 +14,7 @@ from enliven.recording import Recording
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.tracking import SceneSettings, Tracker, TrackerSettings
 from enliven_edge.tracking.detect import fullest_ball
-from enliven_edge.tracking.scene import corrected, world_from_floor
+from enliven_edge.tracking.scene import correct_mounting, world_from_floor
 
 _STEP_NS = 33_333_333
 """Nanoseconds between the frames of a sensor at 30 Hz."""
@@ -43,7 +43,7 @@ def warm_up_tracking(settings: TrackerSettings | None = None) -> None:
     for frame in _warm_up_frames():
         tracker.track(frame)
         tracker.surfaces()
-    _run_what_it_lacks()
+    _compile_other_kernels()
 
 
 def _warm_up_frames() -> Iterator[DepthFrame]:
@@ -53,24 +53,24 @@ def _warm_up_frames() -> Iterator[DepthFrame]:
     for i, frame in zip(range(count), frames, strict=False):
         depth = frame.depth
         if i >= _ONE_PERSON_FRAMES:
-            depth = _with_duplicate(depth)
+            depth = _duplicate_person(depth)
         if i >= _ONE_PERSON_FRAMES + _TWO_PEOPLE_FRAMES:
             depth = np.zeros_like(depth)
         yield dataclasses.replace(frame, depth=depth, time_ns=i * _STEP_NS)
 
 
-def _run_what_it_lacks() -> None:
-    """Fits a floor and corrects the camera pose: the recorded sensor knows its own pose and would not do
-    it."""
+def _compile_other_kernels() -> None:
+    """Compiles the kernels of the floor fit and the pose correction. The recorded sensor reports its pose, so
+    tracking it does not use them."""
     x, z = np.meshgrid(np.linspace(-1.0, 1.0, 40), np.linspace(1.0, 3.0, 40))
     world_from_floor(np.stack([x, np.ones_like(x), z], -1).reshape(-1, 3))
-    corrected(np.eye(4), np.stack([x, np.zeros_like(x), -z], -1), np.ones(x.shape, bool), 1.0)
+    correct_mounting(np.eye(4), np.stack([x, np.zeros_like(x), -z], -1), np.ones(x.shape, bool), 1.0)
     # The recorded person never points a forearm away from the body. So tracking would not run this kernel,
     # and it is called directly.
     fullest_ball(np.zeros((1, 3), np.float32), np.float32(1.0))
 
 
-def _with_duplicate(depth: UInt16) -> UInt16:
+def _duplicate_person(depth: UInt16) -> UInt16:
     """Returns (H, W) the same person twice: the nearer of the image and a shifted copy."""
     moved = np.roll(depth, round(_PEOPLE_DISTANCE * depth.shape[1]), axis=1)
     return np.where((depth == 0) | ((moved > 0) & (moved < depth)), moved, depth)

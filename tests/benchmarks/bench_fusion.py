@@ -20,10 +20,10 @@ from fusion_measures import agreement, fused, jitter_mm
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
 from enliven_edge.fusion.calibration.calibration import calibrate
-from enliven_edge.fusion.calibration.tracks import Collector, stream_of
+from enliven_edge.fusion.calibration.tracks import Collector, stream_from_frames
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.merge import eyes, in_world, settings_before_fusion
-from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved
+from enliven_edge.fusion.live.merge import sensor_positions, settings_before_fusion, transform_bodies
+from enliven_edge.fusion.placement.rigid_transform import angle_between, invert, transform_points
 from enliven_edge.fusion.placement.space import Space
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.multitrack import MultiTrackReader
@@ -83,7 +83,7 @@ def _synthetic() -> Iterator[Figure]:
     calibration = calibrate(list(streams.values()))
     yield Figure(f"{NAME}.calibration_s", time.perf_counter() - start, "s")
     space = calibration.space({c.name: c.level_from_camera for c in collectors})
-    pose = inverse(space.sensors["left"].camera) @ space.sensors["right"].camera
+    pose = invert(space.sensors["left"].camera) @ space.sensors["right"].camera
     true = left_from_right_camera()
     offset = space.sensors["right"].clock_offset_ns - space.sensors["left"].clock_offset_ns
     clock = abs(offset * 1e-6 - 1e3 * (CLOCKS["left"] - CLOCKS["right"]))
@@ -91,14 +91,15 @@ def _synthetic() -> Iterator[Figure]:
     yield Figure(f"{NAME}.calibration_error_deg", float(np.degrees(angle_between(pose, true))), "deg")
     yield Figure(f"{NAME}.calibration_clock_ms", clock, "ms")
     frames = {c.name: c.frames_in_level() for c in collectors}
-    both = list(fused(frames, space, Fuser(eyes(space))))
-    world = space.sensors["left"].camera @ inverse(View("left", ()).world_from_camera)
+    both = list(fused(frames, space, Fuser(sensor_positions(space))))
+    world = space.sensors["left"].camera @ invert(View("left", ()).world_from_camera)
 
     def errors(told: list[BodyFrame]) -> np.ndarray:
         return np.array(
             [
                 np.linalg.norm(
-                    b.joints - moved(world, performer.figure(f.time_ns * 1e-9 - CLOCKS["left"]).joints),
+                    b.joints
+                    - transform_points(world, performer.figure(f.time_ns * 1e-9 - CLOCKS["left"]).joints),
                     axis=1,
                 )
                 for f in told
@@ -124,7 +125,8 @@ def _in_space(frames: list[BodyFrame], space: Space, name: str) -> list[BodyFram
     """Returns one sensor's frames in world coordinates and on the common clock."""
     place = space.sensors[name]
     return [
-        BodyFrame(in_world(f.bodies, place.level), f.time_ns + place.clock_offset_ns, name) for f in frames
+        BodyFrame(transform_bodies(f.bodies, place.level), f.time_ns + place.clock_offset_ns, name)
+        for f in frames
     ]
 
 
@@ -134,9 +136,9 @@ def _real(study: int) -> Iterator[Figure]:
     reader = MultiTrackReader()
     reader.clock = "Skeleton_Time"
     frames_of = {name: list(reader.read([path], ImportOptions(device=name))) for name in KINECTS}
-    calibration = calibrate([stream_of(name, frames) for name, frames in frames_of.items()])
+    calibration = calibrate([stream_from_frames(name, frames) for name, frames in frames_of.items()])
     space = calibration.space()
-    both = list(fused(frames_of, space, Fuser(eyes(space))))
+    both = list(fused(frames_of, space, Fuser(sensor_positions(space))))
     alone = [_in_space(frames_of[name], space, name) for name in KINECTS]
     minutes = (both[-1].time_ns - both[0].time_ns) / 6e10
     fits = [agreement(both, frames) for frames in alone]

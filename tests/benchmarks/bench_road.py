@@ -20,7 +20,7 @@ from enliven.wire.streams import PoseMessage
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.character_setup import cast
+from enliven_edge.stage.character_setup import create_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_edge.warmup import warm_up_tracking
@@ -57,7 +57,7 @@ def figures() -> Iterator[Figure]:
     """Yields latency, throughput and message size of the path."""
     with SyntheticSensor(width=640, realtime=False) as sensor:
         frames = [sensor.read() for _ in range(FRAMES)]
-    actor = cast("chair", nodes=NODES)
+    actor = create_actor("chair", nodes=NODES)
     actor.warm_up()
     warm_up_tracking()
     with Outlet(WireSettings(name="bench", port=0, control_port=0), "reel") as outlet:
@@ -101,5 +101,5 @@ def _performed(edge: Edge, frames: list[DepthFrame]) -> tuple[list[float], float
         edge.step(frame)
         if i >= WARM:
             latencies.append(1e3 * (time.perf_counter() - start))
-        edge._listen()
+        edge._poll_requests()
     return latencies, time.perf_counter() - begin, sizes

@@ -37,7 +37,7 @@ from enliven.scanning.objects import MovedScanner, sampled
 from enliven.scanning.objects.registration import laid
 from enliven.scanning.objects.surface_points import nearest_grid
 from enliven_edge.importing.placed_images import PosedDepthReader
-from enliven_edge.stage import cast_mesh
+from enliven_edge.stage import create_mesh_actor
 from enliven_synthesis.sensor import (
     FollowingPath,
     HandheldPath,
@@ -166,7 +166,7 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
     reduced = decimated(thing, 50_000)
     with tempfile.TemporaryDirectory() as folder:
         save_mesh(reduced.mesh, Path(folder) / "chair.glb")
-        cast_mesh(load_mesh(Path(folder) / "chair.glb").mesh, "chair").warm_up()
+        create_mesh_actor(load_mesh(Path(folder) / "chair.glb").mesh, "chair").warm_up()
     yield Figure("scanning.to_possess_s", time.perf_counter() - start, "s")
     yield Figure("scanning.triangles", float(len(thing.faces)), "triangles")
     yield Figure("scanning.decimated_mm", 1e3 * reduced.mean, "mm")

@@ -74,17 +74,17 @@ class StampedTof(TofSensor):
     """A driver with images that contain the time of their transfer in place of the library, when it measures
     them."""
 
-    def _hand_over(self, measured: Any) -> None:
+    def _queue_frame(self, measured: Any) -> None:
         measured.depth_data[0, :4] = np.array([time.monotonic_ns()], np.int64).view(np.uint16)
-        super()._hand_over(measured)
+        super()._queue_frame(measured)
 
 
 class StampedOrbbec(OrbbecSensor):
     """A driver with images that contain the time of delivery by the library, which reads the file itself."""
 
-    def _received(self, image: Any) -> DepthFrame:
+    def _convert_frame(self, image: Any) -> DepthFrame:
         handed = time.monotonic_ns()
-        return _stamped(super()._received(image), handed)
+        return _stamped(super()._convert_frame(image), handed)
 
 
 DRIVERS: dict[str, tuple[str, Callable[..., Sensor], int]] = {

@@ -45,7 +45,7 @@ class Plain:
 
     def depth(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
         """Returns (H, W) millimetres; 0 if unknown."""
-        disparity = self._matcher.compute(*self._rectification.rectified(left, right)).astype(np.float32) / 16
+        disparity = self._matcher.compute(*self._rectification.rectify(left, right)).astype(np.float32) / 16
         scale = 1e3 * self._rectification.intrinsics.fx * self._rectification.baseline
         with np.errstate(divide="ignore"):
             return np.where(disparity > 0, scale / disparity, 0)

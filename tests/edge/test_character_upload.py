@@ -165,7 +165,7 @@ def test_no_message_sequence_harms_the_stage(data):
         assert sum(each.order.size for each in uploads._waiting.values()) <= MAX_SENT_BYTES
         assert len(uploads._waiting) <= 4
     deadline = time.monotonic() + PATIENCE
-    while uploads._complete or uploads._under_way:
+    while uploads._complete or uploads._preparing:
         uploads.poll()
         assert time.monotonic() < deadline
     assert list(stage.actors) == ["chair"] and stage.actors["chair"] is stood and stage.holders == {1}

@@ -12,7 +12,7 @@ from enliven.settings import load_settings
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.placement.space import load_space
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.sources import Source, SourceSettings, opened, source_of, sources_of
+from enliven_edge.sources import Source, SourceSettings, open_sources, parse_source, sources_from_settings
 from enliven_edge.tracking.settings import SceneSettings
 from enliven_edge.tracking.tracker import Tracker
 
@@ -35,11 +35,11 @@ def test_shipped_two_sensor_settings_give_a_fused_sensor():
     path = EDGES / "two-sensors.toml"
     loaded = load_settings(EdgeSettings, path)
     space = load_space(path.parent / loaded.space)
-    sources = sources_of(loaded.sensors, path.parent)
+    sources = sources_from_settings(loaded.sensors, path.parent)
     assert [source.name for source in sources] == ["left", "right"]
     assert sources[1].scene == SceneSettings(far=4.0)
     with contextlib.ExitStack() as stack:
-        sensors = opened(sources, stack)
+        sensors = open_sources(sources, stack)
         trackers = {name: Tracker(loaded.tracker) for name in sensors}
         fused = stack.enter_context(FusedSensors(sensors, trackers, space, loaded.fusion))
         assert fused.name == "left + right"
@@ -51,7 +51,7 @@ def test_a_sensor_that_the_space_does_not_know_is_refused():
     loaded = load_settings(EdgeSettings, EDGES / "two-sensors.toml")
     space = load_space(EDGES / loaded.space)
     with contextlib.ExitStack() as stack:
-        sensors = opened([Source("middle", "synthetic", {})], stack)
+        sensors = open_sources([Source("middle", "synthetic", {})], stack)
         with pytest.raises(InputError, match=r"does not know the sensor .middle.*left, right"):
             FusedSensors(sensors, {"middle": Tracker()}, space)
 
@@ -77,28 +77,28 @@ def test_source_words_are_parsed(tmp_path):
     take = tmp_path / "a=b.mcap"
     take.touch()
     options = {"seed": 3, "left.width": 320, "right.width": 160}
-    assert source_of("synthetic", options) == Source(None, "synthetic", {"seed": 3})
-    assert source_of("left=synthetic", options) == Source("left", "synthetic", {"seed": 3, "width": 320})
-    assert source_of(str(take), {}, {"speed": 0.0}) == Source(
+    assert parse_source("synthetic", options) == Source(None, "synthetic", {"seed": 3})
+    assert parse_source("left=synthetic", options) == Source("left", "synthetic", {"seed": 3, "width": 320})
+    assert parse_source(str(take), {}, {"speed": 0.0}) == Source(
         None, "replay", {"speed": 0.0, "path": str(take)}
     )
-    assert source_of(f"left={take}", {}).name == "left"
+    assert parse_source(f"left={take}", {}).name == "left"
     with pytest.raises(InputError, match=r"neither a sensor nor a recording.*Did you mean synthetic"):
-        source_of("sinthetic", {})
+        parse_source("sinthetic", {})
 
 
 def test_a_sensor_of_a_package_that_is_not_installed_names_the_package(monkeypatch):
     monkeypatch.setattr("enliven_edge.sensors.registry.entry_points", lambda group: [])
     with pytest.raises(InputError, match=r"neither a sensor nor a recording.*pip install enliven-synthesis"):
-        source_of("synthetic", {})
+        parse_source("synthetic", {})
 
 
 def test_two_of_one_name_are_refused():
     with contextlib.ExitStack() as stack, pytest.raises(InputError, match="Name them yourself"):
-        opened([Source(None, "synthetic", {})] * 2, stack)
+        open_sources([Source(None, "synthetic", {})] * 2, stack)
 
 
 def test_a_recordings_path_counts_from_the_file(tmp_path):
     tables = {"a": SourceSettings(options={"path": "a.mcap"})}
-    assert sources_of(tables, tmp_path)[0].options["path"] == str(tmp_path / "a.mcap")
-    assert sources_of(tables)[0].options["path"] == "a.mcap"
+    assert sources_from_settings(tables, tmp_path)[0].options["path"] == str(tmp_path / "a.mcap")
+    assert sources_from_settings(tables)[0].options["path"] == "a.mcap"

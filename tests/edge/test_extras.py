@@ -62,7 +62,7 @@ def test_a_bag_packed_by_lz4_names_the_extra(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "lz4", None)
     header = {b"compression": b"lz4", b"size": b"\1\0\0\0"}
     with pytest.raises(ResourceError, match=r"take\.bag: .*lz4.*enliven-edge\[bags\]"):
-        ros1._unpacked(header, b"", tmp_path / "take.bag")
+        ros1._decompress(header, b"", tmp_path / "take.bag")
 
 
 def test_every_extra_that_is_named_exists():

@@ -69,13 +69,13 @@ def serve(frames, outlet, tracker=None, **health) -> list[set[str]]:
     monitor = HealthMonitor(HealthSettings(**health), fps=30.0)
     edge = Edge(Frames(frames), Tracker(tracker), Stage([]), outlet, health=monitor)
     reported: list[set[str]] = []
-    listen = edge._listen
+    listen = edge._poll_requests
 
     def heard() -> None:
         reported.append({state.kind for state in outlet.publisher.status.health})
         listen()
 
-    edge._listen = heard
+    edge._poll_requests = heard
     edge.run()
     return reported
 

@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.recording import Recorder, Recording
 from enliven.takes import read_take
-from enliven_edge.commands.track import track, tracked
+from enliven_edge.commands.track import track, track_frames
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
@@ -83,7 +83,7 @@ def test_single_image_gives_a_take(image, tmp_path):
     assert f"fx {frame.intrinsics.fx:.1f}" in output, "the camera is said"
     (written,) = Recording(take).frames()
     (body,) = written.bodies
-    (expected,) = tracked([replace(frame, world_from_camera=None)], TrackerSettings())
+    (expected,) = track_frames([replace(frame, world_from_camera=None)], TrackerSettings())
     np.testing.assert_allclose(body.joints, expected.bodies[0].joints, atol=1e-5)
     clip, _ = read_take(take)
     assert 0.0 < clip.duration < 0.1, "one pose, held"
@@ -127,7 +127,7 @@ def test_an_image_that_cannot_be_used_is_left_out(depth):
     frames = list(itertools.islice(Recording(depth).frames(), 3))
     frames.insert(2, frames[0])  # out of order
     frames.insert(1, BodyFrame([], 1, "other"))
-    assert [frame.time_ns for frame in tracked(frames, TrackerSettings())] == [
+    assert [frame.time_ns for frame in track_frames(frames, TrackerSettings())] == [
         frames[0].time_ns,
         frames[2].time_ns,
         frames[4].time_ns,

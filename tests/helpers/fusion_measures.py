@@ -12,7 +12,7 @@ from enliven.arrays import Float
 from enliven.frames import BodyFrame
 from enliven.person import Body
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.merge import OutputSchedule, in_world
+from enliven_edge.fusion.live.merge import OutputSchedule, transform_bodies
 from enliven_edge.fusion.placement.space import Space
 
 _LONGEST_STEP = 0.06
@@ -89,7 +89,7 @@ def fused(streams: Mapping[str, Iterable[BodyFrame]], space: Space, fuser: Fuser
         *(_timed(name, frames, space) for name, frames in streams.items()), key=lambda entry: entry[0]
     ):
         place = space.sensors[name]
-        fuser.update(name, in_world(frame.bodies, place.level), time_ns)
+        fuser.update(name, transform_bodies(frame.bodies, place.level), time_ns)
         if rhythm.due(name, time_ns):
             yield BodyFrame(fuser.bodies(time_ns), time_ns, "fused")
 

@@ -12,8 +12,8 @@ from enliven.example_sessions.tables import MeshTable
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, load_mesh, load_upright
 from enliven.takes import exportables_of
-from enliven_edge.stage.character_setup import cast
-from enliven_edge.stage.rig import cast_rig
+from enliven_edge.stage.character_setup import create_actor
+from enliven_edge.stage.rig import create_rig_actor
 from enliven_viewer.commands.stage import _read as read_for_stage
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
@@ -44,12 +44,12 @@ def _put_in_studio(path: Path) -> Surface:
 
 
 def _possessed(path: Path) -> Surface:
-    character = cast(str(path)).character
+    character = create_actor(str(path)).character
     return character.vertices, character.faces
 
 
 def _driven(path: Path) -> Surface:
-    character = cast_rig(str(path)).character
+    character = create_rig_actor(str(path)).character
     return character.vertices, character.faces
 
 

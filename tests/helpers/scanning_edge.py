@@ -71,7 +71,7 @@ class ScanningEdge:
                 f"{what}: it never came to be, after {self.said() if self.viewers else 'nothing'}"
             )
             self.edge._wait()
-            self.edge._listen()
+            self.edge._poll_requests()
             self.poll()
             time.sleep(0.002)
 

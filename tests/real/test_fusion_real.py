@@ -16,10 +16,15 @@ from fusion_measures import agreement, fused, jitter_mm
 from enliven.frames import BodyFrame
 from enliven_edge.fusion.calibration.calibration import calibrate
 from enliven_edge.fusion.calibration.quality import Verdict
-from enliven_edge.fusion.calibration.tracks import stream_of
+from enliven_edge.fusion.calibration.tracks import stream_from_frames
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.merge import eyes, in_world
-from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, rigid, turn
+from enliven_edge.fusion.live.merge import sensor_positions, transform_bodies
+from enliven_edge.fusion.placement.rigid_transform import (
+    angle_between,
+    compose_transform,
+    invert,
+    rotation_from_vector,
+)
 from enliven_edge.fusion.settings import CalibrationSettings
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.multitrack import MultiTrackReader
@@ -43,7 +48,7 @@ def seen(study: int) -> dict[str, list[BodyFrame]]:
 
 
 def placed(frames: dict[str, list[BodyFrame]], overlap: float = 4.0):
-    streams = [stream_of(name, stream) for name, stream in frames.items()]
+    streams = [stream_from_frames(name, stream) for name, stream in frames.items()]
     return calibrate(streams, CalibrationSettings(overlap=overlap))
 
 
@@ -52,10 +57,10 @@ def performed(study: int):
     """Returns the calibration, the fused frames, and each Kinect's frames in the same world and clock."""
     calibration = placed(seen(study))
     space = calibration.space()
-    both = list(fused(seen(study), space, Fuser(eyes(space))))
+    both = list(fused(seen(study), space, Fuser(sensor_positions(space))))
     alone = {
         name: [
-            BodyFrame(in_world(f.bodies, place.level), f.time_ns + place.clock_offset_ns, name)
+            BodyFrame(transform_bodies(f.bodies, place.level), f.time_ns + place.clock_offset_ns, name)
             for f in seen(study)[name]
         ]
         for name, place in space.sensors.items()
@@ -67,7 +72,7 @@ def test_two_people_who_occlude_each_other_place_two_kinects():
     """Study_24: 4 cm between the two Kinects' joints, and nearly the authors' own placement."""
     calibration, _, _ = performed(24)
     (pair,) = calibration.pairs
-    assert calibration.good
+    assert calibration.is_good
     assert pair.quality.rms < 0.05
     assert pair.quality.swapped < 0.02
     assert pair.quality.seconds > 15
@@ -80,18 +85,20 @@ def test_two_people_who_occlude_each_other_place_two_kinects():
 def test_a_kinect_that_is_put_elsewhere_is_found_there(degrees):
     """The second Kinect's skeletons are moved to another place, with a clock 1000 s ahead: same result."""
     before = made_of(24)
-    placement = rigid(turn(np.deg2rad(degrees) * np.array([0.0, 1.0, 0.0])), np.array([1.0, 0.0, -2.5]))
+    placement = compose_transform(
+        rotation_from_vector(np.deg2rad(degrees) * np.array([0.0, 1.0, 0.0])), np.array([1.0, 0.0, -2.5])
+    )
     frames = dict(seen(24))
     frames[KINECTS[1]] = [
-        dataclasses.replace(f, bodies=in_world(f.bodies, placement), time_ns=f.time_ns + 1000 * 10**9)
+        dataclasses.replace(f, bodies=transform_bodies(f.bodies, placement), time_ns=f.time_ns + 1000 * 10**9)
         for f in frames[KINECTS[1]]
     ]
     after = placed(frames)
-    assert after.good
-    expected = before.world_from_sensor[KINECTS[1]] @ inverse(placement)
+    assert after.is_good
+    expected = before.world_from_sensor[KINECTS[1]] @ invert(placement)
     pose = after.world_from_sensor[KINECTS[1]]
     centre = np.array([0.0, 1.0, -2.4])
-    assert np.linalg.norm((inverse(expected) - inverse(pose))[:3] @ [*centre, 1.0]) < 0.02
+    assert np.linalg.norm((invert(expected) - invert(pose))[:3] @ [*centre, 1.0]) < 0.02
     assert np.degrees(angle_between(expected, pose)) < 0.5
     assert after.clock_offset_ns[KINECTS[1]] + 1000 * 10**9 == pytest.approx(
         before.clock_offset_ns[KINECTS[1]], abs=10e6
@@ -133,7 +140,7 @@ def test_standing_person_is_not_enough_to_place_a_sensor():
     """Study_1, 12 s nearly on the spot, and Study_14, under a second, are never accepted."""
     for study, overlap in ((1, 4.0), (14, 0.5)):
         calibration = placed(seen(study), overlap)
-        assert not calibration.good
+        assert not calibration.is_good
         assert calibration.pairs[0].quality.verdict is Verdict.WALK_ON
         assert "walk on" in calibration.advice[0]
 

@@ -13,7 +13,7 @@ from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings
 from enliven_edge.importing.registry import find_files, find_reader
-from enliven_edge.stage.character_setup import cast
+from enliven_edge.stage.character_setup import create_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
@@ -50,7 +50,7 @@ def person(reach=0.0) -> Body:
 
 @pytest.mark.parametrize("name", BEASTS)
 def test_on_four_feet_arms_are_forelegs(name):
-    actor = cast(str(MESHES / name), 128, ActorSettings(how="mapped"))
+    actor = create_actor(str(MESHES / name), 128, ActorSettings(how="mapped"))
     like, graph = actor.likeness, actor.graph
     ahead = np.array([np.sin(like.yaw), 0.0, np.cos(like.yaw)])
     left = np.array([np.cos(like.yaw), 0.0, -np.sin(like.yaw)])
@@ -64,7 +64,7 @@ def test_on_four_feet_arms_are_forelegs(name):
 
 @pytest.mark.parametrize("name", BEASTS)
 def test_a_raised_arm_raises_a_foreleg_and_no_other(name):
-    actor = cast(str(MESHES / name), 128, ActorSettings(how="mapped", fade=0.0))
+    actor = create_actor(str(MESHES / name), 128, ActorSettings(how="mapped", fade=0.0))
     (key,) = (house := Stage([actor])).actors
     house.perform([person()], 0)
     house.possess(key)
@@ -101,7 +101,7 @@ def recorded(pattern: str) -> list[Body]:
 def test_human_meshes_keep_their_performers_heading(mesh, motion, how):
     """Attached in the middle of the film, after the performer has turned since they were first seen."""
     film = recorded(motion)
-    actor = cast(str(next(DATA.glob(mesh))), 128, ActorSettings(how=how))
+    actor = create_actor(str(next(DATA.glob(mesh))), 128, ActorSettings(how=how))
     gaps, _ = headings_on_stage(actor, film, len(film) // 2)
     assert deviations_deg(gaps).max() < 10.0
 

@@ -143,10 +143,10 @@ def test_turning_person_is_tracked_all_round():
 
 def test_driven_through_to_poses():
     """The real recording moves the chair: finite poses, and the chair follows the head."""
-    from enliven_edge.stage.character_setup import cast
+    from enliven_edge.stage.character_setup import create_actor
     from enliven_edge.stage.stage import Stage
 
-    tracker, stage = Tracker(), Stage([cast("chair", nodes=64)])
+    tracker, stage = Tracker(), Stage([create_actor("chair", nodes=64)])
     heads, tops = [], []
     for i, frame in enumerate(frames_of("depth/uva_cv2_person_turn")[:60]):
         bodies = tracker.track(frame)

@@ -60,7 +60,7 @@ class House:
         """Runs one frame of the edge with the house's people in view."""
         self.time_ns += FRAME_NS
         self.edge.step(BodyFrame(self.people, self.time_ns, "given"))
-        self.edge._listen()
+        self.edge._poll_requests()
 
     def visitor(self) -> Visitor:
         """Opens a new connection to the control port."""

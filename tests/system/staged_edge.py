@@ -21,7 +21,7 @@ from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import EdgeSettings, WireSettings
-from enliven_edge.stage import Stage, cast_mesh
+from enliven_edge.stage import Stage, create_mesh_actor
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture, rotation
@@ -49,7 +49,7 @@ def main(name: str, folder: Path, rate: float, port: int = 0, control_port: int 
             recorder.write_frame(BodyFrame([performer(i)], i * STEP_NS, "kinect2"))
     wire = WireSettings(name=name, port=port, control_port=control_port, rate=rate)
     chosen = EdgeSettings(nodes=64, wire=wire)
-    actor = cast_mesh(load_sample("chair"), "chair", chosen.nodes, fit=False)
+    actor = create_mesh_actor(load_sample("chair"), "chair", chosen.nodes, fit=False)
     actor.warm_up()
     stage = Stage([actor])
     with (

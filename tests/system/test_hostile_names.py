@@ -18,7 +18,7 @@ from enliven.cli import run
 from enliven.frames import DepthFrame
 from enliven.meshes import load_mesh, save_mesh
 from enliven.recording import Recorder
-from enliven_edge.sensors.attached_cameras import attached
+from enliven_edge.sensors.attached_cameras import list_attached
 
 HOSTILE = "a\x1b[31m\u202e[red]x[nothing]\x9b2J\n"
 SHOWN = r"a\x1b[31m\u202e[red]x[nothing]\x9b2J\n"
@@ -101,6 +101,6 @@ def test_names_of_devices(printed: Print, tmp_path: Path, monkeypatch: pytest.Mo
     attributes = {"idVendor": "2bc5", "idProduct": "0660", "product": f"Orbbec {HOSTILE}x", "speed": "480"}
     for name, value in {**attributes, "serial": HOSTILE, "busnum": "1", "devnum": "2"}.items():
         (device / name).write_text(value, encoding="utf-8")
-    attached_there = functools.partial(attached, tmp_path / "devices", tmp_path / "nodes")
-    monkeypatch.setattr(enliven_edge.sensors, "attached", attached_there)
+    attached_there = functools.partial(list_attached, tmp_path / "devices", tmp_path / "nodes")
+    monkeypatch.setattr(enliven_edge.sensors, "list_attached", attached_there)
     assert SHOWN[:-2] in printed("sensors")

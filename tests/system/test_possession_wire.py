@@ -69,7 +69,7 @@ class House:
         frame = self.edge.sensor.read()
         assert frame is not None
         self.edge.step(frame)
-        self.edge._listen()
+        self.edge._poll_requests()
         self.feed.poll(self.document)
         self.live.scene = scene_of(self.document, self.live.playhead.moment(), self.live.style)
         time.sleep(0.002)
@@ -146,7 +146,10 @@ def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house
 def test_key_locks_and_unlocks_tracked_people(house: House) -> None:
     """The sensor falls silent: only requests are processed, as between two depth frames."""
     house.edge.tracker = Tracker()  # no frame has been read yet
-    tracker, silent = house.edge.tracker, lambda: (house.edge._listen(), house.feed.poll(house.document))
+    tracker, silent = (
+        house.edge.tracker,
+        lambda: (house.edge._poll_requests(), house.feed.poll(house.document)),
+    )
     for wanted, ids in ((True, frozenset()), (False, None)):
         house.live.toggle_lock()
         deadline = time.monotonic() + PATIENCE

@@ -84,7 +84,7 @@ class House:
         frame = self.sensor.read()
         assert frame is not None
         self.edge.step(frame)
-        self.edge._listen()
+        self.edge._poll_requests()
         self.feed.poll(self.document)
         moment, style = self.live.playhead.moment(), self.live.style
         self.live.scene = scene_of(self.document, moment, style, self.surfaces)

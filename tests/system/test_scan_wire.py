@@ -11,7 +11,7 @@ from scanning_edge import ScanningEdge
 from enliven.errors import InputError
 from enliven.samples import load_sample
 from enliven.wire import SCAN, SCAN_PIECE, Refused, Scan
-from enliven_edge.stage import cast_mesh
+from enliven_edge.stage import create_mesh_actor
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 from enliven_synthesis.sensor.scene import Box
 from enliven_viewer.link import EdgeClient
@@ -118,7 +118,7 @@ def test_turning_object_is_scanned_in_fine_voxels(running, frames) -> None:
 
 
 def test_scanned_character_is_placed_next_to_the_others(frames) -> None:
-    chair = cast_mesh(load_sample("chair"), "chair", 32, fit=False)
+    chair = create_mesh_actor(load_sample("chair"), "chair", 32, fit=False)
     running = ScanningEdge([chair])
     try:
         viewer = running.viewer()

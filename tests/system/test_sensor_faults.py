@@ -13,7 +13,7 @@ from patience import until
 
 from enliven.recording import Recording
 from enliven.wire.ports import free_ports
-from enliven_edge.sensors.attached_cameras import attached
+from enliven_edge.sensors.attached_cameras import list_attached
 from enliven_viewer.link.edge_client import EdgeClient
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "edge" / "sensors"))
@@ -116,7 +116,7 @@ INSTALL = f'{NO_LIBRARY}. Type: pip install "enliven-edge[oak]"'
 @pytest.fixture
 def no_camera():
     """Skips the test if such a camera is connected, since the doctor would report it."""
-    if any(camera.kind.sensor == "oak" for camera in attached()):
+    if any(camera.kind.sensor == "oak" for camera in list_attached()):
         pytest.skip("there is one")
 
 

@@ -16,7 +16,7 @@ from enliven.recording import Recorder, Recording
 from enliven_edge.doctor import shipped_recording
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.live.merge import settings_before_fusion
-from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved
+from enliven_edge.fusion.placement.rigid_transform import angle_between, invert, transform_points
 from enliven_edge.fusion.placement.space import load_space
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.tracking.settings import TrackerSettings
@@ -97,11 +97,12 @@ def performed(takes, space, recordings, found):
 def errors(space, made):
     """Returns (N, 20) distances between bodies and truth, metres, in the first sensor's level frame."""
     view = View("left", ())
-    world_from_room = space.sensors["left"].camera @ inverse(view.world_from_camera)
+    world_from_room = space.sensors["left"].camera @ invert(view.world_from_camera)
     return np.array(
         [
             np.linalg.norm(
-                body.joints - moved(world_from_room, PERFORMER.figure(t * 1e-9 - CLOCKS["left"]).joints),
+                body.joints
+                - transform_points(world_from_room, PERFORMER.figure(t * 1e-9 - CLOCKS["left"]).joints),
                 axis=1,
             )
             for t, bodies in made.items()
@@ -113,7 +114,7 @@ def errors(space, made):
 @pytest.mark.slow
 def test_the_exact_place_is_found(space):
     """Rendered and tracked, without prior knowledge: 2.5 cm, 1 degree and 8 ms at most."""
-    right_in_left = inverse(space.sensors["left"].camera) @ space.sensors["right"].camera
+    right_in_left = invert(space.sensors["left"].camera) @ space.sensors["right"].camera
     true = left_from_right_camera()
     assert np.linalg.norm(right_in_left[:3, 3] - true[:3, 3]) < 0.025
     assert np.degrees(angle_between(right_in_left, true)) < 1.0

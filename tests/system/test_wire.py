@@ -248,11 +248,11 @@ def test_noise_from_an_edge_is_counted_and_dropped(fake: FakeEdge) -> None:
     link, rng = EdgeClient([fake.endpoint]), np.random.default_rng(0)
     status = pack_stream(streams.StatusMessage("fake", 1, 0, time.time_ns()))
 
-    def beat() -> bool:
+    def send_heartbeat() -> bool:
         fake.pub.send(status)
         return link.status is not None
 
-    until(link, beat)
+    until(link, send_heartbeat)
     good = streams.PoseMessage("ghost", 1, 1, 0, 0, 0, 0, b"nothing of use")
     noise = [rng.bytes(int(n)) for n in rng.integers(0, 500, 200)]
     noise += [pack_stream(good)[: int(n)] for n in rng.integers(0, 20, 20)]

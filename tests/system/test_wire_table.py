@@ -26,7 +26,7 @@ from enliven.takes import read_possessed
 from enliven.wire import BODIES, BY_TYPE, POSE, REQUESTS, STREAMS, TOPICS, Order, Topic, pack_stream, register
 from enliven.wire.requests import Done, Lock, Refused
 from enliven.wire.streams import BodiesMessage
-from enliven_edge.network.handlers import Handler, carried_out
+from enliven_edge.network.handlers import Handler, execute
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
@@ -123,14 +123,14 @@ def test_a_new_request_reaches_its_handler_and_without_one_it_is_refused(wind: T
     with outlet_of(tmp_path / "take.mcap") as outlet:
         edge, asked, replies = Edge(Nobody(), Tracker(), Stage([]), outlet), [], []
         link = EdgeClient([outlet.publisher.endpoint])
-        until(lambda: link.status, link.poll, edge._listen)
+        until(lambda: link.status, link.poll, edge._poll_requests)
         link.ask(Blow(1.0), replies.append)
-        until(lambda: replies, link.poll, edge._listen)
+        until(lambda: replies, link.poll, edge._poll_requests)
         assert isinstance(replies.pop(), Refused) and not asked
         edge.handlers[Blow] = Handler(asked.append, newest=lambda order: "wind")
         for speed in range(5):
             link.ask(Blow(float(speed)), replies.append)
-        until(lambda: len(replies) == 5, link.poll, edge._listen)
+        until(lambda: len(replies) == 5, link.poll, edge._poll_requests)
         assert asked[-1] == Blow(4.0) and replies.count(Done()) == len(asked)
         link.close()
 
@@ -147,7 +147,7 @@ def test_a_new_request_reaches_its_handler_and_without_one_it_is_refused(wind: T
 )
 def test_handler_declares_who_may_send_its_request(address: str, who, told: str) -> None:
     asked: list[Order] = []
-    answer = carried_out({Lock: Handler(asked.append, who=who)}, Lock(True), address)
+    answer = execute({Lock: Handler(asked.append, who=who)}, Lock(True), address)
     assert told in answer.reason if told else answer == Done()
     assert len(asked) == (not told)
 
@@ -156,8 +156,8 @@ def test_handler_error_and_ended_stream_are_refusals() -> None:
     def refuse(order: Order) -> None:
         raise InputError("it is bolted down", where="the chair", mend="Unscrew it.")
 
-    assert "bolted down" in carried_out({Lock: Handler(refuse)}, Lock(True), "127.0.0.1").reason
-    assert carried_out({}, Lock(True), "127.0.0.1") == Refused("the stream has ended")
+    assert "bolted down" in execute({Lock: Handler(refuse)}, Lock(True), "127.0.0.1").reason
+    assert execute({}, Lock(True), "127.0.0.1") == Refused("the stream has ended")
 
 
 def test_each_topic_is_known_to_be_alive_on_rate_and_valid(

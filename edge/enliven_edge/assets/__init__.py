@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 CHAIR = Path(__file__).resolve().parent / "chair.mcap"
-"""Nine seconds of a made-up performer before a Kinect v1, with their true joints; made by
-``enliven synthesize -o chair.mcap`` and made again by it bit for bit."""
+"""Recording of nine seconds: a synthetic performer in front of a Kinect v1, with the true joints. ``enliven
+synthesize -o chair.mcap`` reproduces it bit for bit."""
 ESTIMATOR = Path(__file__).resolve().parent / "estimator.onnx"
-"""The network that estimates the joints; made by ``enliven train-estimator -o estimator.onnx``."""
+"""The network that estimates the joints. ``enliven train-estimator -o estimator.onnx`` creates it."""

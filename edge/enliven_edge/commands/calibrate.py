@@ -1,4 +1,4 @@
-"""enliven calibrate: where two or more sensors stand, from a person who walks about."""
+"""``enliven calibrate``: finds the poses of two or more sensors from a person who walks about."""
 
 from __future__ import annotations
 
@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _EVALUATION_INTERVAL_S = 4.0
-"""Interval between two evaluations of the data of live sensors, in seconds. A calibration takes time from the
-trackers."""
+"""Seconds between two trial calibrations with live sensors. Each takes processor time from the trackers."""
 
 
 def calibrate(
@@ -69,13 +68,13 @@ def calibrate(
     """
     from enliven_edge.sensors import sensor_options
     from enliven_edge.settings import EdgeSettings
-    from enliven_edge.sources import opened, source_of, sources_of
+    from enliven_edge.sources import open_sources, parse_source, sources_from_settings
 
-    chosen = load_settings(EdgeSettings, settings) if settings else EdgeSettings()
+    edge_settings = load_settings(EdgeSettings, settings) if settings else EdgeSettings()
     options = sensor_options(option or [])
-    sensor_sources = [source_of(word, options, {"speed": 0.0}) for word in sources or []]
+    sensor_sources = [parse_source(word, options, {"speed": 0.0}) for word in sources or []]
     if not sensor_sources and settings is not None:
-        sensor_sources = sources_of(chosen.sensors, settings.parent)
+        sensor_sources = sources_from_settings(edge_settings.sensors, settings.parent)
     if len(sensor_sources) < 2:
         raise InputError(
             "a calibration needs at least two sensors",
@@ -84,12 +83,12 @@ def calibrate(
         )
     _check_recordings(sensor_sources)
     with contextlib.ExitStack() as stack:
-        sensors = opened(sensor_sources, stack)
+        sensors = open_sources(sensor_sources, stack)
         scenes = {name: source.scene for name, source in zip(sensors, sensor_sources, strict=True)}
-        collectors = _collectors(sensors, scenes, chosen, seconds)
-        calibration = _found(collectors, chosen)
+        collectors = _create_collectors(sensors, scenes, edge_settings, seconds)
+        calibration = _collect_and_calibrate(collectors, edge_settings)
     for pair in calibration.pairs:
-        say(_sentence(pair))
+        say(_describe_pair(pair))
     if len(calibration.sensors) > 2:
         say(
             f"error around the loop of sensors: {calibration.loop_cm:.1f} cm "
@@ -99,7 +98,8 @@ def calibrate(
 
 
 def _check_recordings(sources: list[Source]) -> None:
-    """Checks that no recording, or a copy of one, is given twice: it would agree with itself and look good.
+    """Checks that no recording, or a copy of it, is given twice. It would agree with itself, so the result
+    would look good.
 
     Raises:
         InputError: if two sources read the same content.
@@ -115,10 +115,10 @@ def _check_recordings(sources: list[Source]) -> None:
             )
 
 
-def _collectors(
+def _create_collectors(
     sensors: dict[str, Sensor],
     scenes: dict[str, SceneSettings | None],
-    chosen: EdgeSettings,
+    edge_settings: EdgeSettings,
     seconds: float | None,
 ) -> list[Collector]:
     """Returns a collector for each sensor, with its own tracker."""
@@ -128,14 +128,14 @@ def _collectors(
 
     collectors = []
     for name, sensor in sensors.items():
-        tracker = chosen.tracker
+        tracker = edge_settings.tracker
         if (scene := scenes[name]) is not None:
             tracker = dataclasses.replace(tracker, scene=scene)
         collectors.append(Collector(name, sensor, Tracker(settings_before_fusion(tracker)), seconds))
     return collectors
 
 
-def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:
+def _collect_and_calibrate(collectors: list[Collector], edge_settings: EdgeSettings) -> Calibration:
     """Collects bodies until the recordings end, live sensors have seen enough, or Ctrl-C."""
     from enliven_edge.fusion.calibration import calibrate as calibrated
     from enliven_edge.warmup import warm_up_tracking
@@ -145,57 +145,69 @@ def _found(collectors: list[Collector], chosen: EdgeSettings) -> Calibration:
         interruptible() as stop,
     ):
         task = progress.add_task("Compiling the tracker (kept for the next start)", total=None)
-        warm_up_tracking(chosen.tracker)
+        warm_up_tracking(edge_settings.tracker)
         for collector in collectors:
             collector.start()
-        live, looked = any(not c.recorded for c in collectors), time.monotonic()
+        is_live, evaluated_at = any(not c.recorded for c in collectors), time.monotonic()
         advice = "walk about, in curves"
         while not stop.is_set() and not all(c.ended for c in collectors):
             stop.wait(0.2)
             count = ", ".join(f"{c.name} {c.frames}" for c in collectors)
-            progress.update(task, description=f"{count} frames; {advice if live else 'tracking'}")
-            if live and time.monotonic() - looked > _EVALUATION_INTERVAL_S:
-                so_far = calibrated([c.stream() for c in collectors], chosen.calibration)
-                looked = time.monotonic()
-                if so_far.good:
+            progress.update(task, description=f"{count} frames; {advice if is_live else 'tracking'}")
+            if is_live and time.monotonic() - evaluated_at > _EVALUATION_INTERVAL_S:
+                preliminary = calibrated([c.stream() for c in collectors], edge_settings.calibration)
+                evaluated_at = time.monotonic()
+                if preliminary.is_good:
                     break
-                advice = so_far.advice[0] if so_far.advice else advice
+                advice = preliminary.advice[0] if preliminary.advice else advice
         for collector in collectors:
             collector.stop()
             if collector.failure:
                 say(f"{collector.name}: {collector.failure}", err=True)
         progress.update(task, description="Comparing what the sensors saw")
-        return calibrated([c.stream() for c in collectors], chosen.calibration)
+        return calibrated([c.stream() for c in collectors], edge_settings.calibration)
 
 
-def _sentence(pair: SensorPair) -> str:
+def _describe_pair(pair: SensorPair) -> str:
     """Describes the result of a pair of sensors."""
-    q = pair.quality
+    quality = pair.quality
     if pair.fit is None:
-        return f"{pair.a} - {pair.b}: {q.verdict}"
-    swapped = f", sides named differently {100 * q.swapped:.0f}% of the time" if q.swapped > 0.02 else ""
+        return f"{pair.a} - {pair.b}: {quality.verdict}"
+    swapped = (
+        f", sides named differently {100 * quality.swapped:.0f}% of the time"
+        if quality.swapped > 0.02
+        else ""
+    )
     return (
-        f"{pair.a} - {pair.b}: {q.verdict}; joints {100 * q.rms:.1f} cm apart over {q.seconds:.0f} s, "
-        f"{q.length:.1f} x {q.breadth:.1f} m walked{swapped}; place known to {q.doubt_cm:.1f} cm, "
-        f"direction to {q.doubt_deg:.1f} deg, clocks to {q.doubt_ms:.0f} ms"
+        f"{pair.a} - {pair.b}: {quality.verdict}; joints {100 * quality.rms:.1f} cm apart "
+        f"over {quality.seconds:.0f} s, {quality.length:.1f} x {quality.breadth:.1f} m walked{swapped}; "
+        f"place known to {quality.doubt_cm:.1f} cm, direction to {quality.doubt_deg:.1f} deg, "
+        f"clocks to {quality.doubt_ms:.0f} ms"
     )
 
 
-def _write(found: Calibration, collectors: list[Collector], output: Path, accept_doubt: bool) -> None:
-    """Writes the file where the result is good; otherwise prints why not and leaves the file as it was."""
+def _write(calibration: Calibration, collectors: list[Collector], output: Path, accept_doubt: bool) -> None:
+    """Writes the file if the calibration is good or the user accepts it. Otherwise raises InputError with the
+    reason."""
     from enliven_edge.fusion.placement import save_space
 
-    doubt = [] if found.good else ["NOT GOOD ENOUGH: " + "; ".join(found.advice)]
-    missing = [name for name in found.sensors if name not in found.world_from_sensor]
-    if missing or (doubt and not accept_doubt):
+    warnings = [] if calibration.is_good else ["NOT GOOD ENOUGH: " + "; ".join(calibration.advice)]
+    missing = [name for name in calibration.sensors if name not in calibration.world_from_sensor]
+    if missing or (warnings and not accept_doubt):
         kept = f"; {output} was left unchanged" if output.exists() else ""
         raise InputError(
-            f"the sensors cannot be placed yet{kept}", where="calibrate", mend="; ".join(found.advice) + "."
+            f"the sensors cannot be placed yet{kept}",
+            where="calibrate",
+            mend="; ".join(calibration.advice) + ".",
         )
-    mounts = {c.name: c.level_from_camera for c in collectors}
-    space = found.space({name: mount for name, mount in mounts.items() if mount is not None})
+    mounts = {collector.name: collector.level_from_camera for collector in collectors}
+    space = calibration.space({name: mount for name, mount in mounts.items() if mount is not None})
     today = datetime.date.today().isoformat()
-    remarks = [f"Where the sensors stand: enliven calibrate, {today}.", *doubt, *map(_sentence, found.pairs)]
-    old = save_space(output, space, remarks)
-    kept = f" (the previous file is now {old})" if old else ""
+    remarks = [
+        f"Where the sensors stand: enliven calibrate, {today}.",
+        *warnings,
+        *map(_describe_pair, calibration.pairs),
+    ]
+    backup = save_space(output, space, remarks)
+    kept = f" (the previous file is now {backup})" if backup else ""
     say(f"{output} holds the places of {len(space.sensors)} sensors{kept}")

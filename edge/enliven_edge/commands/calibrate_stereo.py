@@ -1,4 +1,4 @@
-"""enliven calibrate-stereo: two cameras as a depth sensor, from a printed board that both see."""
+"""``enliven calibrate-stereo``: makes a depth sensor of two cameras, with a printed board that both see."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def calibrate_stereo(
     """
     from enliven_edge.sensors.stereo import CalibrationBoard
 
-    board = CalibrationBoard(*_size(squares, "--squares"), 1e-3 * square)
+    board = CalibrationBoard(*_parse_size(squares, "--squares"), 1e-3 * square)
     if print_to is not None:
-        _print(board, print_to)
+        _write_board(board, print_to)
         return
     if folder is None:
         raise InputError(
@@ -74,11 +74,11 @@ def calibrate_stereo(
             mend="Give the folder of the pairs, or --live and a folder for new pairs.",
         )
     if live:
-        _take(board, folder, (left, right), _size(size, "--size"), pairs)
+        _record_pairs(board, folder, (left, right), _parse_size(size, "--size"), pairs)
     _calibrate(board, folder, output, accept_doubt)
 
 
-def _print(board: CalibrationBoard, path: Path) -> None:
+def _write_board(board: CalibrationBoard, path: Path) -> None:
     if path.suffix.lower() != ".pdf":
         raise InputError(f"it ends in {path.suffix!r}", where=str(path), mend="Give a name with .pdf.")
     try:
@@ -89,13 +89,14 @@ def _print(board: CalibrationBoard, path: Path) -> None:
 
 
 def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt: bool) -> None:
-    """Solves, prints the result, and writes it where it is good enough."""
+    """Solves the calibration, prints its quality, and writes it if it is good enough or the user accepts
+    it."""
     from enliven_edge.sensors.stereo import judge, save_calibration, solve
 
-    sightings, size = _seen(board, folder)
+    sightings, size = _find_boards(board, folder)
     solution = solve(board, sightings, size)
     judgement = judge(board, solution)
-    _tell(judgement)
+    _print_quality(judgement)
     calibration = solution.calibration
     if calibration is None or not (judgement.usable or accept_doubt):
         unchanged_note = f"; {output} was left unchanged" if output.exists() else ""
@@ -107,13 +108,14 @@ def _calibrate(board: CalibrationBoard, folder: Path, output: Path, accept_doubt
         )
     facts = [f"{name}: {value}" for name, value in judgement.facts]
     today = datetime.date.today().isoformat()
-    head = [f"Two cameras: enliven calibrate-stereo, {today}; {judgement.verdict}.", *judgement.advice]
-    save_calibration(output, calibration, [*head, *facts])
+    comments = [f"Two cameras: enliven calibrate-stereo, {today}; {judgement.verdict}.", *judgement.advice]
+    save_calibration(output, calibration, [*comments, *facts])
     say(f"{output} is written: enliven run --sensor libcamera --set calibration={output}")
 
 
-def _seen(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSighting], tuple[int, int]]:
-    """Finds the board in a folder's pairs; returns the sightings and the (width, height) of the images."""
+def _find_boards(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSighting], tuple[int, int]]:
+    """Finds the board in a folder's image pairs. Returns the sightings and the images' (width, height) in
+    pixels."""
     from enliven_edge.sensors.stereo import BoardSighting, image_pairs, read_grey
 
     sightings, size = [], (0, 0)
@@ -122,14 +124,16 @@ def _seen(board: CalibrationBoard, folder: Path) -> tuple[list[BoardSighting], t
         for file, image in zip(files, images, strict=True):
             size = size if any(size) else (image.shape[1], image.shape[0])
             if image.shape != size[::-1]:
-                of, first = (f"{each[0]} x {each[1]}" for each in (image.shape[::-1], size))
-                problem = f"it has {of} pixels, the first image {first}"
+                image_size, first_size = (
+                    f"{dimensions[0]} x {dimensions[1]}" for dimensions in (image.shape[::-1], size)
+                )
+                problem = f"it has {image_size} pixels, the first image {first_size}"
                 raise InputError(problem, where=str(file), mend="Take all in one size.")
         sightings.append(BoardSighting(files[0].name, *map(board.find, images)))
     return sightings, size
 
 
-def _take(
+def _record_pairs(
     board: CalibrationBoard, folder: Path, names: tuple[str, str], size: tuple[int, int], pairs: int
 ) -> None:
     """Saves pairs of live images in a folder."""
@@ -140,11 +144,11 @@ def _take(
 
     images = LibcameraImages(list(names), size)
     try:
-        pairing, keeper = Pairing(images.name, round(1e6 * _MAX_TIME_OFFSET_MS)), PairSelector(board)
+        pairing, selector = Pairing(images.name, round(1e6 * _MAX_TIME_OFFSET_MS)), PairSelector(board)
         folder.mkdir(parents=True, exist_ok=True)
-        last_message, looked, heard = "", 0.0, time.monotonic()
-        while len(keeper.kept) < pairs:
-            if time.monotonic() - heard > _PAIR_TIMEOUT_S:
+        last_message, checked_at, last_pair_at = "", 0.0, time.monotonic()
+        while len(selector.kept) < pairs:
+            if time.monotonic() - last_pair_at > _PAIR_TIMEOUT_S:
                 raise ResourceError("no pair of images came", where=images.name, mend="Check both cameras.")
             try:
                 picture = images.read(1.0)
@@ -153,30 +157,30 @@ def _take(
             pair = pairing.add(picture) if picture is not None else None
             if pair is None:
                 continue
-            heard = time.monotonic()
-            if heard - looked < _CHECK_INTERVAL_S:
+            last_pair_at = time.monotonic()
+            if last_pair_at - checked_at < _CHECK_INTERVAL_S:
                 continue
-            looked = heard
-            lacks = keeper.offer(pair[0].image, pair[1].image)
-            if not lacks:
-                for side, each in zip(("left", "right"), pair, strict=True):
-                    Image.fromarray(each.image).save(folder / f"{side}-{len(keeper.kept):03}.png")
-            word = lacks or f"{len(keeper.kept)} of {pairs} kept"
-            if word != last_message:
-                say(word)
-            last_message = word
+            checked_at = last_pair_at
+            rejection = selector.offer(pair[0].image, pair[1].image)
+            if not rejection:
+                for side, image in zip(("left", "right"), pair, strict=True):
+                    Image.fromarray(image.image).save(folder / f"{side}-{len(selector.kept):03}.png")
+            status = rejection or f"{len(selector.kept)} of {pairs} kept"
+            if status != last_message:
+                say(status)
+            last_message = status
     finally:
         images.close()
 
 
-def _tell(judgement: CalibrationQuality) -> None:
+def _print_quality(judgement: CalibrationQuality) -> None:
     advice = [("to do", sentence) for sentence in judgement.advice]
     plain_console().print(facts_table([("calibration", judgement.verdict), *judgement.facts, *advice]))
 
 
-def _size(words: str, where: str) -> tuple[int, int]:
+def _parse_size(text: str, where: str) -> tuple[int, int]:
     """Parses the two numbers of 640x400."""
-    match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", words)
+    match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
     if not match:
-        raise InputError(f"{words!r} is not ACROSSxDOWN", where=where, mend="For example: 7x5")
+        raise InputError(f"{text!r} is not ACROSSxDOWN", where=where, mend="For example: 7x5")
     return int(match[1]), int(match[2])

@@ -1,4 +1,4 @@
-"""enliven edge: the program beside the camera."""
+"""``enliven edge``: the program on the computer with the camera."""
 
 from __future__ import annotations
 
@@ -120,188 +120,213 @@ def edge(
       enliven edge --sensor synthetic --mesh CACTUS.toml
       enliven edge --sensor synthetic --mesh chair --mesh HORSE.obj
     """
-    _one_thread_for_matrices()
+    _limit_blas_threads()
     need_folder(record)
     from enliven_edge.network import check_open, raise_descriptor_limit
     from enliven_edge.physics import PhysicsSettings
-    from enliven_edge.settings import characters_of
+    from enliven_edge.settings import characters_from_options
 
-    chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port, open=open_to_all)
-    check_open(chosen.wire.host, chosen.wire.open)
+    edge_settings = _load_edge_settings(
+        settings, name=name, host=host, port=port, control_port=control_port, open=open_to_all
+    )
+    check_open(edge_settings.wire.host, edge_settings.wire.open)
     raise_descriptor_limit()
     if up is not None:
-        chosen = dataclasses.replace(chosen, up=up)
+        edge_settings = dataclasses.replace(edge_settings, up=up)
     if physics is not None:
         world = load_settings(PhysicsSettings, {"world": physics}, where="--physics").world
-        chosen = dataclasses.replace(chosen, physics=dataclasses.replace(chosen.physics, world=world))
-    characters = characters_of(mesh or [], drive or [], parts or [], chosen.characters)
+        edge_settings = dataclasses.replace(
+            edge_settings, physics=dataclasses.replace(edge_settings.physics, world=world)
+        )
+    characters = characters_from_options(mesh or [], drive or [], parts or [], edge_settings.characters)
     folder = settings.parent if settings else None
-    source = _sources(sensor or [], recording or [], option or [], speed, loop, chosen, folder)
+    source = _select_sources(sensor or [], recording or [], option or [], speed, loop, edge_settings, folder)
     if space is not None:
-        chosen = dataclasses.replace(chosen, space=str(space))
-    elif chosen.space and folder is not None:
-        chosen = dataclasses.replace(chosen, space=str(folder / chosen.space))
-    run = (characters, possess_at, record, overwrite, wait_for_viewer, seconds)
-    serve(chosen, source, run, folder, once, wait_for_sensor)
+        edge_settings = dataclasses.replace(edge_settings, space=str(space))
+    elif edge_settings.space and folder is not None:
+        edge_settings = dataclasses.replace(edge_settings, space=str(folder / edge_settings.space))
+    run_options = (characters, possess_at, record, overwrite, wait_for_viewer, seconds)
+    serve(edge_settings, source, run_options, folder, once, wait_for_sensor)
 
 
-def _one_thread_for_matrices() -> None:
-    """NumPy's and SciPy's matrix library starts no threads: matrices here are small, and idle threads spin.
+def _limit_blas_threads() -> None:
+    """Limits the matrix library of NumPy and SciPy to one thread, because matrices here are small and idle
+    threads spin.
 
-    Measured: 0.1 s of processor time a start. A number that the user has set stays.
+    This saves 0.1 s of processor time at each start (measured). A number of threads that the user has set is
+        kept.
     """
     if "numpy" not in sys.modules:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def serve(
-    chosen: EdgeSettings,
+    edge_settings: EdgeSettings,
     sources: list[Source],
-    run: tuple[list[CharacterChoice], float | None, Path | None, bool, float, float | None],
+    run_options: tuple[list[CharacterChoice], float | None, Path | None, bool, float, float | None],
     folder: Path | None = None,
     once: bool = False,
     wait_for_sensor: bool = False,
 ) -> None:
-    """Opens everything, runs the loop, and closes everything; heavy modules are imported only here."""
+    """Opens the sensors and the stage, runs the loop, and closes everything. Imports heavy modules only
+    here."""
     from enliven_edge.character_upload import CharacterUploads
-    from enliven_edge.commands.preparation import prepared
-    from enliven_edge.commands.progress import at_signals
+    from enliven_edge.commands.preparation import prepare_actors
+    from enliven_edge.commands.progress import handle_signals
     from enliven_edge.controls import open_controls
     from enliven_edge.extras import need
-    from enliven_edge.network import Outlet, need_free
+    from enliven_edge.network import Outlet, check_free
     from enliven_edge.physics import PhysicsSwitch
     from enliven_edge.scans import Scans
     from enliven_edge.service import Edge
-    from enliven_edge.sources import opened
+    from enliven_edge.sources import open_sources
     from enliven_edge.stage import Stage
     from enliven_edge.tracking import Tracker, without_deadline
     from enliven_edge.tracking.health import HealthMonitor
 
-    characters, possess_at, record, overwrite, wait, seconds = run
-    if chosen.physics.world != "none":
+    characters, possess_at, record, overwrite, viewer_timeout, seconds = run_options
+    if edge_settings.physics.world != "none":
         need("mujoco", "physics", "--physics")
-    need_free(chosen.wire)
-    with at_signals(_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
-        controls = stack.enter_context(open_controls(chosen.controls, folder, hides_talk=chosen.wire.open))
-        sensors = opened(sources, stack, wait_for_sensor)
-        live = any(source.sensor != "replay" for source in sources)
-        if not live:
-            chosen = dataclasses.replace(chosen, tracker=without_deadline(chosen.tracker))
-        sensor = stack.enter_context(_one_of(sensors, sources, chosen, once))
-        actors, parts = prepared(characters, chosen)
-        playground = _playground(chosen.physics, [actor.character for actor in actors], live)
-        outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
-        stage = Stage(actors, chosen.stage)
+    check_free(edge_settings.wire)
+    with handle_signals(_raise_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
+        controls = stack.enter_context(
+            open_controls(edge_settings.controls, folder, hides_talk=edge_settings.wire.open)
+        )
+        sensors = open_sources(sources, stack, wait_for_sensor)
+        is_live = any(source.sensor != "replay" for source in sources)
+        if not is_live:
+            edge_settings = dataclasses.replace(
+                edge_settings, tracker=without_deadline(edge_settings.tracker)
+            )
+        sensor = stack.enter_context(_combine_sensors(sensors, sources, edge_settings, once))
+        actors, parts = prepare_actors(characters, edge_settings)
+        playground = _create_playground(edge_settings.physics, [actor.character for actor in actors], is_live)
+        outlet = stack.enter_context(
+            Outlet(edge_settings.wire, sensor.name, record=record, overwrite=overwrite)
+        )
+        stage = Stage(actors, edge_settings.stage)
         service = Edge(
             sensor,
-            Tracker(chosen.tracker, _colour_eye(chosen, stack)),
+            Tracker(edge_settings.tracker, _open_colour_estimator(edge_settings, stack)),
             stage,
             outlet,
-            uploads=CharacterUploads(stage, chosen),
-            scans=Scans(stage, chosen),
+            uploads=CharacterUploads(stage, edge_settings),
+            scans=Scans(stage, edge_settings),
             possess_at=possess_at,
             parts=parts,
             stop_after=seconds,
-            physics=PhysicsSwitch(chosen.physics, live=live, playground=playground),
+            physics=PhysicsSwitch(edge_settings.physics, live=is_live, playground=playground),
             controls=controls,
             once=once,
             health=HealthMonitor(
-                chosen.health, fps=getattr(sensor, "fps", None), far=chosen.tracker.scene.far
+                edge_settings.health, fps=getattr(sensor, "fps", None), far=edge_settings.tracker.scene.far
             ),
         )
         controls.forget()
-        with at_signals(service.stop, signal.SIGINT, signal.SIGTERM):
-            log.info("%s listens on %s for %s", chosen.wire.name, outlet.publisher.endpoint, sensor.name)
-            if wait:
-                service.wait_for_viewer(wait)
+        with handle_signals(service.stop, signal.SIGINT, signal.SIGTERM):
+            log.info(
+                "%s listens on %s for %s", edge_settings.wire.name, outlet.publisher.endpoint, sensor.name
+            )
+            if viewer_timeout:
+                service.wait_for_viewer(viewer_timeout)
             service.run()
         outlet.end(service.pace)
         log.info("%d frames, %.1f ms at the median", service.frames, service.pace.latency_ms(50))
 
 
-def _interrupt() -> None:
-    """Ends the preparation at SIGTERM as Ctrl-C does: what was opened is closed."""
+def _raise_interrupt() -> None:
+    """Raises KeyboardInterrupt, so that SIGTERM ends the preparation like Ctrl-C and everything opened is
+    closed."""
     raise KeyboardInterrupt
 
 
-def _colour_eye(chosen: EdgeSettings, stack: contextlib.ExitStack) -> ColourPoseEstimator | None:
-    """Returns the source of colour landmarks, where the settings ask for one."""
-    if not chosen.colour.use:
+def _open_colour_estimator(
+    edge_settings: EdgeSettings, stack: contextlib.ExitStack
+) -> ColourPoseEstimator | None:
+    """Returns the estimator of bodies from colour images, or None if the settings do not use it."""
+    if not edge_settings.colour.use:
         return None
     from enliven_edge.landmarks import ColourPoseEstimator, MediaPipeSource
 
     return ColourPoseEstimator(
-        stack.enter_context(MediaPipeSource(chosen.colour.mediapipe)), chosen.colour.lift
+        stack.enter_context(MediaPipeSource(edge_settings.colour.mediapipe)), edge_settings.colour.lift
     )
 
 
-def _playground(chosen: PhysicsSettings, characters: list[Character], live: bool) -> Playground | None:
-    """Returns the physics, ready for the first frame, or None; a recording gives the same each time."""
-    if chosen.world == "none":
+def _create_playground(
+    physics_settings: PhysicsSettings, characters: list[Character], is_live: bool
+) -> Playground | None:
+    """Returns the physics world, ready for the first frame, or None. With a recording it is deterministic."""
+    if physics_settings.world == "none":
         return None
     from enliven_edge.physics import Playground
 
-    if not live:
-        chosen = dataclasses.replace(chosen, engine=dataclasses.replace(chosen.engine, budget=0.0))
-    playground = Playground(chosen, characters)
+    if not is_live:
+        physics_settings = dataclasses.replace(
+            physics_settings, engine=dataclasses.replace(physics_settings.engine, budget=0.0)
+        )
+    playground = Playground(physics_settings, characters)
     playground.warm_up()
     return playground
 
 
-def _settings(path: Path | None, **overrides: str | int | bool | None) -> EdgeSettings:
-    """Returns the settings of the file, overridden by the command line's."""
+def _load_edge_settings(path: Path | None, **overrides: str | int | bool | None) -> EdgeSettings:
+    """Returns the settings of the file, with the values of the command line in their place."""
     from enliven_edge.settings import EdgeSettings, WireSettings
 
     loaded = load_settings(EdgeSettings, path) if path else EdgeSettings()
-    given = {key: value for key, value in overrides.items() if value is not None}
-    port = given.get("port")
-    if isinstance(port, int) and "control_port" not in given:
-        given["control_port"] = port + 1 if port else 0
-    wire = load_settings(WireSettings, {**vars(loaded.wire), **given}, where="command line")
+    wire_values = {key: value for key, value in overrides.items() if value is not None}
+    port = wire_values.get("port")
+    if isinstance(port, int) and "control_port" not in wire_values:
+        wire_values["control_port"] = port + 1 if port else 0
+    wire = load_settings(WireSettings, {**vars(loaded.wire), **wire_values}, where="command line")
     return dataclasses.replace(loaded, wire=wire)
 
 
-def _sources(
+def _select_sources(
     sensors: list[str],
     recordings: list[str],
     options: list[str],
     speed: float,
     loop: bool,
-    chosen: EdgeSettings,
+    edge_settings: EdgeSettings,
     folder: Path | None,
 ) -> list[Source]:
-    """Returns the sources of the command line, else of the settings, else the shipped recording."""
+    """Returns the sources of the command line. Without any: those of the settings, or else the shipped
+    recording."""
     from enliven_edge.doctor import shipped_recording
     from enliven_edge.sensors import sensor_options
-    from enliven_edge.sources import source_of, sources_of
+    from enliven_edge.sources import parse_source, sources_from_settings
 
     if len(sensors) == 1 and len(recordings) == 1:
         raise typer.BadParameter("give a sensor or a recording, not both")
     replay = {"speed": speed, "loop": loop}
-    words = [*sensors, *recordings]
-    if not words and chosen.sensors:
-        return sources_of(chosen.sensors, folder)
-    words = words or [str(shipped_recording())]
-    return [source_of(word, sensor_options(options), replay) for word in words]
+    names = [*sensors, *recordings]
+    if not names and edge_settings.sensors:
+        return sources_from_settings(edge_settings.sensors, folder)
+    names = names or [str(shipped_recording())]
+    return [parse_source(name, sensor_options(options), replay) for name in names]
 
 
-def _one_of(sensors: dict[str, Sensor], sources: list[Source], chosen: EdgeSettings, once: bool) -> Sensor:
-    """Returns the one sensor; several are fused into one that delivers bodies."""
+def _combine_sensors(
+    sensors: dict[str, Sensor], sources: list[Source], edge_settings: EdgeSettings, once: bool
+) -> Sensor:
+    """Returns the only sensor, or several sensors fused into one that delivers bodies."""
     if len(sensors) == 1:
         return next(iter(sensors.values()))
-    if not chosen.space:
+    if not edge_settings.space:
         raise InputError(
             "the places of several sensors must be known",
             where="edge",
             mend="Run enliven calibrate ... -o space.toml, and give --space space.toml.",
         )
-    return _fused(sources, sensors, chosen, once)
+    return _fuse_sensors(sources, sensors, edge_settings, once)
 
 
-def _fused(
-    sources: list[Source], sensors: dict[str, Sensor], chosen: EdgeSettings, once: bool
+def _fuse_sensors(
+    sources: list[Source], sensors: dict[str, Sensor], edge_settings: EdgeSettings, once: bool
 ) -> FusedSensors:
-    """Returns several sensors as one."""
+    """Returns several sensors fused into one that delivers bodies."""
     from enliven_edge.fusion.live import FusedSensors, settings_before_fusion, warm_up_fusion
     from enliven_edge.fusion.placement import load_space
     from enliven_edge.tracking import Tracker
@@ -309,10 +334,12 @@ def _fused(
 
     trackers, health = {}, {}
     for source, (name, sensor) in zip(sources, sensors.items(), strict=True):
-        scene = source.scene or chosen.tracker.scene
-        trackers[name] = Tracker(settings_before_fusion(dataclasses.replace(chosen.tracker, scene=scene)))
+        scene = source.scene or edge_settings.tracker.scene
+        trackers[name] = Tracker(
+            settings_before_fusion(dataclasses.replace(edge_settings.tracker, scene=scene))
+        )
         fps = getattr(sensor, "fps", None)
-        health[name] = HealthMonitor(chosen.health, fps=fps, far=scene.far, name=name)
+        health[name] = HealthMonitor(edge_settings.health, fps=fps, far=scene.far, name=name)
     warm_up_fusion()
-    space = load_space(Path(chosen.space))
-    return FusedSensors(sensors, trackers, space, chosen.fusion, health, once)
+    space = load_space(Path(edge_settings.space))
+    return FusedSensors(sensors, trackers, space, edge_settings.fusion, health, once)

@@ -1,4 +1,4 @@
-"""Options that commands which read foreign files share."""
+"""Options shared by the commands that read files of other programs."""
 
 from __future__ import annotations
 

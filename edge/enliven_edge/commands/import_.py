@@ -48,7 +48,7 @@ def import_recording(
       enliven import D405/ --units-per-metre 10000 -o d405.mcap   depth images in another unit
       enliven import --list-readers                               list the known layouts
     """
-    from enliven_edge.importing import ImportOptions, find_files, find_reader, lens_of, mirrored
+    from enliven_edge.importing import ImportOptions, find_files, find_reader, mirror_frames, parse_lens
 
     console = plain_console()
     if list_readers:
@@ -61,26 +61,26 @@ def import_recording(
             mend="For example: enliven import FOLDER -o take.mcap",
         )
     paths = find_files(files)
-    chosen = find_reader(paths, reader)
-    notes = [chosen.note] if chosen.note else []
-    options = ImportOptions(fps, device, lens_of(lens), units_per_metre, notes.append)
-    frames = iter(chosen.read(paths, options))
+    chosen_reader = find_reader(paths, reader)
+    notes = [chosen_reader.note] if chosen_reader.note else []
+    options = ImportOptions(fps, device, parse_lens(lens), units_per_metre, notes.append)
+    frames = iter(chosen_reader.read(paths, options))
     # Read the first frame in advance, because it settles the assumptions about the files, which the recording
     # stores.
-    first = list(islice(frames, 1))
-    frames = chain(first, frames)
+    first_frame = list(islice(frames, 1))
+    frames = chain(first_frame, frames)
     contents = write_recording(
-        mirrored(frames) if mirror else frames,
+        mirror_frames(frames) if mirror else frames,
         output,
-        task=f"Importing ({chosen.name})",
-        facts=("import", {"reader": chosen.name, "note": "; ".join(notes)}),
-        empty=InputError("the files hold no frames", where=chosen.name, mend="Choose others."),
+        task=f"Importing ({chosen_reader.name})",
+        facts=("import", {"reader": chosen_reader.name, "note": "; ".join(notes)}),
+        empty=InputError("the files hold no frames", where=chosen_reader.name, mend="Choose others."),
         level=level,
         overwrite=overwrite,
         console=console,
     )
     size = output.stat().st_size / 1e6
-    say(f"{output}: {contents.summary} ({chosen.name}, {size:.1f} MB)")
+    say(f"{output}: {contents.summary} ({chosen_reader.name}, {size:.1f} MB)")
     for note in notes:
         say(f"Note: {note}.")
 

@@ -1,4 +1,4 @@
-"""``enliven inspect``: what became of a recorded sensor, and what the tracker makes of it, as a film."""
+"""``enliven inspect``: reports the faults of a recorded sensor, and draws the tracker's result as a film."""
 
 from __future__ import annotations
 
@@ -64,13 +64,13 @@ def inspect(
             mend="Skeletons alone cannot be tracked.",
         )
     else:
-        rate, count = _rate(source, count), min(count, frames or count)
-        _film(source, log, output, sheet, width, (rate, rate / slow), count)
+        rate, count = _measure_rate(source, count), min(count, frames or count)
+        _write_film(source, log, output, sheet, width, (rate, rate / slow), count)
         say(f"{output}: {count} frames at {rate / slow:.3g} a second")
     plain_console().print(facts_table(log.facts()))
 
 
-def _film(
+def _write_film(
     source: Recording,
     log: SensorLog,
     output: Path,
@@ -79,7 +79,8 @@ def _film(
     rates: tuple[float, float],
     count: int,
 ) -> None:
-    """Writes the film, and the sheet where one is wanted; ``rates``: of the recording and the film."""
+    """Writes the film, and the contact sheet if requested. ``rates`` are the recording's and the film's, in
+    Hz."""
     import numpy as np
     from PIL import Image
 
@@ -91,7 +92,7 @@ def _film(
     kept: list[UInt8] = []
     picked = set(np.linspace(0, count - 1, min(12, count)).round().astype(int))
     with FilmWriter(output, None, rates[1], _BIT_RATE) as film:
-        numbered = zip(range(count), _pictures(source, log, inspector), strict=False)
+        numbered = zip(range(count), _draw_pictures(source, log, inspector), strict=False)
         for n, picture in track(numbered, "Filming", total=count, transient=True):
             film.add(picture)
             if n in picked:
@@ -100,20 +101,20 @@ def _film(
         write_picture(sheet, Image.fromarray(contact_sheet(kept, 4, 480)))
 
 
-def _pictures(source: Recording, log: SensorLog, inspector: Inspector) -> Iterator[UInt8]:
+def _draw_pictures(source: Recording, log: SensorLog, inspector: Inspector) -> Iterator[UInt8]:
     """Yields a picture for every depth frame."""
     from enliven.frames import DepthFrame
     from enliven_edge.sensors import LogReader
 
     for moment in LogReader(source):
         log.add(moment)
-        if isinstance(moment.said, Exception):
-            inspector.failed(moment.said)
-        elif isinstance(moment.said, DepthFrame):
-            yield inspector.picture(moment.said, moment.condition)
+        if isinstance(moment.content, Exception):
+            inspector.failed(moment.content)
+        elif isinstance(moment.content, DepthFrame):
+            yield inspector.picture(moment.content, moment.condition)
 
 
-def _rate(source: Recording, count: int) -> float:
-    """Returns the frames a second of a recording, from its times."""
+def _measure_rate(source: Recording, count: int) -> float:
+    """Returns the frame rate of a recording in frames per second, computed from its times."""
     seconds = source.info.duration
     return min(max((count - 1) / seconds, 1.0), 240.0) if seconds > 0 and count > 1 else _USUAL_RATE

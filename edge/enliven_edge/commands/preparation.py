@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Self
 from enliven.commands import progress_lines, say
 from enliven.document import unused
 from enliven.kernel_cache import on_compilation, user_folder
-from enliven_edge.stage import cast, name_of, parts_for
+from enliven_edge.stage import create_actor, name_of, parts_for
 from enliven_edge.stage.puppet import is_puppet
 from enliven_edge.warmup import warm_up_tracking
 
@@ -22,41 +22,47 @@ if TYPE_CHECKING:
     from enliven_edge.settings import CharacterChoice, CharacterSettings, EdgeSettings
 
 
-def prepared(wanted: Sequence[CharacterChoice], chosen: EdgeSettings) -> tuple[list[Actor], dict[str, str]]:
+def prepare_actors(
+    choices: Sequence[CharacterChoice], edge_settings: EdgeSettings
+) -> tuple[list[Actor], dict[str, str]]:
     """Returns the actors with every kernel compiled, and by actor ID the body parts that may possess it.
 
     If the machine has no compiled kernels, this takes a minute on two cores. Later starts take a second.
     """
     actors: dict[str, Actor] = {}
     parts: dict[str, str] = {}
-    meshes = ", ".join(choice.mesh for _, choice in wanted)
-    first = f"Preparing {meshes}: sampling, linking, weighting"
-    with TrackerCompilation() as tracker, _steps(first, total=1 + 2 * len(wanted)) as next_step:
-        for name, choice in wanted:
-            actor = _cast(choice, name, actors, chosen)
-            own = actor.character.id
-            actors[own], parts[own] = actor, choice.parts or parts_for(choice.mesh)
-            actor.preview(None, parts[own].split("/")[0].strip())
+    meshes = ", ".join(choice.mesh for _, choice in choices)
+    first_step = f"Preparing {meshes}: sampling, linking, weighting"
+    with TrackerCompilation() as tracker, _show_steps(first_step, total=1 + 2 * len(choices)) as next_step:
+        for name, choice in choices:
+            actor = _create_actor(choice, name, actors, edge_settings)
+            actor_id = actor.character.id
+            actors[actor_id], parts[actor_id] = actor, choice.parts or parts_for(choice.mesh)
+            actor.preview(None, parts[actor_id].split("/")[0].strip())
             next_step("Compiling the solver (kept for the next start)")
             actor.warm_up()
             next_step("Compiling the tracker (kept for the next start)")
         tracker.wait()
-        warm_up_tracking(chosen.tracker)
+        warm_up_tracking(edge_settings.tracker)
     return list(actors.values()), parts
 
 
-def _cast(one: CharacterSettings, name: str, taken: Mapping[str, object], chosen: EdgeSettings) -> Actor:
+def _create_actor(
+    character: CharacterSettings, name: str, used_ids: Mapping[str, object], edge_settings: EdgeSettings
+) -> Actor:
     """Returns the actor for the settings, with an unused ID. Only the modules that it needs are imported."""
-    if is_puppet(one.mesh):
-        from enliven_edge.stage.puppet import cast_puppet
+    if is_puppet(character.mesh):
+        from enliven_edge.stage.puppet import create_puppet_actor
 
-        return cast_puppet(one.mesh, chosen.puppet, name, taken)
-    name = unused(name or name_of(one.mesh), taken)
-    if (one.drive or chosen.drive) == "skeleton":
-        from enliven_edge.stage.rig import cast_rig
+        return create_puppet_actor(character.mesh, edge_settings.puppet, name, used_ids)
+    name = unused(name or name_of(character.mesh), used_ids)
+    if (character.drive or edge_settings.drive) == "skeleton":
+        from enliven_edge.stage.rig import create_rig_actor
 
-        return cast_rig(one.mesh, chosen.matching, name)
-    return cast(one.mesh, chosen.nodes, chosen.actor, chosen.up or None, name)
+        return create_rig_actor(character.mesh, edge_settings.matching, name)
+    return create_actor(
+        character.mesh, edge_settings.nodes, edge_settings.actor, edge_settings.up or None, name
+    )
 
 
 class TrackerCompilation:
@@ -68,54 +74,54 @@ class TrackerCompilation:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        self._listening = contextlib.ExitStack()
+        self._subscriptions = contextlib.ExitStack()
 
     def __enter__(self) -> Self:
         if user_folder() is not None and (os.cpu_count() or 1) > 1:
-            self._listening.enter_context(on_compilation(self._start))
+            self._subscriptions.enter_context(on_compilation(self._start))
         return self
 
     def _start(self, compiled: int) -> None:
         if self._process is None:
             command = [sys.executable, "-m", "enliven_edge.warmup"]
-            quiet = subprocess.DEVNULL
-            self._process = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)
+            no_stream = subprocess.DEVNULL
+            self._process = subprocess.Popen(command, stdin=no_stream, stdout=no_stream, stderr=no_stream)
 
     def wait(self) -> None:
-        """Returns when the process has ended. If it failed, this process compiles what is missing."""
-        self._listening.close()
+        """Waits until the process has ended. If it failed, this process compiles the missing kernels."""
+        self._subscriptions.close()
         if self._process is not None:
             self._process.wait()
 
     def __exit__(self, *error: object) -> None:
-        self._listening.close()
+        self._subscriptions.close()
         if self._process is not None:
             self._process.kill()
             self._process.wait()
 
 
 @contextlib.contextmanager
-def _steps(first: str, total: int) -> Iterator[Callable[[str], None]]:
-    """Yields a function that names the next step.
+def _show_steps(first_step: str, total: int) -> Iterator[Callable[[str], None]]:
+    """Yields a function that reports the next step by name.
 
     A terminal shows the current step and the number of compiled kernels. Other outputs get one line at the
     first compiled kernel, so that a log explains the wait.
     """
     if not sys.stderr.isatty():
-        with on_compilation(_say_once):
+        with on_compilation(_print_note_once):
             yield lambda step: None
         return
     with progress_lines("{task.description}", "{task.fields[kernels]}", bar=True) as progress:
-        task = progress.add_task(first, total=total, kernels="")
+        task = progress.add_task(first_step, total=total, kernels="")
         with on_compilation(lambda count: progress.update(task, kernels=f"{count + 1} kernels compiled")):
             yield lambda step: progress.update(task, advance=1, description=step)
 
 
 @functools.cache
-def _say_wait() -> None:
-    """Writes that kernels are compiled, once per process."""
+def _print_wait_note() -> None:
+    """Prints that kernels are being compiled, once per process."""
     say("enliven edge: compiling kernels; this takes a minute or two, once on this machine", err=True)
 
 
-def _say_once(compiled: int) -> None:
-    _say_wait()
+def _print_note_once(compiled: int) -> None:
+    _print_wait_note()

@@ -1,4 +1,4 @@
-"""What commands show on a terminal, what Ctrl-C does meanwhile, and recordings that they write whole."""
+"""Progress lines of commands, their handling of Ctrl-C, and the writing of complete recordings."""
 
 from __future__ import annotations
 
@@ -23,22 +23,26 @@ if TYPE_CHECKING:
 
 
 @contextlib.contextmanager
-def at_signals(act: Callable[[], None], *signals: int) -> Iterator[None]:
-    """Calls ``act`` at these signals; on another thread than the main one, which gets none, does nothing."""
+def handle_signals(callback: Callable[[], None], *signals: int) -> Iterator[None]:
+    """Calls ``callback`` at these signals while the context is open. Does nothing outside the main thread,
+    which alone gets signals."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {each: signal.signal(each, lambda *_: act()) for each in signals}
+    previous_handlers = {
+        signal_number: signal.signal(signal_number, lambda *_: callback()) for signal_number in signals
+    }
     try:
         yield
     finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)
+        for signal_number, handler in previous_handlers.items():
+            signal.signal(signal_number, handler)
 
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[threading.Event]:
-    """Yields an event that Ctrl-C sets, so that the work is completed; a second Ctrl-C interrupts at once."""
+    """Yields an event that Ctrl-C sets, so that the caller can finish its work. A second Ctrl-C interrupts at
+    once."""
     stop = threading.Event()
 
     def interrupted() -> None:
@@ -46,18 +50,18 @@ def interruptible() -> Iterator[threading.Event]:
             raise KeyboardInterrupt
         stop.set()
 
-    with at_signals(interrupted, signal.SIGINT):
+    with handle_signals(interrupted, signal.SIGINT):
         yield stop
 
 
 def frame_progress(console: Console) -> Progress:
-    """Returns a line with the frames and the time; tasks need the field ``count``."""
+    """Returns a progress line with the frame count and the time. Its tasks need the field ``count``."""
     return progress_lines("{task.description}: {task.fields[count]} frames", console=console)
 
 
 @dataclass
 class RecordingCounts:
-    """Counts of what was written so far."""
+    """Counts of the frames and people written so far."""
 
     frames: int = 0
     people: int = 0
@@ -106,13 +110,13 @@ def write_recording(
     """Writes all frames under a temporary name, and renames the file when it is complete.
 
     Args:
-        task: what the progress bar says.
-        facts: a name and values that the recording keeps about how it was made.
-        empty: raised where there are no frames.
-        level: of the compression, 1 to 22.
+        task: text of the progress bar.
+        facts: name and values of a metadata record about the origin of the recording.
+        empty: the error to raise if there are no frames.
+        level: compression level, 1 to 22.
 
     Raises:
-        InputError: where the output exists already, or a file cannot be understood; nothing is left behind.
+        InputError: if the output exists already, or an input file is invalid. No partial file is left.
     """
     from enliven.recording import Recorder
 

@@ -1,4 +1,4 @@
-"""``enliven record``: writes what a sensor delivers to a file."""
+"""``enliven record``: writes the frames of a sensor to a file."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def record(
       enliven record --sensor replay --set path=LONG.mcap --set speed=0 --seconds 5 -o start.mcap
     """
     from enliven_edge.recording import PartedRecorder
-    from enliven_edge.sensors import kept_open, sensor_opener, sensor_options
+    from enliven_edge.sensors import open_reopening, sensor_opener, sensor_options
 
     console = plain_console()
     with (
-        kept_open(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,
+        open_reopening(sensor_opener(sensor, every_frame=True, **sensor_options(setting or []))) as stream,
         PartedRecorder(output, compression_level=level, overwrite=overwrite) as recorder,
         interruptible() as stop,
         frame_progress(console) as progress,
@@ -73,13 +73,14 @@ def record(
 def record_stream(
     stream: Sensor, recorder: Recorder | PartedRecorder, stop: threading.Event, seconds: float | None = None
 ) -> Iterator[int]:
-    """Write frames until the stream ends, ``stop`` is set, or ``seconds`` have passed; yields the count.
+    """Writes frames until the stream ends, ``stop`` is set, or ``seconds`` have passed. Yields the frame
+    count.
 
-    What becomes of the sensor is written beside them. One that fails is read on, and a frame that cannot be
-    used is left out; both are logged.
+    The events of the sensor are recorded too. After a failure of the sensor, reading continues. A frame that
+    cannot be used is left out. Both are logged.
     """
     from enliven_edge.sensors import EventLog, SensorFault, condition_of
-    from enliven_edge.tracking.frame import flaw_of
+    from enliven_edge.tracking.frame import find_flaw
 
     count, first_ns, event_log = 0, None, EventLog(recorder)
     while not stop.is_set():
@@ -94,7 +95,7 @@ def record_stream(
             continue
         if frame is None:
             return
-        if flaw := flaw_of(frame):
+        if flaw := find_flaw(frame):
             log.warning("%s: a frame is left out: %s", stream.name, flaw)
             event_log.failed(InputError(flaw, where=stream.name))
             continue

@@ -1,4 +1,4 @@
-"""``enliven scan``: carries a depth camera round a thing, and writes the thing as a mesh."""
+"""``enliven scan``: scans an object with a depth camera that is carried round it, and writes its mesh."""
 
 from __future__ import annotations
 
@@ -110,40 +110,54 @@ def scan(
       enliven scan --recording MORE.mcap --add chair.glb -o chair.glb
     """
     from enliven.scanning.objects import MovedScanner, following
-    from enliven_edge.commands.scan_job import ScanJob, corners_of, keep_of, refuse_beside, scanner_of
-    from enliven_edge.scanning import FARTHEST, PERSON_VOXEL, PersonScanner, put_on_stage, stage_command
+    from enliven_edge.commands.scan_job import (
+        ScanJob,
+        create_scanner,
+        parse_box,
+        refuse_combination,
+        select_kept_part,
+    )
+    from enliven_edge.scanning import (
+        MAX_PERSON_DISTANCE_M,
+        PERSON_VOXEL_M,
+        PersonScanner,
+        put_on_stage,
+        stage_command,
+    )
 
     need_folder(output, sheet)
-    _checked(output, recording, sensor, overwrite or output == add)
-    meant = keep_of(whole, corners_of(box), before, within)
+    _check_arguments(output, recording, sensor, overwrite or output == add)
+    kept_part = select_kept_part(whole, parse_box(box), before, within)
     if before is not None and add is not None:
         raise InputError("--before and --add do not go together", where="scan", mend="Give one of them.")
     if edge is not None:
         stage_command()  # Report missing requirements of the stage before the scan, not after it.
-    voxel = voxel or (1e3 * PERSON_VOXEL if person else _DEFAULT_VOXEL_MM)
-    scanner = scanner_of(voxel, reach, within, memory, thing)
+    voxel = voxel or (1e3 * PERSON_VOXEL_M if person else _DEFAULT_VOXEL_MM)
+    scanner = create_scanner(voxel, reach, within, memory, thing)
     if moved or turned:
-        refuse_beside("--turned" if turned else "--moved", whole, box, before, add, within)
+        refuse_combination("--turned" if turned else "--moved", whole, box, before, add, within)
         scanner = MovedScanner(following(scanner.settings) if turned else scanner.settings)
     if person:
-        refuse_beside("--person", whole, box, before, add, within)
+        refuse_combination("--person", whole, box, before, add, within)
         if moved or turned:
             other = "--turned" if turned else "--moved"
             raise InputError(
                 f"--person and {other} do not go together", where="scan", mend="Give one of them."
             )
-        scanner = PersonScanner(scanner_of(voxel, FARTHEST, FARTHEST, memory).settings)
+        scanner = PersonScanner(
+            create_scanner(voxel, MAX_PERSON_DISTANCE_M, MAX_PERSON_DISTANCE_M, memory).settings
+        )
     job = ScanJob(scanner, recording, sensor or "", setting or [], seconds, before or add, keep)
-    scan_result = job.run(meant, triangles, output)
+    scan_result = job.run(kept_part, triangles, output)
     if sheet is not None:
         _write_sheet(scan_result.mesh, sheet)
-    job.tell(scan_result, output)
+    job.print_result(scan_result, output)
     if edge is not None:
         put_on_stage(output, edge)
 
 
-def _checked(output: Path, recording: Path | None, sensor: str | None, overwrite: bool) -> None:
-    """Refuses what cannot be, before the first frame."""
+def _check_arguments(output: Path, recording: Path | None, sensor: str | None, overwrite: bool) -> None:
+    """Raises InputError for invalid arguments, before the first frame is read."""
     from enliven_edge.scanning import ENDINGS
 
     if (recording is None) == (sensor is None):
@@ -160,6 +174,6 @@ def _checked(output: Path, recording: Path | None, sensor: str | None, overwrite
 def _write_sheet(mesh: Mesh, path: Path) -> None:
     from PIL import Image
 
-    from enliven_edge.scanning import sheet_of
+    from enliven_edge.scanning import draw_contact_sheet
 
-    write_picture(path, Image.fromarray(sheet_of(mesh)))
+    write_picture(path, Image.fromarray(draw_contact_sheet(mesh)))

@@ -1,4 +1,4 @@
-"""The work of ``enliven scan``: images are fused until they end, and what is meant becomes a file."""
+"""The work of ``enliven scan``: fuses images until they end, and writes the selected part of the surface."""
 
 from __future__ import annotations
 
@@ -29,27 +29,27 @@ from enliven_edge.scanning import (
     Keep,
     ScanLog,
     ScannedMesh,
-    finished,
-    keep_scan,
-    kept_beside,
+    check_registered,
+    describe_objects,
+    finish_scan,
+    load_first_part,
     recorded_images,
-    refuse_unseen,
-    said_of_things,
-    scan_first,
     sensor_images,
+    store_scan,
+    stored_scan_path,
     write_scan,
 )
 
 
-def scanner_of(voxel: float, reach: float, within: float | None, memory: int, thing: int = 1) -> Scanner:
+def create_scanner(voxel: float, reach: float, within: float | None, memory: int, thing: int = 1) -> Scanner:
     """Returns a scanner.
 
     Args:
-        voxel: millimetres of a voxel's side.
-        reach: metres up to which surfaces are kept.
-        within: metres beyond which all is left out, or None.
-        memory: megabytes of the finest voxels, and of each coarser kind of them.
-        thing: number of the thing on the floor that is meant, 1 for the one that is looked at most.
+        voxel: side of a voxel in millimetres.
+        reach: maximum distance of surfaces from the camera, in metres.
+        within: depth beyond this distance is ignored, in metres. None: no limit.
+        memory: limit in megabytes, for the finest voxels and for each coarser level.
+        thing: number of the object on the floor to keep. 1 is the one that the camera looked at most.
     """
     volume = VolumeSettings(voxel=voxel * 1e-3, reach=reach, memory=memory)
     if within is None:
@@ -57,11 +57,12 @@ def scanner_of(voxel: float, reach: float, within: float | None, memory: int, th
     return Scanner(alone_within(volume, within))
 
 
-def corners_of(box: str) -> tuple[Float, Float] | None:
-    """Returns the two corners (3,) of a box of six numbers with commas, metres; None for no word.
+def parse_box(box: str) -> tuple[Float, Float] | None:
+    """Parses a box, six numbers in metres with commas. Returns its two corners (3,), or None for an empty
+    text.
 
     Raises:
-        InputError: where it is no box.
+        InputError: if it is not a box.
     """
     if not box:
         return None
@@ -75,17 +76,19 @@ def corners_of(box: str) -> tuple[Float, Float] | None:
     return numbers[:3], numbers[3:]
 
 
-def keep_of(
+def select_kept_part(
     whole: bool, corners: tuple[Float, Float] | None, before: Path | None, within: float | None
 ) -> Keep:
-    """Returns what is kept of a scan by its options.
+    """Returns the part of a scan to keep, as chosen by the options.
 
     Raises:
-        InputError: where they do not go together.
+        InputError: if the options contradict each other.
     """
-    options = [name for name, on in (("--whole", whole), ("--box", corners), ("--before", before)) if on]
+    options = [
+        name for name, is_given in (("--whole", whole), ("--box", corners), ("--before", before)) if is_given
+    ]
     if len(options) > 1:
-        problem = f"{' and '.join(options)} say both what is kept"
+        problem = f"{' and '.join(options)} cannot be used together"
         raise InputError(problem, where="scan", mend="Give one of them.")
     if corners is not None:
         return Keep("box", *corners)
@@ -94,13 +97,13 @@ def keep_of(
     return Keep("all" if whole else "thing" if within is None else "alone")
 
 
-def refuse_beside(
+def refuse_combination(
     name: str, whole: bool, box: str, before: Path | None, add: Path | None, within: float | None
 ) -> None:
-    """Refuses what does not go together with ``name``, --moved or --person.
+    """Refuses the options that cannot be combined with ``name``: --moved, --turned or --person.
 
     Raises:
-        InputError: where something of it is asked for.
+        InputError: if one of these options is given.
     """
     options = ("--whole", whole), ("--box", box), ("--before", before), ("--add", add), ("--within", within)
     for other, given in options:
@@ -114,11 +117,11 @@ class ScanJob:
     """One scan of a command.
 
     Attributes:
-        scanner: what fuses the images.
-        recording: where they come from; or else ``sensor`` and its ``options``.
-        seconds: of the sensor's clock after which it stops.
+        scanner: fuses the images.
+        recording: source of the images. None: they come from ``sensor`` with its ``options``.
+        seconds: maximum duration by the sensor's clock. None: no limit.
         first: an earlier scan, or a recording, to which the images are added, or None.
-        keeps: whether the images are kept beside what is made.
+        keeps_images: True if the images are stored next to the mesh.
     """
 
     scanner: Scanner | MovedScanner
@@ -127,7 +130,7 @@ class ScanJob:
     options: list[str]
     seconds: float | None
     first: Path | None
-    keeps: bool
+    keeps_images: bool
 
     def __post_init__(self) -> None:
         self.scan_log, self._notes = ScanLog(), list[str]()
@@ -137,49 +140,53 @@ class ScanJob:
         return str(self.recording or self.sensor)
 
     def run(self, keep: Keep, triangles: int, output: Path) -> ScannedMesh:
-        """Scans, and writes what is kept of it.
+        """Scans, and writes the kept part of the surface as a mesh.
 
         Raises:
-            InputError: where there is nothing to make a mesh of; what a sensor saw is kept as images.
-            ResourceError: where the mesh cannot be written; it says where it is instead.
+            InputError: if no mesh can be made. The images of a live sensor are then stored.
+            ResourceError: if the mesh cannot be written to ``output``. The message names the file that has it
+                instead.
         """
-        before = self._scan()
+        earlier_count = self._scan()
         try:
             self.scan_log.refuse(self._where, self.scanner)
-            meant = replace(keep, before=before) if keep.what == "new" else keep
-            scan_result = finished(self.scanner, meant, triangles, output.stem)
-            self._notes += said_of_things(self.scanner) if keep.what == "thing" else []
+            kept_part = replace(keep, before=earlier_count) if keep.what == "new" else keep
+            scan_result = finish_scan(self.scanner, kept_part, triangles, output.stem)
+            self._notes += describe_objects(self.scanner) if keep.what == "thing" else []
         except InputError as error:
-            if self.recording is not None or not self._kept(output, 0):
+            if self.recording is not None or not self._keep_images(output, 0):
                 raise
-            hint = f"The recorded images were kept: --recording {kept_beside(output)} scans them again."
+            hint = f"The recorded images were kept: --recording {stored_scan_path(output)} scans them again."
             raise InputError(error.what, where=error.where, mend=f"{error.mend} {hint}") from None
-        if self.keeps:
-            self._kept(output, before if keep.what == "new" else 0)
+        if self.keeps_images:
+            self._keep_images(output, earlier_count if keep.what == "new" else 0)
         write_scan(scan_result, output)
         return scan_result
 
-    def tell(self, made: ScannedMesh, output: Path) -> None:
-        """Prints what came of it, and what would make it better."""
-        low, high = made.mesh.bounds
+    def print_result(self, scan_result: ScannedMesh, output: Path) -> None:
+        """Prints a summary of the result, and advice for a better scan."""
+        low, high = scan_result.mesh.bounds
         size = " x ".join(f"{100 * side:.0f}" for side in high - low)
-        few = f" (within {1e3 * made.most:.1f} mm of the full scan)" if made.most else ""
-        summary = f"{len(made.mesh.faces)} triangles{few}, {size} cm, of {self.scan_log.frames} frames"
+        reduction_note = (
+            f" (within {1e3 * scan_result.most:.1f} mm of the full scan)" if scan_result.most else ""
+        )
+        summary = f"{len(scan_result.mesh.faces)} triangles{reduction_note}, {size} cm, "
+        summary += f"of {self.scan_log.frames} frames"
         say(f"{output}: {summary}, {self.scan_log.now}")
-        if made.said:
-            say(made.said[:1].upper() + made.said[1:])
-        if made.mesh.colours is None:
+        if scan_result.cut_note:
+            say(scan_result.cut_note[:1].upper() + scan_result.cut_note[1:])
+        if scan_result.mesh.colours is None:
             self._notes.append("The camera gave no colours, so the mesh has none.")
         for sentence in (*self.scan_log.advice(self.scanner), *self._notes):
             say(f"Note: {sentence}")
 
     def _scan(self) -> int:
-        """Fuses all images; returns how many of an earlier scan come before them."""
+        """Fuses all images. Returns the number of images of an earlier scan that precede them."""
         with interruptible() as stop, frame_progress(plain_console()) as progress:
-            task, before = progress.add_task("Scanning", total=None, count=0), 0
+            task, earlier_count = progress.add_task("Scanning", total=None, count=0), 0
             if self.first is not None and isinstance(self.scanner, Scanner):
-                before = scan_first(self.scanner, self.first, stop)
-            for frame in itertools.takewhile(self._in_time(), self._images(stop)):
+                earlier_count = load_first_part(self.scanner, self.first, stop)
+            for frame in itertools.takewhile(self._start_time_limit(), self._images(stop)):
                 step = self.scanner.add(frame)
                 self.scan_log.add(step if isinstance(step, ScanStep) else step.told, frame.time_ns)
                 progress.update(
@@ -188,28 +195,29 @@ class ScanJob:
                 if self.scanner.full:
                     break
         if self.first is not None:
-            refuse_unseen(self.scan_log.counts[ScanState.SCANNING], self.first)
-        return before
+            check_registered(self.scan_log.counts[ScanState.SCANNING], self.first)
+        return earlier_count
 
     def _images(self, stop: Event) -> Iterator[DepthFrame]:
         if self.recording is not None:
             return recorded_images(self.recording, stop)
         return sensor_images(self.sensor, self.options, stop)
 
-    def _in_time(self) -> Callable[[DepthFrame], bool]:
-        """Returns what tells whether an image comes before the time is up."""
-        begun: list[int] = []
+    def _start_time_limit(self) -> Callable[[DepthFrame], bool]:
+        """Returns a function that returns True for images before the time limit, which starts with the first
+        image."""
+        times_ns: list[int] = []
 
-        def early(frame: DepthFrame) -> bool:
-            begun.append(frame.time_ns)
-            return self.seconds is None or frame.time_ns - begun[0] < self.seconds * 1e9
+        def is_in_time(frame: DepthFrame) -> bool:
+            times_ns.append(frame.time_ns)
+            return self.seconds is None or frame.time_ns - times_ns[0] < self.seconds * 1e9
 
-        return early
+        return is_in_time
 
-    def _kept(self, output: Path, since: int) -> bool:
-        """Keeps the images beside what is made; returns whether that could be done."""
+    def _keep_images(self, output: Path, since: int) -> bool:
+        """Stores the images next to the mesh. Returns True if that succeeded and there were any."""
         try:
-            keep_scan(self.scanner, kept_beside(output), since)
+            store_scan(self.scanner, stored_scan_path(output), since)
         except ResourceError as error:
             self._notes.append(f"The images were not kept for --add ({error.what}).")
             return False

@@ -1,4 +1,4 @@
-"""``enliven sensors``: lists the sensors, or shows what one of them sees."""
+"""``enliven sensors``: lists the sensors, or shows the image of one of them."""
 
 from __future__ import annotations
 
@@ -63,65 +63,68 @@ def sensors(
     if as_json:
         import msgspec
 
-        from enliven_edge.sensors import found_cameras
+        from enliven_edge.sensors import find_cameras
 
-        typer.echo(json.dumps(msgspec.to_builtins(found_cameras())))
+        typer.echo(json.dumps(msgspec.to_builtins(find_cameras())))
         return
     if name is None:
-        _list(console)
+        _list_sensors(console)
         return
     from enliven_edge.sensors import condition_of, open_sensor, sensor_options
 
     if output is not None and output.suffix != ".png":
         raise InputError(f"it ends in {output.suffix!r}", where=str(output), mend="Give a name with .png.")
-    way = _way(picture)
+    protocol = _choose_protocol(picture)
     with open_sensor(name, **sensor_options(setting or [])) as sensor:
-        frames = _looked_at(sensor, seconds)
-        facts = _facts(frames, condition_of(sensor), sensor.name)
+        frames = _read_frames(sensor, seconds)
+        facts = _describe_sensor(frames, condition_of(sensor), sensor.name)
     console.print(facts_table(facts))
-    if way is not None:
-        from enliven_edge.terminal import encoded_picture
+    if protocol is not None:
+        from enliven_edge.terminal import encode_image
 
-        typer.echo(encoded_picture(_picture(frames[-1]), way, console.width), nl=False, color=True)
+        typer.echo(encode_image(_draw_picture(frames[-1]), protocol, console.width), nl=False, color=True)
     if output is not None:
-        _draw(frames[-1], output, [f"{label}: {value}" for label, value in facts[:4]])
+        _write_picture_file(frames[-1], output, [f"{label}: {value}" for label, value in facts[:4]])
         say(f"{output}: its depth, near is bright")
 
 
-def _list(console: Console) -> None:
+def _list_sensors(console: Console) -> None:
     """Lists the names of sensors, and the devices that are plugged in."""
-    from enliven_edge.sensors import attached, sensor_names
-    from enliven_edge.sensors.drivers import listed_cameras
+    from enliven_edge.sensors import list_attached, sensor_names
+    from enliven_edge.sensors.drivers import list_cameras
 
     facts = [("known", ", ".join(sensor_names()))]
-    cameras = attached()
+    cameras = list_attached()
     for camera in cameras:
-        troubles = camera.troubles()
+        problems = camera.find_problems()
         advice = (
-            "; ".join(f"{problem}. {mend}" for problem, mend in troubles) or f"--sensor {camera.kind.sensor}"
+            "; ".join(f"{problem}. {mend}" for problem, mend in problems) or f"--sensor {camera.kind.sensor}"
         )
         facts.append((camera.kind.name, f"{camera.title}: {advice}"))
     if not cameras:
         facts.append(("plugged in", "no depth camera on USB"))
     try:
-        for number, listed in enumerate(listed_cameras()):
+        for number, camera_info in enumerate(list_cameras()):
             facts.append(
-                ("libcamera", f"{listed.model} {listed.name}: --sensor libcamera --set left={number}")
+                (
+                    "libcamera",
+                    f"{camera_info.model} {camera_info.name}: --sensor libcamera --set left={number}",
+                )
             )
     except ResourceError as error:
         facts.append(("libcamera", f"{error.what}. {error.mend}"))
     console.print(facts_table(facts))
 
 
-def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
-    """Returns the depth frames of so many seconds, at least one."""
+def _read_frames(sensor: Sensor, seconds: float) -> list[DepthFrame]:
+    """Returns the depth frames of ``seconds`` seconds, at least one."""
     from enliven.frames import DepthFrame
     from enliven_edge.sensors import SensorFault
 
     frames: list[DepthFrame] = []
     start = time.monotonic()
-    until, give_up = start + seconds, start + _PREVIEW_TIMEOUT_S
-    while time.monotonic() < until or (not frames and time.monotonic() < give_up):
+    end, give_up = start + seconds, start + _PREVIEW_TIMEOUT_S
+    while time.monotonic() < end or (not frames and time.monotonic() < give_up):
         try:
             frame = sensor.read(0.25)
         except TimeoutError:
@@ -143,7 +146,9 @@ def _looked_at(sensor: Sensor, seconds: float) -> list[DepthFrame]:
     return frames
 
 
-def _facts(frames: list[DepthFrame], condition: Condition | None, name: str) -> list[tuple[str, str]]:
+def _describe_sensor(
+    frames: list[DepthFrame], condition: Condition | None, name: str
+) -> list[tuple[str, str]]:
     """Returns facts about a sensor, each with its name."""
     import numpy as np
 
@@ -156,26 +161,28 @@ def _facts(frames: list[DepthFrame], condition: Condition | None, name: str) -> 
     facts = [("sensor", name), ("image", f"{last.intrinsics.width} x {last.intrinsics.height}")]
     if steps and statistics.median(steps) > 0:
         facts.append(("rate", f"{1 / statistics.median(steps):.1f} frames a second"))
-    known_share = statistics.median(survey(frame.depth).known for frame in frames)
-    facts.append(("depth", f"known in {100 * known_share:.0f} % of the image"))
+    known_fraction = statistics.median(survey(frame.depth).known for frame in frames)
+    facts.append(("depth", f"known in {100 * known_fraction:.0f} % of the image"))
     metres = last.depth[(last.depth > 0) & (last.depth < 65535)] * 1e-3
     if len(metres):
         near, far = np.percentile(metres, (1, 99))
         facts.append(("distances", f"{near:.2f} to {far:.2f} m"))
     points = unproject(last.depth, rays(last.intrinsics)).reshape(-1, 3)
-    stand = world_from_floor(points[points[:, 2] > 0])
-    down = None if stand is None else -stand[1, :3]
-    if stand is None or down is None:
+    level_from_camera = world_from_floor(points[points[:, 2] > 0])
+    down = None if level_from_camera is None else -level_from_camera[1, :3]
+    if level_from_camera is None or down is None:
         facts.append(("floor", "not seen; tilt the sensor until it sees some"))
     else:
         tilt = np.degrees(np.arcsin(np.clip(down[2], -1, 1)))
-        facts.append(("floor", f"{stand[1, 3]:.2f} m below; the sensor looks {tilt:.0f} degrees down"))
+        facts.append(
+            ("floor", f"{level_from_camera[1, 3]:.2f} m below; the sensor looks {tilt:.0f} degrees down")
+        )
     if condition is not None:
-        facts += _condition_facts(condition, down)
+        facts += _describe_condition(condition, down)
     return facts
 
 
-def _condition_facts(condition: Condition, down: Float | None) -> list[tuple[str, str]]:
+def _describe_condition(condition: Condition, down: Float | None) -> list[tuple[str, str]]:
     import numpy as np
 
     facts = []
@@ -184,46 +191,45 @@ def _condition_facts(condition: Condition, down: Float | None) -> list[tuple[str
     if condition.temperature is not None:
         facts.append(("temperature", f"{condition.temperature:.0f} degrees"))
     if condition.gravity is not None:
-        felt = np.array(condition.gravity) / np.linalg.norm(condition.gravity)
-        gravity_text = (
-            f"{np.degrees(np.arcsin(np.clip(felt[2], -1, 1))):.0f} degrees down by the accelerometer"
-        )
+        gravity_direction = np.array(condition.gravity) / np.linalg.norm(condition.gravity)
+        tilt = np.degrees(np.arcsin(np.clip(gravity_direction[2], -1, 1)))
+        gravity_text = f"{tilt:.0f} degrees down by the accelerometer"
         if down is not None:
-            angle = np.degrees(np.arccos(np.clip(felt @ down, -1, 1)))
+            angle = np.degrees(np.arccos(np.clip(gravity_direction @ down, -1, 1)))
             gravity_text += f", {angle:.0f} degrees from the floor's normal"
         facts.append(("gravity", gravity_text))
     return facts
 
 
-def _way(word: str) -> ImageProtocol | None:
-    """Returns the image protocol of the terminal; None where no picture is to be drawn."""
+def _choose_protocol(name: str) -> ImageProtocol | None:
+    """Returns the image protocol to draw with, or None if no picture is drawn."""
     from enliven_edge.terminal import IMAGE_PROTOCOLS, image_protocol
 
-    if word in ("auto", "none"):
-        return image_protocol(sys.stdout, sys.stdin) if word == "auto" else None
-    if word not in IMAGE_PROTOCOLS:
+    if name in ("auto", "none"):
+        return image_protocol(sys.stdout, sys.stdin) if name == "auto" else None
+    if name not in IMAGE_PROTOCOLS:
         choices = ", ".join(("auto", "none", *IMAGE_PROTOCOLS))
-        raise InputError(f"{word!r} is not a way to draw", where="--picture", mend=f"Give {choices}.")
-    return word  # type: ignore[return-value]
+        raise InputError(f"{name!r} is not a way to draw", where="--picture", mend=f"Give {choices}.")
+    return name  # type: ignore[return-value]
 
 
-def _picture(frame: DepthFrame) -> UInt8:
-    """Returns (H, W, 3) a frame's depth, with its colour beside it where it has one."""
+def _draw_picture(frame: DepthFrame) -> UInt8:
+    """Returns (H, W, 3) sRGB of a frame's depth, with its colour image to the right if it has one."""
     import numpy as np
     from PIL import Image
 
     from enliven_edge.inspection import depth_picture, depth_span
 
-    drawn = depth_picture(frame.depth, *depth_span(frame.depth))
+    depth_image = depth_picture(frame.depth, *depth_span(frame.depth))
     if frame.colour is None:
-        return drawn
-    colour = Image.fromarray(frame.colour).resize((drawn.shape[1], drawn.shape[0]))
-    return np.hstack([drawn, np.asarray(colour)])
+        return depth_image
+    colour = Image.fromarray(frame.colour).resize((depth_image.shape[1], depth_image.shape[0]))
+    return np.hstack([depth_image, np.asarray(colour)])
 
 
-def _draw(frame: DepthFrame, output: Path, lines: list[str]) -> None:
+def _write_picture_file(frame: DepthFrame, output: Path, lines: list[str]) -> None:
     from PIL import Image
 
-    from enliven_edge.inspection import captioned
+    from enliven_edge.inspection import add_caption
 
-    write_picture(output, Image.fromarray(captioned(_picture(frame), lines)))
+    write_picture(output, Image.fromarray(add_caption(_draw_picture(frame), lines)))

@@ -1,4 +1,4 @@
-"""``enliven track``: makes takes of people out of a recording of depth, or out of depth images."""
+"""``enliven track``: tracks people in a depth recording or in depth images, and writes a take."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ def track(
 
     chosen = load_settings(EdgeSettings, settings) if settings else EdgeSettings()
     if _is_recording(recording):
-        frames, count = _recorded(recording)
+        frames, count = _open_recording(recording)
     else:
-        frames, count = _imported(recording, lens, units_per_metre)
-    body_frames = tracked(frames, chosen.tracker)
+        frames, count = _open_images(recording, lens, units_per_metre)
+    body_frames = track_frames(frames, chosen.tracker)
     if lines:
-        body_frames = _counted(body_frames, count)
+        body_frames = _report_progress(body_frames, count)
     contents = write_recording(
         body_frames,
         output,
@@ -72,37 +72,37 @@ def track(
 
 
 def _is_recording(path: Path) -> bool:
-    """Returns whether a path is to be read as a recording: no folder, and MCAP by its name or its content."""
+    """Returns True if a path is a recording: a file that is MCAP by its name or its content."""
     from enliven.recording import MAGIC
-    from enliven_edge.importing import head_of
+    from enliven_edge.importing import read_head
 
-    return not path.is_dir() and (path.suffix == ".mcap" or head_of(path, len(MAGIC)) == MAGIC)
+    return not path.is_dir() and (path.suffix == ".mcap" or read_head(path, len(MAGIC)) == MAGIC)
 
 
-def _recorded(path: Path) -> tuple[Iterable[Frame], int]:
-    """Returns the frames of a recording, and how many depth images are among them.
+def _open_recording(path: Path) -> tuple[Iterable[Frame], int]:
+    """Returns the frames of a recording, and the number of depth images among them.
 
     Raises:
-        InputError: where it is no recording, or holds no depth.
+        InputError: if it is not a recording, or contains no depth.
     """
     from enliven.recording import DEPTH_TOPIC, Recording
 
     source = Recording(path)
     if DEPTH_TOPIC not in source.info.topics:
-        raise _without_depth(path)
+        raise _no_depth_error(path)
     return source.frames(), source.info.topics[DEPTH_TOPIC].count
 
 
-def _imported(path: Path, lens: str | None, units_per_metre: float | None) -> tuple[Iterable[Frame], int]:
+def _open_images(path: Path, lens: str | None, units_per_metre: float | None) -> tuple[Iterable[Frame], int]:
     """Returns the frames of foreign files as ``enliven import`` reads them, and the number of files.
 
     Prints the camera and the assumptions about the files.
 
     Raises:
-        InputError: where no reader knows the files, or they hold no depth.
+        InputError: if no reader recognises the files, or they contain no depth.
     """
     from enliven.frames import DepthFrame
-    from enliven_edge.importing import ImportOptions, find_files, find_reader, lens_of
+    from enliven_edge.importing import ImportOptions, find_files, find_reader, parse_lens
 
     paths = find_files([str(path)])
     reader = find_reader(paths)
@@ -110,11 +110,11 @@ def _imported(path: Path, lens: str | None, units_per_metre: float | None) -> tu
     def note(sentence: str) -> None:
         say(f"Note: {sentence}.")
 
-    options = ImportOptions(lens=lens_of(lens), units_per_metre=units_per_metre, note=note)
+    options = ImportOptions(lens=parse_lens(lens), units_per_metre=units_per_metre, note=note)
     frames = iter(reader.read(paths, options))
     first = next(frames, None)
     if not isinstance(first, DepthFrame):
-        raise _without_depth(path)
+        raise _no_depth_error(path)
     camera = first.intrinsics
     say(
         f"Read as {reader.name}, sensor {first.sensor}: fx {camera.fx:.1f}, fy {camera.fy:.1f}, "
@@ -125,23 +125,23 @@ def _imported(path: Path, lens: str | None, units_per_metre: float | None) -> tu
     return chain([first], frames), len(paths)
 
 
-def _without_depth(path: Path) -> InputError:
+def _no_depth_error(path: Path) -> InputError:
     mend = "Give a recording of a depth camera. A recording of bodies is already a take."
     return InputError("the recording has no depth images", where=str(path), mend=mend)
 
 
-def _counted(frames: Iterator[BodyFrame], total: int) -> Iterator[BodyFrame]:
-    """Yields the same, and says each time how many of how many there were."""
+def _report_progress(frames: Iterator[BodyFrame], total: int) -> Iterator[BodyFrame]:
+    """Yields the same frames, and prints for each its number and the total."""
     for number, frame in enumerate(frames, 1):
         print(f"{number} of {max(number, total)}", flush=True)
         yield frame
 
 
-def tracked(frames: Iterable[Frame], settings: TrackerSettings) -> Iterator[BodyFrame]:
-    """Yields the bodies in each depth image, world frame; each sensor is tracked by itself.
+def track_frames(frames: Iterable[Frame], settings: TrackerSettings) -> Iterator[BodyFrame]:
+    """Yields the bodies in each depth image, in the world frame. Each sensor has its own tracker.
 
-    People who are there in the first image are found in it. An image that cannot be used is left out, as the
-    edge leaves it out.
+    People in the first image are detected in that image. Images that cannot be used are left out, as by the
+    edge.
     """
     from enliven.frames import BodyFrame, DepthFrame
     from enliven_edge.tracking import Tracker, without_deadline

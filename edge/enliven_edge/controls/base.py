@@ -39,23 +39,23 @@ _MODES: dict[str, Literal["alone", "join", "extend"]] = {
 }
 _PARTS_COMMAND = "parts"
 """The command that chooses the parts of the next hold, which the mesh shows immediately."""
-_WITH_PARTS = (*_MODES, _PARTS_COMMAND)
+_COMMANDS_WITH_PARTS = (*_MODES, _PARTS_COMMAND)
 """The commands that accept parts of the body after them."""
 
 
-def checked_map(given: Mapping[str, str], where: str) -> dict[str, Command]:
+def check_map(key_map: Mapping[str, str], where: str) -> dict[str, Command]:
     """Returns the map from a control's keys to commands after checking every command.
 
     Raises:
         InputError: for an unknown word or part of the body. The message suggests the nearest known one.
     """
-    return {key: _checked(key, " ".join(command.split()), where) for key, command in given.items()}
+    return {key: _parse_command(key, " ".join(command.split()), where) for key, command in key_map.items()}
 
 
-def _checked(key: str, said: str, where: str) -> Command:
+def _parse_command(key: str, text: str, where: str) -> Command:
     """Returns the command of a key, or raises if it is invalid."""
-    word, _, parts = said.partition(" ")
-    if word in WORDS and (word in _WITH_PARTS or not parts):
+    word, _, parts = text.partition(" ")
+    if word in WORDS and (word in _COMMANDS_WITH_PARTS or not parts):
         if parts:
             try:
                 parts_named(parts)
@@ -64,18 +64,18 @@ def _checked(key: str, said: str, where: str) -> Command:
         elif word == _PARTS_COMMAND:
             mend = 'Such as "parts legs".'
             raise InputError(f"{key!r} selects body parts, and names none", where=where, mend=mend)
-        return said
-    near = difflib.get_close_matches(said, WORDS, n=1)
-    mend = f"Did you mean {near[0]!r}?" if near else f"Known: {', '.join(WORDS)}."
-    raise InputError(f"{key!r} means {said!r}, which is not a command", where=where, mend=mend)
+        return text
+    similar = difflib.get_close_matches(text, WORDS, n=1)
+    mend = f"Did you mean {similar[0]!r}?" if similar else f"Known: {', '.join(WORDS)}."
+    raise InputError(f"{key!r} means {text!r}, which is not a command", where=where, mend=mend)
 
 
-def orders(said: Command, stage: Stage) -> list[Order]:
-    """Returns the orders of a command, as of a viewer that names no character.
+def orders_from_command(command: Command, stage: Stage) -> list[Order]:
+    """Returns the orders of a command, as if a viewer had sent them without naming a character.
 
-    Empty for a command of windows.
+    Empty for a command that windows carry out.
     """
-    word, _, parts = said.partition(" ")
+    word, _, parts = command.partition(" ")
     if word in CALLS:
         return []
     if word in ("lock", "unlock"):
@@ -92,13 +92,14 @@ def orders(said: Command, stage: Stage) -> list[Order]:
         return [Possess(parts=parts, mode="preview")]
     mode = _MODES[word]
     return [
-        Possess(taking.character, taking.body, parts or taking.parts, mode) for taking in stage.takings(mode)
+        Possess(possession.character, possession.body, parts or possession.parts, mode)
+        for possession in stage.pending_possessions(mode)
     ]
 
 
 log = logging.getLogger(__name__)
 
-PATIENCE = 0.1
+READ_TIMEOUT_S = 0.1
 """Seconds to wait for a press before checking whether to stop."""
 _MAX_QUEUED = 32
 """Maximum number of queued commands. Older ones are dropped, since the stage has changed since then."""
@@ -119,7 +120,7 @@ class Device(ABC):
 
     @abstractmethod
     def read(self) -> list[str]:
-        """Returns the keys that went down, after :data:`PATIENCE` at the latest.
+        """Returns the keys that went down, after :data:`READ_TIMEOUT_S` at the latest.
 
         Raises:
             Exception: an error of the library if the device is gone.
@@ -168,14 +169,14 @@ class Debouncer:
         self._last: dict[str, float] = {}
 
     def counts(self, key: str, now: float) -> bool:
-        """Returns True if this is a new press.
+        """Returns True if this event is a new press.
 
         Args:
             now: seconds of a monotonic clock.
         """
-        before = self._last.get(key)
+        previous = self._last.get(key)
         self._last[key] = now
-        return before is None or now - before >= self._seconds
+        return previous is None or now - previous >= self._seconds
 
 
 class ControlReader:
@@ -194,11 +195,11 @@ class ControlReader:
         self.name = name
         self._device, self._words, self._retry = device, dict(words), retry
         self._debouncer = Debouncer(debounce)
-        self._said: deque[Press] = deque(maxlen=_MAX_QUEUED)
+        self._queue: deque[Press] = deque(maxlen=_MAX_QUEUED)
         self._paused = threading.Event()
-        self._why: EnlivenError | None = None
-        self._strangers: set[str] = set()
-        self._there = False
+        self._open_error: EnlivenError | None = None
+        self._unknown_keys: set[str] = set()
+        self._is_present = False
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"control {name}", daemon=True)
         self._thread.start()
@@ -206,7 +207,7 @@ class ControlReader:
     @property
     def there(self) -> bool:
         """True if the device is present and being read. Earlier presses are lost."""
-        return self._there
+        return self._is_present
 
     @property
     def why(self) -> EnlivenError | None:
@@ -214,7 +215,7 @@ class ControlReader:
 
         None after success, or before the first attempt.
         """
-        return self._why
+        return self._open_error
 
     @property
     def is_paused(self) -> bool:
@@ -240,8 +241,8 @@ class ControlReader:
     def take(self) -> list[Press]:
         """Returns the presses since the last call, and speech that matches no phrase. Never blocks."""
         presses = []
-        while self._said:
-            presses.append(self._said.popleft())
+        while self._queue:
+            presses.append(self._queue.popleft())
         return presses
 
     def show(self, lamps: Lamps) -> None:
@@ -258,47 +259,47 @@ class ControlReader:
         is_logged = False
         while not self._stopped.is_set():
             if self._paused.is_set():
-                self._stopped.wait(PATIENCE)
+                self._stopped.wait(READ_TIMEOUT_S)
                 continue
             try:
                 self._device.open()
-                self._why = None
+                self._open_error = None
                 self._read()
             except EOFError:
                 log.info("control %s has ended", self.name)
                 return
             except Exception as error:
                 # Catch every error, because termios and PortAudio raise errors that are not OSErrors.
-                if self._there or not is_logged:
+                if self._is_present or not is_logged:
                     log.warning("control %s is not there (%s); it is looked for", self.name, error)
                 log.debug("control %s", self.name, exc_info=True)
                 is_logged = True
-                self._why = error if isinstance(error, EnlivenError) else None
+                self._open_error = error if isinstance(error, EnlivenError) else None
             finally:
-                self._there = False
+                self._is_present = False
                 self._device.close()
             self._stopped.wait(self._retry)
 
     def _read(self) -> None:
         """Reads until the device is gone, :meth:`pause` or :meth:`close`."""
         while not self._stopped.is_set() and not self._paused.is_set():
-            if not self._there and self._device.answers:
+            if not self._is_present and self._device.answers:
                 log.info("control %s is there", self.name)
-                self._there = True
+                self._is_present = True
             for key in self._device.read():
                 if self._debouncer.counts(key, time.monotonic()):
-                    self._press(key)
-            self._said.extend(map(Press, self._device.take_not_understood()))
+                    self._queue_press(key)
+            self._queue.extend(map(Press, self._device.take_not_understood()))
 
-    def _press(self, key: str) -> None:
+    def _queue_press(self, key: str) -> None:
         """Queues the command of a key.
 
         An unknown key is logged once, so that the user can add it to the map.
         """
-        word = self._words.get(key)
-        if word is not None:
-            log.debug("control %s: %r, %s", self.name, key, word)
-            self._said.append(Press(key, word))
-        elif key not in self._strangers and len(self._strangers) < _MAX_UNKNOWN_KEYS:
-            self._strangers.add(key)
+        command = self._words.get(key)
+        if command is not None:
+            log.debug("control %s: %r, %s", self.name, key, command)
+            self._queue.append(Press(key, command))
+        elif key not in self._unknown_keys and len(self._unknown_keys) < _MAX_UNKNOWN_KEYS:
+            self._unknown_keys.add(key)
             log.info("control %s sent %r, which its map does not have", self.name, key)

@@ -19,8 +19,8 @@ from enliven_edge.controls.base import (
     ControlReader,
     Device,
     Press,
-    checked_map,
-    orders,
+    check_map,
+    orders_from_command,
 )
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings, refuse_other_kinds
@@ -57,7 +57,7 @@ class _VoiceLoader(threading.Thread):
     def run(self) -> None:
         settings = ControlSettings("voice", dict(PHRASES))
         try:
-            device = device_of("voice", settings)
+            device = create_device("voice", settings)
         except EnlivenError as error:
             self.result = error
         else:
@@ -84,25 +84,25 @@ class Controls(Closeable):
         self,
         stage: Stage,
         carry_out: Callable[[Order], None],
-        call: Callable[[Call, str], None],
-        tell: Callable[[HeardMessage | VoiceMessage], None] = lambda message: None,
+        send_call: Callable[[Call, str], None],
+        send_message: Callable[[HeardMessage | VoiceMessage], None] = lambda message: None,
     ) -> None:
         """Carries out the commands since the last call. A command that fails is logged.
 
         Args:
-            call: sends a command of windows, with the name of the control.
-            tell: sends windows the utterances that a voice control heard, and whether it listens.
+            send_call: sends a command of windows, with the name of the control.
+            send_message: sends windows the utterances that a voice control heard, and whether it listens.
         """
         self._finish_start()
         for control in self._controls:
             for press in control.take():
-                refused = self._apply(control, press, stage, carry_out, call) if press.command else ""
+                refusal = self._apply(control, press, stage, carry_out, send_call) if press.command else ""
                 if control.name in self._voices:
-                    tell(self._heard(control, press, refused))
+                    send_message(self._utterance_message(control, press, refusal))
         state = self._voice_state()
         if state != self._state:
             self._state = state
-            tell(state)
+            send_message(state)
 
     def _apply(
         self,
@@ -110,26 +110,26 @@ class Controls(Closeable):
         press: Press,
         stage: Stage,
         carry_out: Callable[[Order], None],
-        call: Callable[[Call, str], None],
+        send_call: Callable[[Call, str], None],
     ) -> str:
         """Carries out a command. Returns the stage's reason for a refusal, or ""."""
-        word, refused = press.command, ""
+        word, refusal = press.command, ""
         log.info("%s: %s", control.name, word)
         if word in CALLS:
-            call(cast(Call, word), control.name)
-        for order in orders(word, stage):
+            send_call(cast(Call, word), control.name)
+        for order in orders_from_command(word, stage):
             try:
                 carry_out(order)
             except EnlivenError as error:
                 log.warning("%s: %s was refused: %s", control.name, word, error)
-                refused = error.what
-        return refused
+                refusal = error.what
+        return refusal
 
-    def _heard(self, control: ControlReader, press: Press, refused: str) -> HeardMessage:
+    def _utterance_message(self, control: ControlReader, press: Press, refusal: str) -> HeardMessage:
         """Returns the message to windows about an utterance."""
         words = press.key if press.command or not self._hides_talk else ""
-        cut = words[:_MAX_MESSAGE_LENGTH], bool(press.command), press.command[:_MAX_MESSAGE_LENGTH]
-        return HeardMessage(control.name[:64] or "voice", *cut, refused[:_MAX_MESSAGE_LENGTH])
+        shortened = words[:_MAX_MESSAGE_LENGTH], bool(press.command), press.command[:_MAX_MESSAGE_LENGTH]
+        return HeardMessage(control.name[:64] or "voice", *shortened, refusal[:_MAX_MESSAGE_LENGTH])
 
     def listen(self, on: bool) -> None:
         """Opens or closes the microphones of all voice controls. Starts a voice control if there are none."""
@@ -163,15 +163,15 @@ class Controls(Closeable):
         actions = [word[:_MAX_MESSAGE_LENGTH] for word in commands_by_phrase.values()][:MAX_PHRASES]
         if any(control.there for control in voices):
             return VoiceMessage("listening", phrases=phrases, actions=actions)
-        why = self._failure or next((voice.why for voice in voices if voice.why is not None), None)
-        if self._start is None and why is None and all(voice.is_paused for voice in voices):
+        error = self._failure or next((voice.why for voice in voices if voice.why is not None), None)
+        if self._start is None and error is None and all(voice.is_paused for voice in voices):
             return VoiceMessage("off", phrases=phrases, actions=actions)
-        if why is None or any(voice.is_paused for voice in voices):
+        if error is None or any(voice.is_paused for voice in voices):
             state: Literal["off", "starting"] = (
                 "off" if any(voice.is_paused for voice in voices) else "starting"
             )
             return VoiceMessage(state, phrases=phrases, actions=actions)
-        problem, mend = why.what[:_MAX_MESSAGE_LENGTH], (why.mend or "")[:_MAX_MESSAGE_LENGTH]
+        problem, mend = error.what[:_MAX_MESSAGE_LENGTH], (error.mend or "")[:_MAX_MESSAGE_LENGTH]
         return VoiceMessage("missing", problem, mend, phrases, actions)
 
     def show(self, lamps: Lamps) -> None:
@@ -209,10 +209,10 @@ def open_controls(
         ResourceError: if a required library is missing. A missing device is not an error: it is searched for
             until it appears.
     """
-    ready = [(name, control, device_of(name, control, folder)) for name, control in settings.items()]
+    ready = [(name, control, create_device(name, control, folder)) for name, control in settings.items()]
     return Controls(
         [
-            ControlReader(name, device, words_of(name, control), control.debounce, control.retry)
+            ControlReader(name, device, commands_by_key(name, control), control.debounce, control.retry)
             for name, control, device in ready
         ],
         [name for name, control in settings.items() if control.kind == "voice"],
@@ -220,7 +220,7 @@ def open_controls(
     )
 
 
-def words_of(name: str, settings: ControlSettings) -> dict[str, Command]:
+def commands_by_key(name: str, settings: ControlSettings) -> dict[str, Command]:
     """Returns the command of each of a control's keys. Without a map the keys are the commands.
 
     Raises:
@@ -229,16 +229,16 @@ def words_of(name: str, settings: ControlSettings) -> dict[str, Command]:
     if settings.kind == "voice" and not settings.map:
         mend = 'Such as "puppet let it go" = "release".'
         raise InputError("a voice needs phrases", where=f"controls.{name}.map", mend=mend)
-    return checked_map(
+    return check_map(
         settings.map or {word: word for word in WORDS if word != "parts"}, f"controls.{name}.map"
     )
 
 
-def device_of(name: str, settings: ControlSettings, folder: Path | None = None) -> Device:
+def create_device(name: str, settings: ControlSettings, folder: Path | None = None) -> Device:
     """Returns a control's device, not opened yet. Its library is imported only here."""
     where = f"controls.{name}"
     refuse_other_kinds(settings, where)
-    words = words_of(name, settings)
+    words = commands_by_key(name, settings)
     if settings.kind == "serial" and settings.sends == "panel":
         from enliven_edge.controls.serial_panel import SerialPanel
 

@@ -14,13 +14,13 @@ import threading
 from typing import Any, Literal
 
 from enliven.errors import InputError
-from enliven_edge.controls.base import PATIENCE, Device
+from enliven_edge.controls.base import READ_TIMEOUT_S, Device
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.extras import need
 
 _MODIFIERS = ("ctrl", "shift", "alt", "meta", "right ctrl", "right shift", "right alt", "right meta")
-_ROLL_OVER = 3
-"""Codes up to this one are not keys: they report that more keys are down than a report can hold."""
+_MAX_ERROR_CODE = 3
+"""Highest code that is not a key but an error: more keys are down than a report can hold (roll-over)."""
 _NAMES = {
     **{4 + i: chr(ord("a") + i) for i in range(26)},
     **{30 + i: str((i + 1) % 10) for i in range(10)},
@@ -53,7 +53,7 @@ def keys_down(report: bytes) -> frozenset[str] | None:
     if len(report) < 3:
         return None
     codes = [code for code in report[2:8] if code]
-    if any(code <= _ROLL_OVER for code in codes):
+    if any(code <= _MAX_ERROR_CODE for code in codes):
         return None
     modifiers = {name for bit, name in enumerate(_MODIFIERS) if report[0] >> bit & 1}
     return frozenset(modifiers | {_NAMES.get(code, f"0x{code:02x}") for code in codes})
@@ -84,12 +84,12 @@ class ButtonEdges:
         """Returns the names of the keys that went down with this report. A broken report changes nothing."""
         if self._number and report[:1] != bytes([self._number]):
             return []
-        rest = report[self._skip + (self._number > 0) :]
-        now = keys_down(rest) if self._report == "keyboard" else buttons_down(rest)
+        payload = report[self._skip + (self._number > 0) :]
+        now = keys_down(payload) if self._report == "keyboard" else buttons_down(payload)
         if now is None:
             return []
-        new, self._down = now - self._down, now
-        return sorted(new)
+        new_keys, self._down = now - self._down, now
+        return sorted(new_keys)
 
     def forget(self) -> None:
         """Resets the state after the device was opened again: no key is down."""
@@ -100,7 +100,7 @@ _LISTING_LOCK = threading.Lock()
 """Lock for listing devices: hidapi's enumeration is not thread-safe."""
 _MAX_REPORT_BYTES = 64
 """Maximum bytes read of a report: the most that USB's full speed sends at once."""
-_KEYBOARD = (1, 6)
+_KEYBOARD_USAGE = (1, 6)
 """Usage page and usage: generic desktop, keyboard."""
 
 
@@ -122,15 +122,15 @@ class HidPedal(Device):
         self._device: Any = None
 
     def open(self) -> None:
-        hid = _library()
+        hid = _import_hidapi()
         self._edges.forget()
         with _LISTING_LOCK:
             device = hid.device()
-            device.open_path(self._path(hid))
+            device.open_path(self._find_path(hid))
         self._device = device
 
     def read(self) -> list[str]:
-        report = bytes(self._device.read(_MAX_REPORT_BYTES, int(PATIENCE * 1000)))
+        report = bytes(self._device.read(_MAX_REPORT_BYTES, int(READ_TIMEOUT_S * 1000)))
         return self._edges.feed(report) if report else []
 
     def close(self) -> None:
@@ -138,7 +138,7 @@ class HidPedal(Device):
             self._device.close()
             self._device = None
 
-    def _path(self, hid: Any) -> bytes:
+    def _find_path(self, hid: Any) -> bytes:
         """Returns the path of the requested interface.
 
         Of several, one that declares itself a keyboard is preferred.
@@ -146,24 +146,26 @@ class HidPedal(Device):
         Raises:
             OSError: if the device is missing.
         """
-        chosen = self._settings
-        interfaces = hid.enumerate(chosen.vendor, chosen.product)
-        if chosen.interface >= 0:
+        wanted_ids = self._settings
+        interfaces = hid.enumerate(wanted_ids.vendor, wanted_ids.product)
+        if wanted_ids.interface >= 0:
             interfaces = [
-                interface for interface in interfaces if interface["interface_number"] == chosen.interface
+                interface for interface in interfaces if interface["interface_number"] == wanted_ids.interface
             ]
         if not interfaces:
-            raise OSError(f"no HID device {chosen.vendor:04x}:{chosen.product:04x}")
-        if chosen.report == "keyboard":
-            interfaces.sort(key=lambda interface: (interface["usage_page"], interface["usage"]) != _KEYBOARD)
+            raise OSError(f"no HID device {wanted_ids.vendor:04x}:{wanted_ids.product:04x}")
+        if wanted_ids.report == "keyboard":
+            interfaces.sort(
+                key=lambda interface: (interface["usage_page"], interface["usage"]) != _KEYBOARD_USAGE
+            )
         path: bytes = interfaces[0]["path"]
         return path
 
 
-def _library() -> Any:
+def _import_hidapi() -> Any:
     """Imports the kernel's own HID interface if it exists, since it supports Bluetooth too.
 
     Otherwise libusb's.
     """
-    raw = sys.platform.startswith("linux") and importlib.util.find_spec("hidraw") is not None
-    return importlib.import_module("hidraw" if raw else "hid")
+    kernel_hid = sys.platform.startswith("linux") and importlib.util.find_spec("hidraw") is not None
+    return importlib.import_module("hidraw" if kernel_hid else "hid")

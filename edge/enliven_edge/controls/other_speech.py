@@ -76,14 +76,14 @@ class OtherSpeech:
         if sum(phoneme.isalpha() and phoneme != "SIL" for phoneme in sounds) < _MIN_SOUNDS:
             return
         yield from self._decode(self._words, sound)
-        best = self._decoder.hyp()
-        if best is not None and best.hypstr.strip():
-            yield str(best.hypstr).strip()
+        hypothesis = self._decoder.hyp()
+        if hypothesis is not None and hypothesis.hypstr.strip():
+            yield str(hypothesis.hypstr).strip()
 
     def _decode(self, search: str, sound: bytes) -> Iterator[None]:
         self._decoder.activate_search(search)
         self._decoder.start_utt()
-        for place in range(0, len(sound), _STEP_BYTES):
-            self._decoder.process_raw(sound[place : place + _STEP_BYTES], False, False)
+        for offset in range(0, len(sound), _STEP_BYTES):
+            self._decoder.process_raw(sound[offset : offset + _STEP_BYTES], False, False)
             yield None
         self._decoder.end_utt()

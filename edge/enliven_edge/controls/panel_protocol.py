@@ -29,30 +29,36 @@ class Lamps:
     ill: Pattern = "off"
 
 
-def lamps_of(*, present: bool, held: bool, locked: bool, worst: int) -> Lamps:
+def lamps_from_state(
+    *, is_performer_present: bool, is_character_held: bool, locked: bool, highest_severity: int
+) -> Lamps:
     """Returns the patterns that show a state of the stage.
 
     Args:
-        present: True if a performer is in view.
-        held: True if a performer holds a character.
+        is_performer_present: True if a performer is in view.
+        is_character_held: True if a performer holds a character.
         locked: True if the cast is locked.
-        worst: the highest :class:`enliven.health.Severity` of the current problems.
+        highest_severity: the highest :class:`enliven.health.Severity` of the current problems.
     """
     return Lamps(
-        attract="off" if present or held else "breathing",
-        possess="steady" if held else "breathing" if present else "off",
+        attract="off" if is_performer_present or is_character_held else "breathing",
+        possess="steady" if is_character_held else "breathing" if is_performer_present else "off",
         locked="steady" if locked else "off",
-        ill="flashing" if worst >= Severity.ERROR else "steady" if worst >= Severity.WARNING else "off",
+        ill="flashing"
+        if highest_severity >= Severity.ERROR
+        else "steady"
+        if highest_severity >= Severity.WARNING
+        else "off",
     )
 
 
 VERSION = "01"
 """The version of the protocol of this edge, as two digits of the panel's greeting."""
-ASK = "?"
+GREETING_REQUEST = "?"
 """The body of a message that requests the panel's greeting."""
 _MAX_BODY_BYTES = 64
 """Maximum bytes of a body and its checksum: longer data is noise. The panel's longest message has 19."""
-_MAX_BEATS = 12
+_MAX_MISSED_HEARTBEATS = 12
 """The panel sends four heartbeats per second. If more than this number is missing, it restarted or was not
 received."""
 _MAX_PRESSES = 7
@@ -96,7 +102,7 @@ class Decoder:
             elif self._line is None:
                 continue
             elif byte == ord("\n"):
-                body = _checked(bytes(self._line))
+                body = _verify_checksum(bytes(self._line))
                 if body:
                     bodies.append(body)
                 self._line = None
@@ -107,7 +113,7 @@ class Decoder:
         return bodies
 
 
-def _checked(line: bytes) -> str:
+def _verify_checksum(line: bytes) -> str:
     """Returns the body of a line with a valid checksum, else an empty string."""
     body, _, checksum = line.rpartition(b"*")
     # The checksum starts at 0, so it does not change with zero bytes before the body.
@@ -124,7 +130,7 @@ class PanelKeys:
     Attributes:
         version: protocol version of the panel. Empty until its greeting was received.
         cause: why the panel was started, a letter of docs/panel.md, if the last bytes held its greeting.
-        heard: number of received messages.
+        received: number of received messages.
         counts: a digit for each button, its presses. Empty until they were received.
     """
 
@@ -135,28 +141,35 @@ class PanelKeys:
         """Resets the state after the port was opened again: earlier presses are dropped."""
         self._decoder = Decoder()
         self._beat = 0
-        self.version, self.cause, self.heard, self.counts = "", "", 0, ""
+        self.version, self.cause, self.received, self.counts = "", "", 0, ""
 
     def feed(self, data: bytes) -> list[str]:
         """Returns the buttons that were pressed according to these bytes."""
         keys, self.cause = [], ""
         for body in self._decoder.feed(data):
-            self.heard += 1
+            self.received += 1
             if greeting := _GREETING.fullmatch(body):
                 self.version, self.cause = greeting[1], greeting[2]
             elif presses := _PRESSES.fullmatch(body):
-                keys += self._pressed(int(presses[1], 16), presses[2])
+                keys += self._find_new_presses(int(presses[1], 16), presses[2])
         return keys
 
-    def _pressed(self, beat: int, counts: str) -> list[str]:
+    def _find_new_presses(self, beat: int, counts: str) -> list[str]:
         """Returns the presses since the last message.
 
         Empty for the first message after a start of the panel.
         """
-        beats = (beat - self._beat) % 0x10000
-        more = [(int(new, 16) - int(old, 16)) % 16 for new, old in zip(counts, self.counts, strict=False)]
-        follows = len(counts) == len(self.counts) and beats <= _MAX_BEATS and max(more) <= _MAX_PRESSES
+        heartbeats = (beat - self._beat) % 0x10000
+        missed = [
+            (int(new_count, 16) - int(old_count, 16)) % 16
+            for new_count, old_count in zip(counts, self.counts, strict=False)
+        ]
+        is_continuous = (
+            len(counts) == len(self.counts)
+            and heartbeats <= _MAX_MISSED_HEARTBEATS
+            and max(missed) <= _MAX_PRESSES
+        )
         self._beat, self.counts = beat, counts
-        if not follows:
+        if not is_continuous:
             return []
-        return [str(button) for button, times in enumerate(more, 1) for _ in range(times)]
+        return [str(button) for button, repeat in enumerate(missed, 1) for _ in range(repeat)]

@@ -6,7 +6,14 @@ import logging
 import time
 
 from enliven.errors import ResourceError
-from enliven_edge.controls.panel_protocol import ASK, VERSION, Lamps, PanelKeys, encode, lamps_body
+from enliven_edge.controls.panel_protocol import (
+    GREETING_REQUEST,
+    VERSION,
+    Lamps,
+    PanelKeys,
+    encode,
+    lamps_body,
+)
 from enliven_edge.controls.serial_pedal import SerialPedal
 from enliven_edge.controls.settings import ControlSettings
 
@@ -44,7 +51,7 @@ class SerialPanel(SerialPedal):
         super().__init__(settings, where)
         self._where = where
         self._keys: PanelKeys = PanelKeys()
-        self._wanted, self._wanted_at = Lamps(), float("-inf")
+        self._lamps, self._lamps_set_at = Lamps(), float("-inf")
         self._forget()
 
     @property
@@ -53,7 +60,7 @@ class SerialPanel(SerialPedal):
         return self._keys.version == VERSION and self._keys.counts != ""
 
     def show(self, lamps: Lamps) -> None:
-        self._wanted, self._wanted_at = lamps, time.monotonic()
+        self._lamps, self._lamps_set_at = lamps, time.monotonic()
 
     def open(self) -> None:
         self._forget()
@@ -61,37 +68,41 @@ class SerialPanel(SerialPedal):
         self._port.timeout, self._port.write_timeout = _READ_TIMEOUT_S, _WRITE_TIMEOUT_S
 
     def read(self) -> list[str]:
-        began, heard, answered = time.monotonic(), self._keys.heard, self.answers
+        started_at, received_before, answered = time.monotonic(), self._keys.received, self.answers
         keys = super().read()
-        self._judge_silence(began, self._keys.heard > heard)
+        self._check_silence(started_at, self._keys.received > received_before)
         if answered and self._keys.cause:
             why = _CAUSES.get(self._keys.cause, "its boot loader hides the reason")
             log.warning("%s was started again: %s", self._where, why)
-        if self._keys.heard:
-            self._say()
+        if self._keys.received:
+            self._send_lamps()
         return keys if self.answers else []
 
     def _forget(self) -> None:
         """Resets the state after the port was opened again."""
         self._quiet, self._said, self._said_at = 0.0, "", float("-inf")
 
-    def _say(self) -> None:
+    def _send_lamps(self) -> None:
         """Sends the lamps if they changed or a heartbeat is due. Requests a greeting that was missed."""
         now = time.monotonic()
-        body = lamps_body(self._wanted) if self.answers else ASK
-        if self.answers and now - self._wanted_at > _STALE_AFTER_S:
+        body = lamps_body(self._lamps) if self.answers else GREETING_REQUEST
+        if self.answers and now - self._lamps_set_at > _STALE_AFTER_S:
             return
         if body != self._said or now - self._said_at >= _MESSAGE_INTERVAL_S:
             self._port.write(encode(body))
             self._said, self._said_at = body, now
 
-    def _judge_silence(self, began: float, heard: bool) -> None:
+    def _check_silence(self, started_at: float, received_before: bool) -> None:
         """Adds up the silence only while the port is being read, so that a computer's sleep does not count.
 
         Raises after too long.
         """
-        self._quiet = 0.0 if heard else self._quiet + min(time.monotonic() - began, 2.0 * _READ_TIMEOUT_S)
-        if self._quiet > (_SILENCE_TIMEOUT_S if self._keys.heard else _GREETING_TIMEOUT_S):
+        self._quiet = (
+            0.0
+            if received_before
+            else self._quiet + min(time.monotonic() - started_at, 2.0 * _READ_TIMEOUT_S)
+        )
+        if self._quiet > (_SILENCE_TIMEOUT_S if self._keys.received else _GREETING_TIMEOUT_S):
             mend = f"Is its firmware on it (docs/panel.md), and its speed {self._settings.baud} bits/s?"
             raise ResourceError("the panel says nothing", where=self._where, mend=mend)
         if self._keys.version not in ("", VERSION):

@@ -6,7 +6,7 @@ import importlib
 from typing import Any
 
 from enliven.errors import InputError
-from enliven_edge.controls.base import PATIENCE, Device
+from enliven_edge.controls.base import READ_TIMEOUT_S, Device
 from enliven_edge.controls.panel_protocol import PanelKeys
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.extras import need
@@ -35,7 +35,9 @@ class SerialPedal(Device):
     def open(self) -> None:
         serial: Any = importlib.import_module("serial")
         self._keys.forget()
-        self._port = serial.Serial(self._settings.port, self._settings.baud, timeout=PATIENCE, exclusive=True)
+        self._port = serial.Serial(
+            self._settings.port, self._settings.baud, timeout=READ_TIMEOUT_S, exclusive=True
+        )
 
     def read(self) -> list[str]:
         """Waits for the first byte only: a press is reported immediately, however short it is."""

@@ -77,6 +77,6 @@ def refuse_other_kinds(settings: ControlSettings, where: str) -> None:
         for item in fields(settings):
             is_set = item.name in keys and getattr(settings, item.name) != item.default
             if is_set and kind != settings.kind:
-                own = ", ".join(("map", "debounce", "retry", *_KINDS[settings.kind]))
+                valid_keys = ", ".join(("map", "debounce", "retry", *_KINDS[settings.kind]))
                 problem = f"{item.name} is of kind {kind!r}, and this is {settings.kind!r}"
-                raise InputError(problem, where=where, mend=f"It takes: {own}.")
+                raise InputError(problem, where=where, mend=f"It takes: {valid_keys}.")

@@ -29,7 +29,7 @@ class SoundRecording:
 
     def __init__(self, path: Path, sleep: Callable[[float], None] = time.sleep) -> None:
         self._path, self._sleep = path, sleep
-        self._sound, self._place, self._bytes, self._began = b"", 0, 0, 0.0
+        self._sound, self._offset, self._bytes, self._started_at = b"", 0, 0, 0.0
 
     def open(self, frame_bytes: int) -> None:
         """Opens the file at its beginning.
@@ -50,15 +50,15 @@ class SoundRecording:
                 problem, where=str(self._path), mend="It must have 16000 Hz, 1 channel, 16 bits."
             )
         self._sound += bytes(RATE * 2)  # Append a second of silence, which ends the last phrase.
-        self._place, self._bytes, self._began = 0, frame_bytes, time.monotonic()
+        self._offset, self._bytes, self._started_at = 0, frame_bytes, time.monotonic()
 
     def read(self) -> bytes:
         """Returns the next frame when it is due. Raises EOFError at the end."""
-        frame = self._sound[self._place : self._place + self._bytes]
+        frame = self._sound[self._offset : self._offset + self._bytes]
         if len(frame) < self._bytes:
             raise EOFError
-        self._place += self._bytes
-        self._sleep(max(0.0, self._began + self._place / (2 * RATE) - time.monotonic()))
+        self._offset += self._bytes
+        self._sleep(max(0.0, self._started_at + self._offset / (2 * RATE) - time.monotonic()))
         return frame
 
     def close(self) -> None:
@@ -105,9 +105,9 @@ class Microphone:
             )
             self._stream.start()
         except (ValueError, self._library.PortAudioError) as error:
-            raise self._reason() from error
+            raise self._open_failure() from error
 
-    def _reason(self) -> ResourceError:
+    def _open_failure(self) -> ResourceError:
         """Returns the reason why the microphone cannot be opened, in words for the people on the stage."""
         inputs = [
             str(device["name"])
@@ -140,7 +140,7 @@ log = logging.getLogger(__name__)
 
 _MAX_UTTERANCE_S = 3.0
 """Maximum seconds of an utterance: a longer one is not a command."""
-_COMMON_WORDS = (
+_TALK_WORDS = (
     "the a and you to of that it is what in we me this was for are have do not be on your with my all can "
     "will one there so just about out up if now then time look did could please hello yes no stop go come "
     "here more once again next week left right over who why"
@@ -151,7 +151,7 @@ _ACTION_WORDS = (
     "long little first great old work way people place back make take give tell find see want need know think"
 )
 """Common words that may follow a name: speech to the puppet that matches no phrase."""
-_OTHER_WEIGHT = 1e-4
+_OTHER_SPEECH_WEIGHT = 1e-4
 """Weight of a name followed by other words; a phrase has 1. With a larger weight, phrases are taken for
 other speech."""
 
@@ -207,9 +207,9 @@ class Recogniser:
             frame: :attr:`frame_bytes` of sound at :data:`RATE`.
         """
         self.work()
-        before = self._ends.in_speech
+        was_in_speech = self._ends.in_speech
         speech = self._ends.process(frame)
-        if self._ends.in_speech and not before:
+        if self._ends.in_speech and not was_in_speech:
             self._decoder.start_utt()
             self._bytes = 0
             self._utterance.clear()
@@ -218,8 +218,8 @@ class Recogniser:
             if self._bytes < _MAX_UTTERANCE_S * RATE * 2:
                 self._decoder.process_raw(speech, False, False)
                 self._utterance += speech
-        if before and not self._ends.in_speech:
-            return self._ended()
+        if was_in_speech and not self._ends.in_speech:
+            return self._take_phrase()
         return None
 
     @property
@@ -244,15 +244,15 @@ class Recogniser:
             self._decoder.end_utt()
         self._ends = type(self._ends)()
 
-    def _ended(self) -> str | None:
+    def _take_phrase(self) -> str | None:
         """Returns the utterance since the last silence, if it is a phrase."""
         self._decoder.end_utt()
-        best = self._decoder.hyp()
+        hypothesis = self._decoder.hyp()
         if self._bytes >= _MAX_UTTERANCE_S * RATE * 2:
             return None
-        if best is not None and best.hypstr in self._phrases:
-            log.debug("heard %r", best.hypstr)
-            return str(best.hypstr)
+        if hypothesis is not None and hypothesis.hypstr in self._phrases:
+            log.debug("heard %r", hypothesis.hypstr)
+            return str(hypothesis.hypstr)
         self._other.offer(bytes(self._utterance))
         return None
 
@@ -264,16 +264,16 @@ def _grammar(phrases: Sequence[str]) -> str:
     by other words matches speech to the puppet that is not a phrase.
     """
     names = sorted({phrase.split()[0] for phrase in phrases})
-    rests = sorted({" ".join(phrase.split()[1:]) for phrase in phrases} - {""})
-    rest = f"[{' | '.join(rests)}]" if rests else ""
-    talk = [word for word in _COMMON_WORDS.split() if word not in names]
-    followers = {rest.split()[0] for rest in rests}
+    continuations = sorted({" ".join(phrase.split()[1:]) for phrase in phrases} - {""})
+    any_words = f"[{' | '.join(continuations)}]" if continuations else ""
+    talk = [word for word in _TALK_WORDS.split() if word not in names]
+    followers = {any_words.split()[0] for any_words in continuations}
     others = [word for word in dict.fromkeys((*talk, *_ACTION_WORDS.split())) if word not in followers]
     alternatives = " | ".join(f"/1.0/ {phrase}" for phrase in phrases)
     return (
         "#JSGF V1.0; grammar commands;"
-        f"public <command> = {alternatives} | /1.0/ <talk> [<talk>] {rest} | "
-        f"/{_OTHER_WEIGHT}/ <name> <other> [<other>] [<other>];"
+        f"public <command> = {alternatives} | /1.0/ <talk> [<talk>] {any_words} | "
+        f"/{_OTHER_SPEECH_WEIGHT}/ <name> <other> [<other>] [<other>];"
         f"<name> = {' | '.join(names)};"
         f"<other> = {' | '.join(others)};"
         f"<talk> = {' | '.join(talk)};"

@@ -54,7 +54,7 @@ class ImportOptions:
 DEFAULT_OPTIONS = ImportOptions()
 
 
-def lens_of(text: str | None) -> tuple[float, float, float, float] | None:
+def parse_lens(text: str | None) -> tuple[float, float, float, float] | None:
     """Returns the four numbers of ``FX,FY,CX,CY``. None for no text.
 
     Raises:
@@ -118,7 +118,7 @@ def natural_order(path: Path) -> tuple[str, list[int], str]:
     return str(path.parent), [int(digits) for digits in re.findall(r"\d+", path.name)], path.name
 
 
-def head_of(path: Path, size: int = 4096) -> bytes:
+def read_head(path: Path, size: int = 4096) -> bytes:
     """Returns the first bytes of a file. Empty if it cannot be read."""
     try:
         with open_file(path) as file:
@@ -127,7 +127,7 @@ def head_of(path: Path, size: int = 4096) -> bytes:
         return b""
 
 
-def text_of(path: Path) -> str:
+def read_text(path: Path) -> str:
     """Returns the text of a file.
 
     Raises:
@@ -152,14 +152,14 @@ def only_one(paths: Sequence[Path]) -> Path:
     return paths[0]
 
 
-def rows_of(path: Path, delimiter: str = ",") -> list[list[str]]:
+def read_rows(path: Path, delimiter: str = ",") -> list[list[str]]:
     """Returns the rows of a delimited text file, without empty rows and an empty last field.
 
     Raises:
         InputError: if the file cannot be read or is empty.
     """
     try:
-        rows = list(csv.reader(text_of(path).split("\n"), delimiter=delimiter, skipinitialspace=True))
+        rows = list(csv.reader(read_text(path).split("\n"), delimiter=delimiter, skipinitialspace=True))
     except csv.Error:
         problem = f"it is not a table with {delimiter!r} between its columns"
         raise InputError(problem, where=str(path), mend="Copy it again from its source.") from None
@@ -170,7 +170,7 @@ def rows_of(path: Path, delimiter: str = ",") -> list[list[str]]:
     return rows
 
 
-def numbers_of(rows: Sequence[Sequence[str]], path: Path, columns: int, first_line: int = 1) -> Float:
+def numbers_from_rows(rows: Sequence[Sequence[str]], path: Path, columns: int, first_line: int = 1) -> Float:
     """Returns (R, columns) the rows as numbers. An incomplete last row is left out.
 
     Raises:
@@ -197,13 +197,13 @@ def numbers_of(rows: Sequence[Sequence[str]], path: Path, columns: int, first_li
         raise InputError(f"line {line}: {wrong[:40]!r} is not a number", where=str(path)) from None
 
 
-def floats_of(path: Path) -> Float:
+def read_floats(path: Path) -> Float:
     """Returns (N,) the numbers of a text file, separated by blanks.
 
     Raises:
         InputError: if it contains other text.
     """
-    words = text_of(path).split()
+    words = read_text(path).split()
     try:
         return np.array([float(word) for word in words])
     except ValueError:

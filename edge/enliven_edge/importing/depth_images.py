@@ -17,16 +17,21 @@ from enliven_edge.importing.base import (
     DEFAULT_OPTIONS,
     ImportOptions,
     Reader,
-    head_of,
     natural_order,
-    text_of,
+    read_head,
+    read_text,
 )
-from enliven_edge.importing.depth_sequences import depth_series, read_millimetres, timed_images, unit_of
+from enliven_edge.importing.depth_sequences import (
+    detect_unit,
+    find_depth_series,
+    read_millimetres,
+    timed_images,
+)
 from enliven_edge.importing.images import (
     KINECT1,
+    find_usual_camera,
     is_depth_png,
     read_colour,
-    usual_camera,
 )
 
 _SUFFIX = "_depth.png"
@@ -45,7 +50,7 @@ class OpenCvDepthReader(Reader):
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         depth = [path for path in paths if path.name.endswith(_SUFFIX)]
-        return any(is_depth_png(path) for path in depth) and b"<opencv_storage>" in head_of(
+        return any(is_depth_png(path) for path in depth) and b"<opencv_storage>" in read_head(
             _camera_file(depth[0])
         )
 
@@ -53,7 +58,7 @@ class OpenCvDepthReader(Reader):
         images = sorted((path for path in paths if path.name.endswith(_SUFFIX)), key=natural_order)
         if not images:
             raise InputError(f"no file is named *{_SUFFIX}", where=str(paths[0]))
-        unit = unit_of(images[0], options)
+        unit = detect_unit(images[0], options)
         for path, time_ns in timed_images(images, options):
             depth = read_millimetres(path, unit)
             camera = read_camera(_camera_file(path), depth.shape[1], depth.shape[0])
@@ -68,7 +73,7 @@ def read_camera(path: Path, width: int, height: int) -> Intrinsics:
         InputError: if the file or the matrix is missing or damaged.
     """
     try:
-        text = ElementTree.fromstring(text_of(path)).findtext("intrinsic/data") or ""
+        text = ElementTree.fromstring(read_text(path)).findtext("intrinsic/data") or ""
         numbers = [float(word) for word in text.split()]
     except (ElementTree.ParseError, ValueError):
         mend = "Copy it again, or export it as XML of OpenCV's FileStorage."
@@ -101,13 +106,13 @@ class RawKinectReader(Reader):
 
     def can_read(self, paths: Sequence[Path]) -> bool:
         images = _raw_images(paths)
-        return bool(images) and _plausible(np.frombuffer(read_file(images[0]), "<u2"))
+        return bool(images) and _are_distances(np.frombuffer(read_file(images[0]), "<u2"))
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         images = _raw_images(paths) or list(paths)
         for path, time_ns in zip(images, options.times_ns(30.0), strict=False):
-            name, camera = _camera_of(path, KINECT1.width, KINECT1.height, options)
-            yield DepthFrame(_read(path), camera, time_ns, name)
+            name, camera = _choose_camera(path, KINECT1.width, KINECT1.height, options)
+            yield DepthFrame(_read_raw(path), camera, time_ns, name)
 
 
 def _raw_images(paths: Sequence[Path]) -> list[Path]:
@@ -115,13 +120,13 @@ def _raw_images(paths: Sequence[Path]) -> list[Path]:
     return sorted(sized, key=natural_order)
 
 
-def _plausible(values: UInt16) -> bool:
+def _are_distances(values: UInt16) -> bool:
     """Returns True if numbers look like distances: some are near enough, and hardly any too far."""
     measured = values[values > 0]
     return measured.size > 100 and float(np.mean(measured > _MAX_DEPTH_MM)) < 0.001
 
 
-def _read(path: Path) -> UInt16:
+def _read_raw(path: Path) -> UInt16:
     data = read_file(path)
     if len(data) != _BYTES:
         raise InputError(
@@ -150,15 +155,15 @@ class PlainDepthReader(Reader):
         return bool(paths) and any(is_depth_png(path) for path in paths)
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
-        images = depth_series(paths) or list(paths)
-        unit = unit_of(images[0], options)
+        images = find_depth_series(paths) or list(paths)
+        unit = detect_unit(images[0], options)
         for path, time_ns in timed_images(images, options):
             depth = read_millimetres(path, unit)
-            name, camera = _camera_of(path, depth.shape[1], depth.shape[0], options)
+            name, camera = _choose_camera(path, depth.shape[1], depth.shape[0], options)
             yield DepthFrame(depth, camera, time_ns, name)
 
 
-def _camera_of(path: Path, width: int, height: int, options: ImportOptions) -> tuple[str, Intrinsics]:
+def _choose_camera(path: Path, width: int, height: int, options: ImportOptions) -> tuple[str, Intrinsics]:
     """Returns the sensor's name and camera for an image without a camera file: as given, or a usual one.
 
     Raises:
@@ -166,7 +171,7 @@ def _camera_of(path: Path, width: int, height: int, options: ImportOptions) -> t
     """
     if options.lens is not None:
         return options.device or "depth", Intrinsics(width, height, *options.lens)
-    usual = usual_camera(width, height)
+    usual = find_usual_camera(width, height)
     if usual is None:
         raise InputError(
             f"the image is {width}x{height}, and no file states its camera",

@@ -13,8 +13,8 @@ import numpy as np
 
 from enliven.arrays import UInt16
 from enliven.errors import InputError
-from enliven_edge.importing.base import ImportOptions, head_of, natural_order
-from enliven_edge.importing.images import PNG_MAGIC, colour_kind, is_depth_png, read_depth_png
+from enliven_edge.importing.base import ImportOptions, natural_order, read_head
+from enliven_edge.importing.images import PNG_MAGIC, describe_colour_image, is_depth_png, read_depth_png
 
 MILLIMETRES = 1000.0
 """Number of values per metre of most depth images."""
@@ -29,7 +29,7 @@ _FAR_MM = 8000.0
 less far."""
 _MAX_NAMED = 5
 """Maximum number of images that are named in notes. The others are counted."""
-_OPTION = "--units-per-metre states another"
+_UNIT_HINT = "--units-per-metre states another"
 
 
 class DepthUnit:
@@ -64,17 +64,17 @@ class DepthUnit:
             return
         name = "millimetres" if self._units == MILLIMETRES else f"{self._units:g} to the metre"
         reason = f" ({self._reason})" if self._reason else ""
-        self._note(f"depth values are taken as {name}{reason}; {_OPTION}")
+        self._note(f"depth values are taken as {name}{reason}; {_UNIT_HINT}")
         measured = depth[depth > 0]
         if measured.size and float(np.median(measured)) > _FAR_MM:
-            far = float(np.median(measured)) / 1000
+            median_m = float(np.median(measured)) / 1000
             self._note(
-                f"half of the first image is beyond {far:.1f} m, farther than depth cameras measure: "
+                f"half of the first image is beyond {median_m:.1f} m, farther than depth cameras measure: "
                 "check the unit (5000 to the metre in TUM's images, 10000 of a D405)"
             )
 
 
-def unit_of(path: Path, options: ImportOptions, device: str = "") -> DepthUnit:
+def detect_unit(path: Path, options: ImportOptions, device: str = "") -> DepthUnit:
     """Returns the unit of images without a stated unit.
 
     A D405 is recognised by device, file or folder name.
@@ -85,7 +85,7 @@ def unit_of(path: Path, options: ImportOptions, device: str = "") -> DepthUnit:
     return DepthUnit(options)
 
 
-def depth_series(paths: Iterable[Path]) -> list[Path]:
+def find_depth_series(paths: Iterable[Path]) -> list[Path]:
     """Returns the PNG files of the series that contain depth, in order.
 
     Names within a series differ only in numbers.
@@ -96,8 +96,8 @@ def depth_series(paths: Iterable[Path]) -> list[Path]:
     for path in paths:
         if path.suffix.lower() == ".png":
             series.setdefault((path.parent, re.sub(r"\d+", "#", path.name)), []).append(path)
-    held = [images for images in series.values() if any(is_depth_png(path) for path in images)]
-    return sorted((path for images in held for path in images), key=natural_order)
+    depth_files = [images for images in series.values() if any(is_depth_png(path) for path in images)]
+    return sorted((path for images in depth_files for path in images), key=natural_order)
 
 
 def usable_images(timed: Iterable[tuple[Path, int]], options: ImportOptions) -> Iterator[tuple[Path, int]]:
@@ -114,10 +114,10 @@ def usable_images(timed: Iterable[tuple[Path, int]], options: ImportOptions) -> 
             continue
         left_out.append(path)
         if len(left_out) <= _MAX_NAMED:
-            options.note(f"{path.name} is left out: {_problem(path)}; later images keep their time")
+            options.note(f"{path.name} is left out: {_find_problem(path)}; later images keep their time")
     if left_out and not used:
         raise InputError(
-            _problem(left_out[0]), where=str(left_out[0]), mend="Give the depth images, 16-bit PNG."
+            _find_problem(left_out[0]), where=str(left_out[0]), mend="Give the depth images, 16-bit PNG."
         )
     if len(left_out) > _MAX_NAMED:
         options.note(
@@ -125,15 +125,17 @@ def usable_images(timed: Iterable[tuple[Path, int]], options: ImportOptions) -> 
         )
 
 
-def _problem(path: Path) -> str:
+def _find_problem(path: Path) -> str:
     """Returns why a file contains no depth."""
     if path.is_file() and path.stat().st_size == 0:
         return "it is empty"
-    kind = colour_kind(path)
+    kind = describe_colour_image(path)
     if kind is not None:
         return f"it is {kind}, not of one 16-bit channel"
     return (
-        "it is not a PNG of one 16-bit channel" if head_of(path, 8) == PNG_MAGIC else "it is not a PNG image"
+        "it is not a PNG of one 16-bit channel"
+        if read_head(path, 8) == PNG_MAGIC
+        else "it is not a PNG image"
     )
 
 

@@ -13,14 +13,14 @@ from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.files import read_file
 from enliven.person import PARENTS, Body, Joint
-from enliven_edge.importing.base import ImportOptions, head_of
+from enliven_edge.importing.base import ImportOptions, read_head
 from enliven_edge.importing.skeletons import (
     INFERRED,
     KINECT2_ORDER,
     TRACKED,
     SkeletonMoment,
     SkeletonReader,
-    in_metres,
+    joints_from_pixels,
 )
 
 FOCAL = 365.5
@@ -71,26 +71,26 @@ class FlowRoomReader(SkeletonReader):
     sensor = "kinect2"
 
     def matches(self, path: Path) -> bool:
-        head = head_of(path, 512).lstrip()
+        head = read_head(path, 512).lstrip()
         return head.startswith(b"[") and b'"bodyIndex"' in head and b'"joints"' in head
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
-        frames = _frames(path)
-        pixels = [[_cleaned(skeleton) for skeleton in frame] for frame in frames]
-        distance = _distance([points for frame in pixels for points, _ in frame], path)
+        frames = _read_frames(path)
+        pixels = [[_clean_joints(skeleton) for skeleton in frame] for frame in frames]
+        distance = _estimate_distance([points for frame in pixels for points, _ in frame], path)
         ids: dict[str, int] = {}
         moments = []
         for frame, points, time_ns in zip(frames, pixels, options.times_ns(30.0), strict=False):
             moment = SkeletonMoment(time_ns)
             for skeleton, (uvz, good) in zip(frame, points, strict=True):
                 number = ids.setdefault(skeleton.trackingId, len(ids))
-                joints = in_metres(uvz[:, :2], distance + uvz[:, 2] * _METRES_PER_Z, FOCAL, CENTRE)
+                joints = joints_from_pixels(uvz[:, :2], distance + uvz[:, 2] * _METRES_PER_Z, FOCAL, CENTRE)
                 moment.bodies.append(Body(number, joints, np.where(good, TRACKED, INFERRED)))
             moments.append(moment)
         return moments
 
 
-def _frames(path: Path) -> list[list[_Skeleton]]:
+def _read_frames(path: Path) -> list[list[_Skeleton]]:
     try:
         frames = _decoder.decode(read_file(path))
     except (msgspec.MsgspecError, RecursionError) as error:
@@ -108,27 +108,27 @@ def _frames(path: Path) -> list[list[_Skeleton]]:
     return frames
 
 
-def _cleaned(skeleton: _Skeleton) -> tuple[Float, Bool]:
+def _clean_joints(skeleton: _Skeleton) -> tuple[Float, Bool]:
     """Returns (20, 3) u, v, z and (20,) whether z was measured. Otherwise z is the parent's."""
     points = np.array([(p.x, p.y, p.z) for p in skeleton.joints], float)[list(KINECT2_ORDER)]
-    good = points[:, 2] > _INVALID
-    middle = float(np.median(points[good, 2])) if good.any() else 0.0
+    is_measured = points[:, 2] > _INVALID
+    median = float(np.median(points[is_measured, 2])) if is_measured.any() else 0.0
     for joint, parent in enumerate(PARENTS):
-        expected = points[parent, 2] if parent >= 0 else middle
-        if not good[joint] or abs(points[joint, 2] - expected) * _METRES_PER_Z > _MAX_DEPTH_STEP_M:
-            points[joint, 2], good[joint] = expected, False
-    return points, good
+        expected = points[parent, 2] if parent >= 0 else median
+        if not is_measured[joint] or abs(points[joint, 2] - expected) * _METRES_PER_Z > _MAX_DEPTH_STEP_M:
+            points[joint, 2], is_measured[joint] = expected, False
+    return points, is_measured
 
 
-def _distance(bodies: Sequence[Float], path: Path) -> float:
+def _estimate_distance(bodies: Sequence[Float], path: Path) -> float:
     """Returns the metres from the sensor to z = 0, from the people's upper-quartile height in pixels."""
     heights = [
         float(max(uvz[Joint.ANKLE_LEFT, 1], uvz[Joint.ANKLE_RIGHT, 1]) - uvz[Joint.HEAD, 1]) for uvz in bodies
     ]
-    tall = float(np.percentile(heights, 75)) if heights else 0.0
-    if tall < 20.0:
+    height_px = float(np.percentile(heights, 75)) if heights else 0.0
+    if height_px < 20.0:
         raise InputError(
             "no person stands upright in it, so the distance to the sensor is unknown", where=str(path)
         )
-    middle = float(np.median([uvz[:, 2] for uvz in bodies])) * _METRES_PER_Z
-    return FOCAL * STATURE * _HEAD_TO_ANKLE / tall - middle
+    centre = float(np.median([uvz[:, 2] for uvz in bodies])) * _METRES_PER_Z
+    return FOCAL * STATURE * _HEAD_TO_ANKLE / height_px - centre

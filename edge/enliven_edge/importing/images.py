@@ -12,7 +12,7 @@ from enliven.arrays import UInt8, UInt16
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.files import read_file
-from enliven_edge.importing.base import head_of
+from enliven_edge.importing.base import read_head
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 KINECT1 = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
@@ -31,17 +31,17 @@ _MAX_PIXELS = 1 << 26
 
 def is_depth_png(path: Path) -> bool:
     """Returns True if a file is a PNG of one 16-bit channel, judged by its header."""
-    head = head_of(path, 33)
+    head = read_head(path, 33)
     return head.startswith(PNG_MAGIC) and len(head) == 33 and head[24] == 16 and head[25] == 0
 
 
 def png_size(path: Path) -> tuple[int, int]:
     """Returns width and height from the header of a PNG file."""
-    head = head_of(path, 33)
+    head = read_head(path, 33)
     return int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
 
 
-def usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
+def find_usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
     """Returns the name and the camera of the sensor with depth images of this shape. None: unknown."""
     for name, camera in _KNOWN_SENSORS.items():
         scaled = camera.scaled(width / camera.width)
@@ -50,10 +50,10 @@ def usual_camera(width: int, height: int) -> tuple[str, Intrinsics] | None:
     return None
 
 
-def colour_kind(path: Path) -> str | None:
+def describe_colour_image(path: Path) -> str | None:
     """Returns the kind of an image without depth, such as "a JPEG image in colour". None: another file."""
     try:
-        with _opened(path, _COLOUR_FORMATS) as image:
+        with _open_image(path, _COLOUR_FORMATS) as image:
             if image.mode.startswith("I") or image.format is None:
                 return None
             grey = image.mode in ("1", "L", "LA")
@@ -75,7 +75,7 @@ def read_depth_png(path: Path) -> UInt16:
             mend="Give the depth images in millimetres.",
         )
     try:
-        with _opened(path, ("PNG",)) as image:
+        with _open_image(path, ("PNG",)) as image:
             return np.asarray(image).astype(np.uint16)
     except FileNotFoundError:
         raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
@@ -93,14 +93,14 @@ def read_colour(path: Path) -> UInt8 | None:
     if not path.exists():
         return None
     try:
-        with _opened(path, _COLOUR_FORMATS) as image:
+        with _open_image(path, _COLOUR_FORMATS) as image:
             return np.asarray(image.convert("RGB"))
     except (OSError, ValueError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError):
         mend = "Copy it again, or remove it."
         raise InputError("the image is damaged", where=str(path), mend=mend) from None
 
 
-def _opened(path: Path, formats: tuple[str, ...]) -> Image.Image:
+def _open_image(path: Path, formats: tuple[str, ...]) -> Image.Image:
     """Opens an image without decoding it, and checks its declared size.
 
     Raises:

@@ -15,10 +15,10 @@ from enliven_edge.importing.base import (
     ImportOptions,
     are_numbers,
     first_lines,
-    floats_of,
-    head_of,
-    numbers_of,
-    rows_of,
+    numbers_from_rows,
+    read_floats,
+    read_head,
+    read_rows,
 )
 from enliven_edge.importing.skeletons import (
     CONFIDENCE_OF_STATE,
@@ -27,9 +27,9 @@ from enliven_edge.importing.skeletons import (
     WORLD_FROM_KINECT_SPACE,
     SkeletonMoment,
     SkeletonReader,
-    in_metres,
-    observed,
-    tracked,
+    joints_from_pixels,
+    mask_missing,
+    tracked_body,
 )
 
 _SCAN_HEADER = ["Joints", "X", "Y", "Z"]
@@ -70,7 +70,7 @@ MSR_FOCAL = 285.0
 """Focal length of the pixel form's depth camera (320x240), pixels. With it both forms agree."""
 _MSR_CENTRE = (160.0, 120.0)
 """Column and row of the image's centre, pixels."""
-_MSR_METRES = 0.004
+_MSR_METRES_PER_UNIT = 0.004
 """Metres of one unit of depth in the pixel form. With it both forms agree."""
 _MSR_FPS = 15.0
 """Frames per second of the data set, which its files do not state."""
@@ -85,12 +85,12 @@ class BodyScannerReader(SkeletonReader):
     sensor = "kinect2"
 
     def matches(self, path: Path) -> bool:
-        rows = [line.split(",") for line in first_lines(head_of(path), 2)]
+        rows = [line.split(",") for line in first_lines(read_head(path), 2)]
         return len(rows) == 2 and rows[0] == _SCAN_HEADER and rows[1][0] == _SCAN_TILT
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
-        rows = rows_of(path)[1:]
-        values = numbers_of([row[1:] for row in rows], path, 3, 2)
+        rows = read_rows(path)[1:]
+        values = numbers_from_rows([row[1:] for row in rows], path, 3, 2)
         named = {row[0].strip(): xyz for row, xyz in zip(rows, values, strict=False)}
         missing = [name for name in (_SCAN_TILT, *KINECT2_NAMES) if name not in named]
         if missing:
@@ -98,7 +98,7 @@ class BodyScannerReader(SkeletonReader):
         level = level_from_tilted(math.radians(float(named[_SCAN_TILT][0])))
         # In the file, as in the world, +Z points to the sensor.
         joints = np.array([named[name] for name in KINECT2_NAMES]) @ (WORLD_FROM_KINECT_SPACE @ level).T
-        return [SkeletonMoment(0, [tracked(joints)])]
+        return [SkeletonMoment(0, [tracked_body(joints)])]
 
 
 def level_from_tilted(tilt: float) -> Float:
@@ -116,20 +116,20 @@ class GaitReader(SkeletonReader):
     note = "no times in the files: 30 frames a second; no tracking states: every joint counts as tracked"
 
     def matches(self, path: Path) -> bool:
-        rows = [line.split(";") for line in first_lines(head_of(path), 20)]
+        rows = [line.split(";") for line in first_lines(read_head(path), 20)]
         return bool(rows) and all(len(row) == 4 and row[0].strip().title() in _GAIT_NAMES for row in rows)
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
-        rows = rows_of(path, ";")
+        rows = read_rows(path, ";")
         joints = [_gait_joint(row[0], path, line) for line, row in enumerate(rows, 1)]
-        values = numbers_of([row[1:] for row in rows], path, 3)
+        values = numbers_from_rows([row[1:] for row in rows], path, 3)
         starts = [line for line, joint in enumerate(joints) if joint == Joint.HEAD] + [len(values)]
         moments = []
         for start, end, time_ns in zip(starts, starts[1:], options.times_ns(30.0), strict=False):
             xyz = np.full((len(Joint), 3), np.nan)
             xyz[joints[start:end]] = values[start:end]
             if np.isfinite(xyz[:, 0]).any():
-                moments.append(SkeletonMoment(time_ns, [tracked(xyz)]))
+                moments.append(SkeletonMoment(time_ns, [tracked_body(xyz)]))
         return moments
 
 
@@ -150,17 +150,17 @@ class LabanotationReader(SkeletonReader):
     sensor = "kinect2"
 
     def matches(self, path: Path) -> bool:
-        cells = (first_lines(head_of(path), 1) or [""])[0].rstrip(",").split(",")
+        cells = (first_lines(read_head(path), 1) or [""])[0].rstrip(",").split(",")
         return len(cells) == _LABANOTATION_COLUMNS and are_numbers(cells)
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
-        values = numbers_of(rows_of(path), path, _LABANOTATION_COLUMNS)
+        values = numbers_from_rows(read_rows(path), path, _LABANOTATION_COLUMNS)
         joints = values[:, 1:].reshape(-1, 25, 4)[:, KINECT2_ORDER]
         states = joints[..., 3]
         if not np.isin(states, (0.0, 1.0, 2.0)).all() or not np.isfinite(values[:, 0]).all():
             raise InputError("a tracking state is not 0, 1 or 2, or a time is missing", where=str(path))
         times = [int(ticks) * _TICK_NS for ticks in values[:, 0]]
-        return _one_person(times, joints[..., :3], CONFIDENCE_OF_STATE[states.astype(int)])
+        return _moments_from_joints(times, joints[..., :3], CONFIDENCE_OF_STATE[states.astype(int)])
 
 
 class MsrAction3dReader(SkeletonReader):
@@ -171,25 +171,27 @@ class MsrAction3dReader(SkeletonReader):
     note = "no times in the files: 15 frames a second"
 
     def matches(self, path: Path) -> bool:
-        rows = [line.split() for line in first_lines(head_of(path), 20)]
+        rows = [line.split() for line in first_lines(read_head(path), 20)]
         return len(rows) == 20 and all(len(row) == 4 and are_numbers(row) for row in rows)
 
     def moments(self, path: Path, options: ImportOptions) -> list[SkeletonMoment]:
-        values = floats_of(path)
+        values = read_floats(path)
         if not values.size or values.size % 80:
             problem = f"it holds {values.size} numbers, not 80 for each frame"
             raise InputError(problem, where=str(path), mend="Copy it again; it may have been cut off.")
         rows = values.reshape(-1, 20, 4)[:, np.argsort(MSR_ORDER)]
         joints = rows[..., :3]
         if float(np.median(joints[..., 2])) >= 20.0:
-            joints = in_metres(joints[..., :2], joints[..., 2] * _MSR_METRES, MSR_FOCAL, _MSR_CENTRE)
+            joints = joints_from_pixels(
+                joints[..., :2], joints[..., 2] * _MSR_METRES_PER_UNIT, MSR_FOCAL, _MSR_CENTRE
+            )
         times = [time_ns for time_ns, _ in zip(options.times_ns(_MSR_FPS), rows, strict=False)]
-        return _one_person(times, joints, rows[..., 3])
+        return _moments_from_joints(times, joints, rows[..., 3])
 
 
-def _one_person(times: Sequence[int], joints: Float, confidence: Float) -> list[SkeletonMoment]:
+def _moments_from_joints(times: Sequence[int], joints: Float, confidence: Float) -> list[SkeletonMoment]:
     """Returns the moments of one person: (F,) nanoseconds, (F, 20, 3) metres and (F, 20) confidences."""
     return [
-        SkeletonMoment(time_ns, [Body(0, *observed(xyz, sure))])
-        for time_ns, xyz, sure in zip(times, joints, confidence, strict=True)
+        SkeletonMoment(time_ns, [Body(0, *mask_missing(xyz, confidences))])
+        for time_ns, xyz, confidences in zip(times, joints, confidence, strict=True)
     ]

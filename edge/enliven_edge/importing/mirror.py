@@ -20,13 +20,13 @@ OTHER_SIDE = [
 """(20,) the joint on the other side of the body."""
 
 
-def mirrored(frames: Iterator[Frame]) -> Iterator[Frame]:
+def mirror_frames(frames: Iterator[Frame]) -> Iterator[Frame]:
     """Yields every frame mirrored. The sensor stays at its place."""
     for frame in frames:
-        yield _depth(frame) if isinstance(frame, DepthFrame) else _bodies(frame)
+        yield _mirror_depth(frame) if isinstance(frame, DepthFrame) else _mirror_bodies(frame)
 
 
-def _depth(frame: DepthFrame) -> DepthFrame:
+def _mirror_depth(frame: DepthFrame) -> DepthFrame:
     camera = frame.intrinsics
     k1, k2, p1, p2, k3 = camera.distortion
     lens = dataclasses.replace(camera, cx=camera.width - 1 - camera.cx, distortion=(k1, k2, p1, -p2, k3))
@@ -35,6 +35,6 @@ def _depth(frame: DepthFrame) -> DepthFrame:
     return dataclasses.replace(frame, depth=depth, intrinsics=lens, colour=colour)
 
 
-def _bodies(frame: BodyFrame) -> BodyFrame:
+def _mirror_bodies(frame: BodyFrame) -> BodyFrame:
     bodies = [reflected(body, np.zeros(3), _MIRROR_NORMAL) for body in frame.bodies]
     return dataclasses.replace(frame, bodies=bodies)

@@ -30,7 +30,7 @@ from enliven_edge.importing.base import (
     ImportOptions,
     are_numbers,
     first_lines,
-    head_of,
+    read_head,
 )
 from enliven_edge.importing.skeletons import TRACKED, SkeletonMoment, frames_in_world
 
@@ -72,7 +72,7 @@ class MotionCaptureReader(FileReader):
             roles = find_roles(capture)
         except InputError as error:
             raise InputError(error.what, where=str(path), mend=error.mend) from None
-        joints, turns = bodies_of(capture, roles)
+        joints, turns = bodies_from_capture(capture, roles)
         seconds = 1.0 / options.fps if options.fps else capture.seconds
         sure = np.full(J, TRACKED)
         moments = [
@@ -82,7 +82,7 @@ class MotionCaptureReader(FileReader):
         return frames_in_world(moments, options.device or "mocap", np.eye(3), str(path))
 
 
-def bodies_of(capture: Capture, roles: Roles) -> tuple[Float, Float]:
+def bodies_from_capture(capture: Capture, roles: Roles) -> tuple[Float, Float]:
     """Returns (F, 20, 3) metres and (F, 20, 4) orientations, +Y up, of a capture in its own unit and axes."""
     capture = upright_capture(capture)
     p = capture.positions
@@ -96,12 +96,14 @@ def bodies_of(capture: Capture, roles: Roles) -> tuple[Float, Float]:
     joints[:, Joint.SHOULDER_CENTER] = shoulders
     joints[:, Joint.HEAD] = p[:, roles.head] + _HEAD_CENTRE / metres * limbs[:, Limb.SKULL, :, 1]
     sides = (roles.shoulders, roles.elbows, roles.wrists, roles.tips)
-    _fill(joints, p, (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT), sides)
-    _fill(joints, p, (Joint.HIP_LEFT, Joint.HIP_RIGHT), (roles.hips, roles.knees, roles.ankles, roles.toes))
+    _fill_limbs(joints, p, (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT), sides)
+    _fill_limbs(
+        joints, p, (Joint.HIP_LEFT, Joint.HIP_RIGHT), (roles.hips, roles.knees, roles.ankles, roles.toes)
+    )
     return metres * joints, from_matrix(limbs[:, list(_BONE_LIMBS)])
 
 
-def _fill(
+def _fill_limbs(
     joints: Float, positions: Float, first: tuple[Joint, Joint], chain: tuple[tuple[int, int], ...]
 ) -> None:
     """Fills both limbs of a pair, each from its first joint."""
@@ -111,9 +113,9 @@ def _fill(
 
 
 def _is_bvh(path: Path) -> bool:
-    return decode_text(head_of(path, 1024)).lstrip().upper().startswith("HIERARCHY")
+    return decode_text(read_head(path, 1024)).lstrip().upper().startswith("HIERARCHY")
 
 
 def _is_expmap(path: Path) -> bool:
-    rows = [line.split(",") for line in first_lines(head_of(path), 1)]
+    rows = [line.split(",") for line in first_lines(read_head(path), 1)]
     return bool(rows) and len(rows[0]) == COLUMNS and are_numbers(rows[0])

@@ -17,9 +17,9 @@ from enliven_edge.importing.base import (
     FileReader,
     ImportOptions,
     first_lines,
-    head_of,
-    numbers_of,
-    rows_of,
+    numbers_from_rows,
+    read_head,
+    read_rows,
 )
 from enliven_edge.importing.skeletons import (
     KINECT2_NAMES,
@@ -27,7 +27,7 @@ from enliven_edge.importing.skeletons import (
     WORLD_FROM_KINECT_SPACE,
     SkeletonMoment,
     frames_in_world,
-    observed,
+    mask_missing,
 )
 
 _TICKS = {"Tracker_Time": 1e6, "Skeleton_Time": 100.0}
@@ -52,29 +52,29 @@ class MultiTrackReader(FileReader):
     captured it, by the Kinect's own clock, sometimes ten milliseconds earlier."""
 
     def matches(self, path: Path) -> bool:
-        header = (first_lines(head_of(path), 1) or [""])[0]
+        header = (first_lines(read_head(path), 1) or [""])[0]
         return all(f"{name}," in header for name in (*_KEYS, "SpineBase_X"))
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[BodyFrame]:
         path = self.chosen(paths)
-        header, *rows = rows_of(path)
+        header, *rows = read_rows(path)
         column = {name.strip(): index for index, name in enumerate(header)}
-        wanted = [self.clock, *_KEYS[1:], *(f"{joint}_{axis}" for joint in KINECT2_NAMES for axis in "XYZ")]
-        missing = [name for name in wanted if name not in column]
+        columns = [self.clock, *_KEYS[1:], *(f"{joint}_{axis}" for joint in KINECT2_NAMES for axis in "XYZ")]
+        missing = [name for name in columns if name not in column]
         if missing:
             raise InputError(f"the column {missing[0]} is missing", where=str(path))
         rows = rows[:-1] if rows and len(rows[-1]) != len(header) else rows
-        device = _chosen(Counter(row[column["Kinect_Id"]] for row in rows), options.device, path)
+        device = _choose_device(Counter(row[column["Kinect_Id"]] for row in rows), options.device, path)
         if self.clock != _KEYS[0]:
             rows = [row for row in rows if row[column["Kinect_Id"]] == device]
-        kept = [[row[column[name]] for name in wanted if name != "Kinect_Id"] for row in rows]
-        values = numbers_of(kept, path, len(wanted) - 1, 2)
-        ours = np.array([row[column["Kinect_Id"]] == device for row in rows])
-        moments = _moments(values, ours, _TICKS[self.clock])
+        chosen_rows = [[row[column[name]] for name in columns if name != "Kinect_Id"] for row in rows]
+        values = numbers_from_rows(chosen_rows, path, len(columns) - 1, 2)
+        is_chosen = np.array([row[column["Kinect_Id"]] == device for row in rows])
+        moments = _group_moments(values, is_chosen, _TICKS[self.clock])
         return frames_in_world(moments, f"kinect2-{device}", WORLD_FROM_KINECT_SPACE, str(path))
 
 
-def _moments(values: Float, ours: Bool, tick: float) -> list[SkeletonMoment]:
+def _group_moments(values: Float, is_chosen: Bool, tick: float) -> list[SkeletonMoment]:
     """Groups rows of time, person and 20 x 3 joints by time. Another Kinect's rows contribute only the time.
 
     Args:
@@ -82,17 +82,17 @@ def _moments(values: Float, ours: Bool, tick: float) -> list[SkeletonMoment]:
     """
     order = np.argsort(values[:, 0], kind="stable")
     moments: list[SkeletonMoment] = []
-    for row, our in zip(values[order], ours[order], strict=True):
+    for row, is_chosen_row in zip(values[order], is_chosen[order], strict=True):
         time_ns = round((row[0] - values[order[0], 0]) * tick)
         if not moments or moments[-1].time_ns != time_ns:
             moments.append(SkeletonMoment(time_ns))
-        if our and int(row[1]) not in [body.id for body in moments[-1].bodies]:
-            joints, confidence = observed(row[2:].reshape(20, 3), np.full(20, TRACKED))
+        if is_chosen_row and int(row[1]) not in [body.id for body in moments[-1].bodies]:
+            joints, confidence = mask_missing(row[2:].reshape(20, 3), np.full(20, TRACKED))
             moments[-1].bodies.append(Body(int(row[1]), joints, confidence))
     return moments
 
 
-def _chosen(devices: Counter[str], wanted: str | None, path: Path) -> str:
+def _choose_device(devices: Counter[str], wanted: str | None, path: Path) -> str:
     """Returns the Kinect to read. Among equals, the first in the file."""
     if not devices:
         raise InputError("it holds a header and no rows", where=str(path))

@@ -17,11 +17,11 @@ from enliven_edge.importing.base import (
     DEFAULT_OPTIONS,
     ImportOptions,
     Reader,
-    floats_of,
     natural_order,
-    text_of,
+    read_floats,
+    read_text,
 )
-from enliven_edge.importing.depth_sequences import DepthUnit, read_millimetres, timed_images, unit_of
+from enliven_edge.importing.depth_sequences import DepthUnit, detect_unit, read_millimetres, timed_images
 from enliven_edge.importing.images import is_depth_png, png_size, read_colour
 
 _REPOSITORY = "device_repository.json"
@@ -35,26 +35,26 @@ class RealSenseReader(Reader):
     note = "no times in the files: evenly spaced"
 
     def can_read(self, paths: Sequence[Path]) -> bool:
-        images = _images(paths)
+        images = _find_images(paths)
         return any(is_depth_png(path) for path in images) and (images[0].parent / _REPOSITORY).is_file()
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
-        images = _images(paths)
+        images = _find_images(paths)
         if not images:
             raise InputError("no file is named N_DEVICE_depth_N.png", where=str(paths[0]))
         units: dict[str, DepthUnit] = {}
         for path, time_ns in timed_images(images, options):
             device = path.stem.split("_")[1]
-            entry = _device(path.parent / _REPOSITORY, device)
-            camera = _stated_camera(
+            entry = _find_device(path.parent / _REPOSITORY, device)
+            camera = _find_camera(
                 entry, *png_size(path), where=f"{path.parent / _REPOSITORY}, device {device}"
             )
             sensor = options.device or f"{_model(entry)}-{entry.get('Serial', device)}"
-            unit = units.setdefault(device, unit_of(path, options, _model(entry)))
+            unit = units.setdefault(device, detect_unit(path, options, _model(entry)))
             yield DepthFrame(read_millimetres(path, unit), camera, time_ns, sensor)
 
 
-def _images(paths: Sequence[Path]) -> list[Path]:
+def _find_images(paths: Sequence[Path]) -> list[Path]:
     named = (path for path in paths if path.suffix == ".png" and len(path.stem.split("_")) == 4)
     return sorted((path for path in named if path.stem.split("_")[2] == "depth"), key=natural_order)
 
@@ -64,9 +64,9 @@ def _model(entry: dict[str, Any]) -> str:
     return "-".join(str(entry.get("Type", "RealSense")).lower().split()[-2:])
 
 
-def _device(repository: Path, device: str) -> dict[str, Any]:
+def _find_device(repository: Path, device: str) -> dict[str, Any]:
     try:
-        entries = json.loads(text_of(repository))
+        entries = json.loads(read_text(repository))
         devices = {str(entry["Device"]): entry for entry in entries}
     except (ValueError, TypeError, KeyError, RecursionError):
         mend = "Copy it again from the recording computer."
@@ -80,12 +80,12 @@ def _device(repository: Path, device: str) -> dict[str, Any]:
     return devices[device]
 
 
-def _stated_camera(entry: dict[str, Any], width: int, height: int, *, where: str) -> Intrinsics:
+def _find_camera(entry: dict[str, Any], width: int, height: int, *, where: str) -> Intrinsics:
     """Returns the depth camera at this size: as listed, or scaled from a listed size of the same shape."""
-    stated: dict[str, list[float]] = {}
+    listed_cameras: dict[str, list[float]] = {}
     for group in entry.get("Depth Intrinsics", []):
-        stated.update(group)
-    for size, matrix in stated.items():
+        listed_cameras.update(group)
+    for size, matrix in listed_cameras.items():
         full_width, full_height = (int(number) for number in size.split("x"))
         if full_width * height == width * full_height and len(matrix) == 9:
             full = Intrinsics(full_width, full_height, matrix[0], matrix[4], matrix[2], matrix[5])
@@ -93,7 +93,7 @@ def _stated_camera(entry: dict[str, Any], width: int, height: int, *, where: str
     raise InputError(
         f"the files have no depth calibration for {width}x{height}",
         where=where,
-        mend=f"Known sizes: {', '.join(stated) or 'none'}.",
+        mend=f"Known sizes: {', '.join(listed_cameras) or 'none'}.",
     )
 
 
@@ -129,24 +129,24 @@ class PosedDepthReader(Reader):
         images = sorted((path for path in paths if path.name.endswith(_SUFFIX)), key=natural_order)
         if not images:
             raise InputError(f"no file is named *{_SUFFIX}", where=str(paths[0]))
-        lens = _lens_of(images[0].parent / _CAMERA, options)
-        unit = unit_of(images[0], options)
+        lens = _choose_lens(images[0].parent / _CAMERA, options)
+        unit = detect_unit(images[0], options)
         for path, time_ns in timed_images(images, options):
             camera = Intrinsics(*png_size(path), *lens)
-            pose = LEVEL_WORLD_FROM_CAMERA @ _rigid(_matrix(_pose_file(path), 4), _pose_file(path))
+            pose = LEVEL_WORLD_FROM_CAMERA @ _check_rigid(_read_matrix(_pose_file(path), 4), _pose_file(path))
             colour = read_colour(path.with_name(path.name.removesuffix(_SUFFIX) + ".color.png"))
             depth = read_millimetres(path, unit)
             yield DepthFrame(depth, camera, time_ns, options.device or "rgbd", colour, pose)
 
 
-def _lens_of(path: Path, options: ImportOptions) -> tuple[float, float, float, float]:
+def _choose_lens(path: Path, options: ImportOptions) -> tuple[float, float, float, float]:
     """Returns focal lengths and centre in pixels: the user's, the file's, or those of 7-Scenes."""
     if options.lens is not None:
         return options.lens
     if not path.is_file():
         options.note("no camera in the files: 585 pixels as in the 7-Scenes data set; --lens states another")
         return _SEVEN_SCENES_LENS
-    matrix = _matrix(path, 3)
+    matrix = _read_matrix(path, 3)
     fx, fy, cx, cy = (float(matrix[at]) for at in _LENS)
     return fx, fy, cx, cy
 
@@ -155,9 +155,9 @@ def _pose_file(depth: Path) -> Path:
     return depth.with_name(depth.name.removesuffix(_SUFFIX) + ".pose.txt")
 
 
-def _matrix(path: Path, side: int) -> Float:
+def _read_matrix(path: Path, side: int) -> Float:
     """Reads (side, side) numbers from a text file."""
-    values = floats_of(path)
+    values = read_floats(path)
     if values.size != side * side or not np.isfinite(values).all():
         raise InputError(
             f"it holds {values.size} numbers, expected {side * side} finite ones", where=str(path)
@@ -165,10 +165,10 @@ def _matrix(path: Path, side: int) -> Float:
     return values.reshape(side, side)
 
 
-def _rigid(matrix: Float, path: Path) -> Float:
+def _check_rigid(matrix: Float, path: Path) -> Float:
     """Returns (4, 4) the matrix after checking that it is a rotation and a translation."""
-    turn = matrix[:3, :3]
-    if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0:
+    rotation = matrix[:3, :3]
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3) or np.linalg.det(rotation) < 0:
         raise InputError(
             "the pose is not a rotation and a translation",
             where=str(path),

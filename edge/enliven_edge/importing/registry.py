@@ -13,7 +13,7 @@ from pathlib import Path
 from enliven.errors import InputError
 from enliven.files import file_fault
 from enliven_edge.importing.base import Reader
-from enliven_edge.importing.images import colour_kind
+from enliven_edge.importing.images import describe_colour_image
 
 ENTRY_POINTS = "enliven.readers"
 """The entry-point group that lets other packages add readers: each entry names a class like those here."""
@@ -66,7 +66,7 @@ def find_reader(paths: Sequence[Path], name: str | None = None) -> Reader:
     for reader in readers_by_name.values():
         if reader.can_read(paths):
             return reader
-    kind = colour_kind(paths[0]) if len(paths) == 1 else None
+    kind = describe_colour_image(paths[0]) if len(paths) == 1 else None
     if kind is not None:
         raise InputError(
             f"it is {kind}, and no depth image",
@@ -91,21 +91,21 @@ def find_files(names: Sequence[str]) -> list[Path]:
         path = Path(name)
         if path.is_dir():
             try:
-                inside = _inside(path)
+                matches = _list_folder(path)
             except OSError as error:
                 raise file_fault(error, name, "listed") from None
         elif path.exists():
-            inside = [path]
+            matches = [path]
         else:
-            inside = [match for match in map(Path, sorted(glob.glob(name))) if match.is_file()]
-        if not inside:
+            matches = [match for match in map(Path, sorted(glob.glob(name))) if match.is_file()]
+        if not matches:
             problem = "the folder holds no files" if path.is_dir() else "there is no such file"
             raise InputError(problem, where=name, mend="Check the path.")
-        paths.update(dict.fromkeys(inside))
+        paths.update(dict.fromkeys(matches))
     return list(paths)
 
 
-def _inside(folder: Path) -> list[Path]:
+def _list_folder(folder: Path) -> list[Path]:
     """Returns the files directly in a folder.
 
     Includes its subfolder "depth" unless the folder has own images.
@@ -113,9 +113,9 @@ def _inside(folder: Path) -> list[Path]:
     Raises:
         InputError: if it is a scene of several sequences, the layout of 7-Scenes.
     """
-    inside = sorted(entry for entry in folder.iterdir() if entry.is_file())
-    if any(path.suffix.lower() in (".png", ".jpg") for path in inside):
-        return inside
+    files = sorted(entry for entry in folder.iterdir() if entry.is_file())
+    if any(path.suffix.lower() in (".png", ".jpg") for path in files):
+        return files
     sequences = sorted(entry.name for entry in folder.glob("seq-*") if entry.is_dir())
     if sequences:
         problem = (
@@ -125,4 +125,4 @@ def _inside(folder: Path) -> list[Path]:
             problem, where=str(folder), mend=f"Import one of them, such as {folder / sequences[0]}"
         )
     depth = folder / "depth"
-    return inside + (sorted(entry for entry in depth.iterdir() if entry.is_file()) if depth.is_dir() else [])
+    return files + (sorted(entry for entry in depth.iterdir() if entry.is_file()) if depth.is_dir() else [])

@@ -73,7 +73,7 @@ class SkeletonReader(FileReader):
         return frames_in_world(self.moments(path, options), sensor, WORLD_FROM_KINECT_SPACE, str(path))
 
 
-def in_metres(pixels: Float, z: Float, focal: float, centre: tuple[float, float]) -> Float:
+def joints_from_pixels(pixels: Float, z: Float, focal: float, centre: tuple[float, float]) -> Float:
     """Returns (..., 3) joints in skeleton space, +Y up, from (..., 2) pixels at depths of (...) metres.
 
     Args:
@@ -83,10 +83,10 @@ def in_metres(pixels: Float, z: Float, focal: float, centre: tuple[float, float]
     return np.stack([x, (centre[1] - pixels[..., 1]) / focal * z, z], -1)
 
 
-def tracked(joints: Float) -> Body:
+def tracked_body(joints: Float) -> Body:
     """Returns the body of (20, 3) joints from a file without tracking states: every joint counts as
     tracked."""
-    return Body(0, *observed(joints, np.full(len(joints), TRACKED)))
+    return Body(0, *mask_missing(joints, np.full(len(joints), TRACKED)))
 
 
 def frames_in_world(
@@ -108,27 +108,29 @@ def frames_in_world(
     Raises:
         InputError: if no joint was seen.
     """
-    turned = [_turned(moment, world_from_sensor) for moment in moments]
-    everybody = [body for moment in turned for body in moment.bodies]
-    floor, statures = _floor(everybody, where), _statures(everybody)
-    for moment in turned:
+    rotated = [_rotate_moment(moment, world_from_sensor) for moment in moments]
+    all_bodies = [body for moment in rotated for body in moment.bodies]
+    floor, statures = _estimate_floor(all_bodies, where), _estimate_statures(all_bodies)
+    for moment in rotated:
         bodies = [
             replace(b, joints=b.joints - [0.0, floor, 0.0], stature=statures.get(b.id)) for b in moment.bodies
         ]
         yield BodyFrame(bodies, moment.time_ns, sensor)
 
 
-def observed(joints: Float, confidence: Float) -> tuple[Float, Float]:
+def mask_missing(joints: Float, confidence: Float) -> tuple[Float, Float]:
     """Returns joints (20, 3) and confidence (20,) with missing joints as NaN and confidence 0."""
-    good: Bool = np.asarray(np.isfinite(joints).all(-1))
-    return np.where(good[:, None], joints, np.nan), np.where(good, np.clip(confidence, 0.0, 1.0), 0.0)
+    is_observed: Bool = np.asarray(np.isfinite(joints).all(-1))
+    return np.where(is_observed[:, None], joints, np.nan), np.where(
+        is_observed, np.clip(confidence, 0.0, 1.0), 0.0
+    )
 
 
-def _turned(moment: SkeletonMoment, turn: Float) -> SkeletonMoment:
+def _rotate_moment(moment: SkeletonMoment, turn: Float) -> SkeletonMoment:
     return SkeletonMoment(moment.time_ns, [replace(b, joints=b.joints @ turn.T) for b in moment.bodies])
 
 
-def _statures(bodies: Sequence[Body]) -> dict[int, float]:
+def _estimate_statures(bodies: Sequence[Body]) -> dict[int, float]:
     """Returns metres by person: the median over the frames with all the joints that it needs."""
     heights: dict[int, list[float]] = {}
     for body in bodies:
@@ -137,18 +139,18 @@ def _statures(bodies: Sequence[Body]) -> dict[int, float]:
     return {person: float(np.median(samples)) for person, samples in heights.items()}
 
 
-def _floor(bodies: Sequence[Body], where: str) -> float:
-    lowest = [height for height in map(_sole, bodies) if np.isfinite(height)]
+def _estimate_floor(bodies: Sequence[Body], where: str) -> float:
+    lowest = [height for height in map(_sole_height, bodies) if np.isfinite(height)]
     if not lowest:
         raise InputError("no joint of any person was seen", where=where, mend="Choose another recording.")
     return float(np.percentile(lowest, 25.0))
 
 
-def _sole(body: Body) -> float:
+def _sole_height(body: Body) -> float:
     """Returns the height of a body's lower sole, from the visible joints, or else from all."""
-    for least in (0.5, -1.0):
+    for min_confidence in (0.5, -1.0):
         above = [(j, FOOT_ABOVE_SOLE) for j in _FEET] + [(j, ANKLE_ABOVE_SOLE) for j in _ANKLES]
-        heights = [float(body.joints[j, 1]) - up for j, up in above if body.confidence[j] > least]
+        heights = [float(body.joints[j, 1]) - up for j, up in above if body.confidence[j] > min_confidence]
         heights = [height for height in heights if np.isfinite(height)]
         if heights:
             return min(heights)

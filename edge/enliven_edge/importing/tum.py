@@ -20,11 +20,11 @@ from enliven_edge.importing.base import (
     Reader,
     are_numbers,
     first_lines,
-    head_of,
-    text_of,
+    read_head,
+    read_text,
 )
 from enliven_edge.importing.depth_sequences import TUM_UNITS, DepthUnit, read_millimetres, usable_images
-from enliven_edge.importing.images import is_depth_png, read_colour, usual_camera
+from enliven_edge.importing.images import find_usual_camera, is_depth_png, read_colour
 
 _LIST = "depth.txt"
 """The list of depth images with their times, in the folder of a sequence."""
@@ -53,20 +53,20 @@ class TumReader(Reader):
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         lists = [path for path in paths if _is_list(path)]
         if lists:
-            folder, timed = lists[0].parent, _listed(lists[0])
+            folder, timed = lists[0].parent, _read_list(lists[0])
         else:
-            timed = [(path, _nanoseconds(path.stem)) for path in paths if _is_timed(path)]
+            timed = [(path, _parse_time(path.stem)) for path in paths if _is_timed(path)]
             folder = timed[0][0].parent.parent if timed else Path()
         if not timed:
             raise InputError("no image is named after its time", where=str(paths[0]))
         timed.sort(key=lambda one: one[1])
-        colours = _listed(folder / _COLOURS)
-        poses = _poses(folder / _POSES, [time_ns for _, time_ns in timed])
+        colours = _read_list(folder / _COLOURS)
+        poses = _read_poses(folder / _POSES, [time_ns for _, time_ns in timed])
         unit = DepthUnit(options, TUM_UNITS, "as in the TUM benchmark")
         for path, time_ns in usable_images(timed, options):
             depth = read_millimetres(path, unit)
-            camera = _camera(path, depth.shape[1], depth.shape[0], options)
-            colour = _nearest(colours, time_ns)
+            camera = _choose_camera(path, depth.shape[1], depth.shape[0], options)
+            colour = _find_nearest(colours, time_ns)
             shown = read_colour(colour) if colour is not None else None
             yield DepthFrame(depth, camera, time_ns, options.device or "rgbd", shown, poses.get(time_ns))
 
@@ -79,17 +79,17 @@ def _is_list(path: Path) -> bool:
     """Returns True if a file lists depth images in the benchmark's format."""
     if path.name != _LIST:
         return False
-    rows = [line.split() for line in first_lines(head_of(path), 20) if not line.startswith("#")]
+    rows = [line.split() for line in first_lines(read_head(path), 20) if not line.startswith("#")]
     rows = [row for row in rows[:-1] or rows if row]
     return bool(rows) and all(len(row) == 2 and are_numbers(row[:1]) for row in rows)
 
 
-def _nanoseconds(seconds: str) -> int:
+def _parse_time(seconds: str) -> int:
     """Returns the nanoseconds of a time in decimal seconds, exactly."""
     return int(Decimal(seconds) * 10**9)
 
 
-def _rows(path: Path, columns: int) -> list[list[str]]:
+def _read_rows(path: Path, columns: int) -> list[list[str]]:
     """Returns the rows of a list without comments. Empty if the file is missing.
 
     Raises:
@@ -98,7 +98,7 @@ def _rows(path: Path, columns: int) -> list[list[str]]:
     if not path.is_file():
         return []
     rows = list[list[str]]()
-    for number, line in enumerate(text_of(path).split("\n"), 1):
+    for number, line in enumerate(read_text(path).split("\n"), 1):
         row = line.split("#")[0].replace(",", " ").split()
         if not row:
             continue
@@ -109,9 +109,9 @@ def _rows(path: Path, columns: int) -> list[list[str]]:
     return rows
 
 
-def _listed(path: Path) -> list[tuple[Path, int]]:
+def _read_list(path: Path) -> list[tuple[Path, int]]:
     """Returns the images of a list below its folder, with their times in nanoseconds, in order."""
-    images = [(path.parent / name, _nanoseconds(seconds)) for seconds, name in _rows(path, 2)]
+    images = [(path.parent / name, _parse_time(seconds)) for seconds, name in _read_rows(path, 2)]
     folder = path.parent.resolve()
     for image, _ in images:
         if not image.resolve().is_relative_to(folder):
@@ -119,46 +119,46 @@ def _listed(path: Path) -> list[tuple[Path, int]]:
     return sorted(images, key=lambda one: one[1])
 
 
-def _nearest(images: list[tuple[Path, int]], time_ns: int) -> Path | None:
+def _find_nearest(images: list[tuple[Path, int]], time_ns: int) -> Path | None:
     """Returns the image nearest in time, None if all are too far away."""
     if not images:
         return None
     times = np.array([time for _, time in images])
-    at = int(np.abs(times - time_ns).argmin())
-    return images[at][0] if abs(int(times[at]) - time_ns) <= _MAX_GAP_NS else None
+    index = int(np.abs(times - time_ns).argmin())
+    return images[index][0] if abs(int(times[index]) - time_ns) <= _MAX_GAP_NS else None
 
 
-def _poses(path: Path, times: list[int]) -> dict[int, Float]:
+def _read_poses(path: Path, times: list[int]) -> dict[int, Float]:
     """Returns (4, 4) world_from_camera, +Y up, at each of the times. Empty if one has no pose."""
-    rows = _rows(path, 8)
+    rows = _read_rows(path, 8)
     if not rows:
         return {}
-    pose_times = np.array([_nanoseconds(row[0]) for row in rows])
+    pose_times = np.array([_parse_time(row[0]) for row in rows])
     try:
         values = np.array([[float(word) for word in row[1:]] for row in rows])
     except ValueError:
         raise InputError("a pose has something that is not a number", where=str(path)) from None
     poses: dict[int, Float] = {}
     for time_ns in times:
-        at = int(np.abs(pose_times - time_ns).argmin())
-        x, y, z, w = values[at, 3:]
-        length = float(np.linalg.norm(values[at, 3:]))
-        if abs(int(pose_times[at]) - time_ns) > _MAX_GAP_NS or not (
-            np.isfinite(values[at]).all() and length > 0.5
+        nearest_index = int(np.abs(pose_times - time_ns).argmin())
+        x, y, z, w = values[nearest_index, 3:]
+        length = float(np.linalg.norm(values[nearest_index, 3:]))
+        if abs(int(pose_times[nearest_index]) - time_ns) > _MAX_GAP_NS or not (
+            np.isfinite(values[nearest_index]).all() and length > 0.5
         ):
             return {}
         pose = np.eye(4)
         pose[:3, :3] = to_matrix(np.array([w, x, y, z]) / length)
-        pose[:3, 3] = values[at, :3]
+        pose[:3, 3] = values[nearest_index, :3]
         poses[time_ns] = _Y_UP_FROM_Z_UP @ pose
     return poses
 
 
-def _camera(path: Path, width: int, height: int, options: ImportOptions) -> Intrinsics:
+def _choose_camera(path: Path, width: int, height: int, options: ImportOptions) -> Intrinsics:
     """Returns the camera: the user's, or a usual one of this image shape."""
     if options.lens is not None:
         return Intrinsics(width, height, *options.lens)
-    usual = usual_camera(width, height)
+    usual = find_usual_camera(width, height)
     if usual is None:
         raise InputError(
             f"the image is {width}x{height}, and no file states its camera",

@@ -8,7 +8,7 @@ from PIL import Image
 from enliven.arrays import UInt8
 from enliven.frames import DepthFrame
 from enliven.person import Body
-from enliven_edge.inspection.picture import captioned, depth_picture, depth_span, draw_bodies, tinted
+from enliven_edge.inspection.picture import add_caption, depth_picture, depth_span, draw_bodies, tint_people
 from enliven_edge.sensors import Condition
 from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.health import HealthMonitor
@@ -48,21 +48,21 @@ class Inspector:
             if stand is not None and state is not None:
                 self._health.judge_device(condition, stand, state.floor_known)
         scale = self._width / frame.intrinsics.width
-        picture = depth_picture(frame.depth, *self._settled_span(frame))
+        picture = depth_picture(frame.depth, *self._smooth_span(frame))
         if self._tracker.owner is not None and self.bodies:
-            picture = tinted(picture, self._tracker.owner, frame.depth)
+            picture = tint_people(picture, self._tracker.owner, frame.depth)
         height = round(picture.shape[0] * scale)
         picture = np.asarray(Image.fromarray(picture).resize((self._width, height)))
         mount = self._tracker.world_from_camera
         if mount is not None:
             picture = draw_bodies(picture, self.bodies, frame.intrinsics, mount, scale)
-        return captioned(picture, self._caption(frame))
+        return add_caption(picture, self._caption(frame))
 
-    def _settled_span(self, frame: DepthFrame) -> tuple[float, float]:
+    def _smooth_span(self, frame: DepthFrame) -> tuple[float, float]:
         now = depth_span(frame.depth)
-        before = self._span or now
+        previous = self._span or now
         k = _SPAN_SMOOTHING
-        self._span = k * before[0] + (1 - k) * now[0], k * before[1] + (1 - k) * now[1]
+        self._span = k * previous[0] + (1 - k) * now[0], k * previous[1] + (1 - k) * now[1]
         return self._span
 
     def _caption(self, frame: DepthFrame) -> list[str]:

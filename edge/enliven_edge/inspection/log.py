@@ -22,15 +22,15 @@ class SensorLog:
         self._gaps: list[tuple[float, int]] = []
         self._links: Counter[str] = Counter()
         self._celsius: list[float] = []
-        self._hot: float | None = None
+        self._max_celsius: float | None = None
         self._uncalibrated = False
         self._losses: list[tuple[float, str]] = []
-        self._away, self._lost = 0.0, False
-        self._bad = 0
+        self._lost_seconds, self._lost = 0.0, False
+        self._unusable = 0
 
     def add(self, moment: LogEntry) -> None:
         """Adds the next event."""
-        match moment.said:
+        match moment.content:
             case SensorFault() as error:
                 # After the first error, further errors are failed attempts to open the sensor again. So count
                 # them as one loss.
@@ -38,40 +38,42 @@ class SensorLog:
                     self._losses.append((self._seconds(self._last_ns), error.what))
                 self._lost = True
             case InputError():
-                self._bad += 1
+                self._unusable += 1
             case frame:
                 if not self._frames:
                     self._first_ns = frame.time_ns
                 if self._lost:
-                    self._away += max(0.0, 1e-9 * (frame.time_ns - self._last_ns)) if self._frames else 0.0
+                    self._lost_seconds += (
+                        max(0.0, 1e-9 * (frame.time_ns - self._last_ns)) if self._frames else 0.0
+                    )
                 if isinstance(frame, DepthFrame) and frame.sequence is not None:
                     self._count(frame.sensor, frame.sequence, frame.time_ns)
                 self._lost, self._last_ns = False, frame.time_ns
                 self._frames[frame.sensor] += 1
-                self._fares(moment)
+                self._add_condition(moment)
 
     def facts(self) -> list[tuple[str, str]]:
         """Returns all facts, each with its name."""
         seconds = self._seconds(self._last_ns)
         facts = [("frames", f"{sum(self._frames.values())} in {seconds:.1f} s of {', '.join(self._frames)}")]
-        facts.append(("missing", self._missing()))
+        facts.append(("missing", self._describe_missing()))
         if any(self._links):
             facts.append(("link", ", ".join(filter(None, self._links))))
         if self._celsius:
-            limit = "" if self._hot is None else f"; it stops at {self._hot:.0f}"
+            limit = "" if self._max_celsius is None else f"; it stops at {self._max_celsius:.0f}"
             facts.append(
                 ("temperature", f"{min(self._celsius):.0f} to {max(self._celsius):.0f} degrees{limit}")
             )
         if self._uncalibrated:
             facts.append(("lens", "that of its kind, as the camera did not know its own"))
         if self._losses:
-            facts.append(("lost", f"{len(self._losses)} times, for {self._away:.1f} s in all"))
+            facts.append(("lost", f"{len(self._losses)} times, for {self._lost_seconds:.1f} s in all"))
             facts += [("", f"at {at:.2f} s: {reason}") for at, reason in self._losses[:_MAX_DESCRIBED_LOSSES]]
-        if self._bad:
-            facts.append(("unusable", f"{self._bad} frames, left out"))
+        if self._unusable:
+            facts.append(("unusable", f"{self._unusable} frames, left out"))
         return facts
 
-    def _missing(self) -> str:
+    def _describe_missing(self) -> str:
         """Describes the gaps in the sensor's sequence numbers."""
         if not self._counts:
             return "not known; the sensor did not count its images"
@@ -88,12 +90,12 @@ class SensorLog:
             self._gaps.append((self._seconds(time_ns), sequence - before - 1))
         self._counts[sensor] = sequence
 
-    def _fares(self, moment: LogEntry) -> None:
+    def _add_condition(self, moment: LogEntry) -> None:
         condition = moment.condition
         if condition is None:
             return
         self._links[condition.link] += 1
-        self._hot = condition.hot
+        self._max_celsius = condition.hot
         self._uncalibrated = self._uncalibrated or not condition.calibrated
         if condition.temperature is not None:
             self._celsius.append(condition.temperature)

@@ -47,7 +47,7 @@ def depth_span(depth: UInt16) -> tuple[float, float]:
     return float(near), float(max(far, near + 0.3))
 
 
-def tinted(picture: UInt8, owner: AnyArray, depth: UInt16) -> UInt8:
+def tint_people(picture: UInt8, owner: AnyArray, depth: UInt16) -> UInt8:
     """Returns the image with each person's known pixels coloured.
 
     Args:
@@ -57,10 +57,10 @@ def tinted(picture: UInt8, owner: AnyArray, depth: UInt16) -> UInt8:
     height, width = picture.shape[:2]
     rows = np.minimum(np.arange(height) * owner.shape[0] // height, owner.shape[0] - 1)
     columns = np.minimum(np.arange(width) * owner.shape[1] // width, owner.shape[1] - 1)
-    whose = np.where(depth > 0, owner[rows[:, None], columns[None]], -1)
+    people = np.where(depth > 0, owner[rows[:, None], columns[None]], -1)
     out = picture.astype(np.float64)
-    mine = whose >= 0
-    out[mine] = out[mine] * (0.25 + 0.6 * _TINTS[whose[mine] % len(_TINTS)] / 255.0)
+    mask = people >= 0
+    out[mask] = out[mask] * (0.25 + 0.6 * _TINTS[people[mask] % len(_TINTS)] / 255.0)
     return np.asarray(out.astype(np.uint8))
 
 
@@ -83,50 +83,56 @@ def draw_bodies(
     rotation, origin = world_from_camera[:3, :3], world_from_camera[:3, 3]
     for body in bodies:
         local = (body.joints - origin) @ rotation
-        ahead = local[:, 2] > _MIN_JOINT_DEPTH_M
+        is_visible = local[:, 2] > _MIN_JOINT_DEPTH_M
         uv = np.zeros((len(local), 2))
-        uv[ahead] = (project(local[ahead], intrinsics) + 0.5) * scale
+        uv[is_visible] = (project(local[is_visible], intrinsics) + 0.5) * scale
         for a, b in BONES:
-            sure = float(min(body.confidence[a], body.confidence[b]))
-            if ahead[a] and ahead[b] and max(body.confidence[a], body.confidence[b]) >= _MIN_CONFIDENCE:
-                draw.line([*uv[a], *uv[b]], fill=confidence_colour(sure), width=max(1, round(2 * scale)))
-        for j in np.flatnonzero(ahead):
+            confidence = float(min(body.confidence[a], body.confidence[b]))
+            if (
+                is_visible[a]
+                and is_visible[b]
+                and max(body.confidence[a], body.confidence[b]) >= _MIN_CONFIDENCE
+            ):
+                draw.line(
+                    [*uv[a], *uv[b]], fill=confidence_colour(confidence), width=max(1, round(2 * scale))
+                )
+        for j in np.flatnonzero(is_visible):
             _dot(draw, uv[j], 3.0 * scale, float(body.confidence[j]))
-        if ahead[3]:
+        if is_visible[3]:
             draw.text((uv[3, 0] + 8 * scale, uv[3, 1] - 18 * scale), str(body.id), fill=(255, 255, 255))
     return np.asarray(image)
 
 
-def _dot(draw: ImageDraw.ImageDraw, at: AnyArray, radius: float, confidence: float) -> None:
+def _dot(draw: ImageDraw.ImageDraw, centre: AnyArray, radius: float, confidence: float) -> None:
     """Draws a joint: filled if it is observed, a ring if it is a guess."""
-    box = [at[0] - radius, at[1] - radius, at[0] + radius, at[1] + radius]
+    box = [centre[0] - radius, centre[1] - radius, centre[0] + radius, centre[1] + radius]
     if confidence >= _MIN_CONFIDENCE:
         draw.ellipse(box, fill=confidence_colour(confidence), outline=(0, 0, 0))
     else:
         draw.ellipse(box, outline=(150, 40, 40))
 
 
-def captioned(picture: UInt8, lines: Sequence[str], colour: tuple[int, int, int] = (255, 230, 90)) -> UInt8:
+def add_caption(picture: UInt8, lines: Sequence[str], colour: tuple[int, int, int] = (255, 230, 90)) -> UInt8:
     """Returns the image with lines of text in its lower left corner."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     for n, line in enumerate(reversed(lines)):
-        at = (6, image.height - 14 * (n + 1) - 4)
-        draw.text((at[0] + 1, at[1] + 1), line, fill=(0, 0, 0))
-        draw.text(at, line, fill=colour)
+        origin = (6, image.height - 14 * (n + 1) - 4)
+        draw.text((origin[0] + 1, origin[1] + 1), line, fill=(0, 0, 0))
+        draw.text(origin, line, fill=colour)
     return np.asarray(image)
 
 
 def contact_sheet(pictures: Sequence[UInt8], columns: int, width: int) -> UInt8:
     """Returns a contact sheet of many images, ``columns`` in a row, each ``width`` pixels wide."""
-    small = []
+    thumbnails = []
     for picture in pictures:
         height = max(1, round(picture.shape[0] * width / picture.shape[1]))
-        small.append(np.asarray(Image.fromarray(picture).resize((width, height))))
-    tall = max(s.shape[0] for s in small)
-    rows = -(-len(small) // columns)
-    sheet = np.zeros((rows * tall, columns * width, 3), np.uint8)
-    for n, picture in enumerate(small):
-        top, left = n // columns * tall, n % columns * width
+        thumbnails.append(np.asarray(Image.fromarray(picture).resize((width, height))))
+    heights = max(s.shape[0] for s in thumbnails)
+    rows = -(-len(thumbnails) // columns)
+    sheet = np.zeros((rows * heights, columns * width, 3), np.uint8)
+    for n, picture in enumerate(thumbnails):
+        top, left = n // columns * heights, n % columns * width
         sheet[top : top + picture.shape[0], left : left + width] = picture
     return sheet

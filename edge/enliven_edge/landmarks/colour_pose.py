@@ -38,7 +38,7 @@ _AGREEMENT_M = 0.12
 other."""
 
 
-def join_people(depth: list[Body], colour: list[Body]) -> list[Body]:
+def fuse_people(depth: list[Body], colour: list[Body]) -> list[Body]:
     """Returns the depth bodies, each fused with the colour body of the same person.
 
     The nearest pairs come first.
@@ -49,40 +49,42 @@ def join_people(depth: list[Body], colour: list[Body]) -> list[Body]:
         (distance, i, k)
         for i, a in enumerate(depth)
         for k, b in enumerate(colour)
-        if (distance := _apart(a, b)) < _SAME_PERSON_M
+        if (distance := _trunk_distance(a, b)) < _SAME_PERSON_M
     )
     fused, used_colour = list(depth), set[int]()
-    joined = set[int]()
+    matched_colour = set[int]()
     for _, i, k in pairs:
-        if i not in joined and k not in used_colour:
-            fused[i] = join(depth[i], colour[k])
-            joined.add(i)
+        if i not in matched_colour and k not in used_colour:
+            fused[i] = fuse_bodies(depth[i], colour[k])
+            matched_colour.add(i)
             used_colour.add(k)
     return fused
 
 
-def join(depth: Body, colour: Body) -> Body:
+def fuse_bodies(depth: Body, colour: Body) -> Body:
     """Fuses two bodies of the same person.
 
     If both agree on a joint, the result lies between them, weighted by confidence, with a higher confidence
     than either. If they contradict each other, the more confident one is used, with less confidence. A joint
     that only one has is copied. Identity, orientations and all else come from the depth body.
     """
-    ours, theirs = np.clip(depth.confidence, 0, 1), np.clip(colour.confidence, 0, 1)
-    apart = np.linalg.norm(depth.joints - colour.joints, axis=1)
-    agree = np.exp(-0.5 * (apart / _AGREEMENT_M) ** 2)
-    surer = theirs > ours
-    between = theirs / np.maximum(ours + theirs, 1e-9)
-    chosen = np.where(surer, 1.0, 0.0)
-    share = np.where(theirs > 0, agree * between + (1 - agree) * chosen, 0.0)
+    depth_confidence, colour_confidence = np.clip(depth.confidence, 0, 1), np.clip(colour.confidence, 0, 1)
+    distance = np.linalg.norm(depth.joints - colour.joints, axis=1)
+    agrees = np.exp(-0.5 * (distance / _AGREEMENT_M) ** 2)
+    more_confident = colour_confidence > depth_confidence
+    weighted_mean = colour_confidence / np.maximum(depth_confidence + colour_confidence, 1e-9)
+    chosen = np.where(more_confident, 1.0, 0.0)
+    share = np.where(colour_confidence > 0, agrees * weighted_mean + (1 - agrees) * chosen, 0.0)
     joints = depth.joints + share[:, None] * (colour.joints - depth.joints)
-    both = 1.0 - (1.0 - ours) * (1.0 - theirs)
-    contradicted = np.maximum(ours, theirs) - 0.5 * np.minimum(ours, theirs)
-    confidence = agree * both + (1 - agree) * contradicted
+    has_both = 1.0 - (1.0 - depth_confidence) * (1.0 - colour_confidence)
+    contradicts = np.maximum(depth_confidence, colour_confidence) - 0.5 * np.minimum(
+        depth_confidence, colour_confidence
+    )
+    confidence = agrees * has_both + (1 - agrees) * contradicts
     return dataclasses.replace(depth, joints=joints, confidence=np.clip(confidence, 0.0, 1.0))
 
 
-def _apart(a: Body, b: Body) -> float:
+def _trunk_distance(a: Body, b: Body) -> float:
     """Returns the metres between two trunks, averaged over their shared joints."""
     is_shared = np.array([a.confidence[j] > 0 and b.confidence[j] > 0 for j in _TRUNK])
     if not is_shared.any():
@@ -115,32 +117,32 @@ class ColourPoseEstimator:
             return bodies
         detections = self._source.find(frame.colour, frame.time_ns)
         lifted = [self._lifter.lift(each, frame, world_from_camera, -1) for each in detections]
-        return join_people(bodies, lifted)
+        return fuse_people(bodies, lifted)
 
     def bodies(self, colour: UInt8, camera: Intrinsics, world_from_camera: Float, time_ns: int) -> list[Body]:
         """Returns the 2.5-D bodies of a camera without depth, each with a lasting identity."""
         detections = self._source.find(colour, time_ns)
         guesses = [self._lifter.guess(each, camera, world_from_camera, -1) for each in detections]
-        return self._numbered(guesses, time_ns)
+        return self._assign_ids(guesses, time_ns)
 
-    def _numbered(self, bodies: list[Body], time_ns: int) -> list[Body]:
+    def _assign_ids(self, bodies: list[Body], time_ns: int) -> list[Body]:
         """Returns the bodies with the ids of the nearest bodies in the previous frame. Others get new ids."""
         self._known = {
             i: last_seen
             for i, last_seen in self._known.items()
             if 0 <= time_ns - last_seen[1] < _FORGET_AFTER_NS
         }
-        places = [body.joints[Joint.SHOULDER_CENTER] for body in bodies]
+        positions = [body.joints[Joint.SHOULDER_CENTER] for body in bodies]
         pairs = sorted(
             (float(np.linalg.norm(place - last_seen[0])), k, i)
-            for k, place in enumerate(places)
+            for k, place in enumerate(positions)
             for i, last_seen in self._known.items()
         )
         numbers: dict[int, int] = {}
         for distance, k, i in pairs:
             if distance < _MAX_STEP_M and k not in numbers and i not in numbers.values():
                 numbers[k] = i
-        for k, place in enumerate(places):
+        for k, place in enumerate(positions):
             if k not in numbers:
                 numbers[k], self._next = self._next, self._next + 1
             self._known[numbers[k]] = (place, time_ns)

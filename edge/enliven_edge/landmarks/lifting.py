@@ -20,7 +20,7 @@ _ARM = (0.05, 0.04, 0.03, 0.025)
 """Metres from skin to joint of shoulder, elbow, wrist and hand."""
 _LEG = (0.09, 0.055, 0.04, 0.03)
 """Metres from skin to joint of hip, knee, ankle and foot."""
-SURFACE = np.array([*_TRUNK, *_ARM, *_ARM, *_LEG, *_LEG])
+SKIN_TO_JOINT_M = np.array([*_TRUNK, *_ARM, *_ARM, *_LEG, *_LEG])
 """(20,) metres from the visible skin to the joint behind it."""
 
 
@@ -55,12 +55,12 @@ _NEEDED_LANDMARKS = np.abs(WEIGHTS) > 0.15
 """(20, 33) True for the landmarks that a joint needs."""
 
 
-def joints_of(landmarks: Float) -> Float:
+def joints_from_landmarks(landmarks: Float) -> Float:
     """Returns (20, D) joints of (33, D) landmarks, in pixels or metres."""
     return np.asarray(WEIGHTS @ landmarks)
 
 
-def visibility_of(visibility: Float) -> Float:
+def joint_visibility(visibility: Float) -> Float:
     """Returns (20,) the probability that each joint is visible: that of its least visible landmark."""
     return np.asarray(np.where(_NEEDED_LANDMARKS, visibility, 1.0).min(1))
 
@@ -107,7 +107,7 @@ class Lifter:
         self._camera: Intrinsics | None = None
         self._rays: Float = np.empty((0, 0, 2))
 
-    def lift(self, found: Landmarks, frame: DepthFrame, world_from_camera: Float, person: int) -> Body:
+    def lift(self, landmarks: Landmarks, frame: DepthFrame, world_from_camera: Float, person: int) -> Body:
         """Returns the body of landmarks that were found in ``frame.colour``.
 
         A joint is at its measured position if depth confirms it. If it is occluded, or depth is missing, it
@@ -119,44 +119,51 @@ class Lifter:
         if frame.colour is None:
             raise InputError("it has no colour image", where=f"frame of {frame.sensor}")
         camera = frame.intrinsics
-        pixels = joints_of(_to_depth(found.points, frame.colour.shape, camera))
-        seen = visibility_of(found.visibility)
-        posture = self._placed(found, _to_depth(found.points, frame.colour.shape, camera), camera)
+        pixels = joints_from_landmarks(_to_depth(landmarks.points, frame.colour.shape, camera))
+        visibility = joint_visibility(landmarks.visibility)
+        posture = self._place_joints(
+            landmarks, _to_depth(landmarks.points, frame.colour.shape, camera), camera
+        )
         ray, inside = self._ray(pixels, camera)
-        first = self._measured(frame, pixels, posture[:, 2], inside, np.inf)
-        usable = np.isfinite(first) & (seen >= self.settings.visible)
+        first = self._measure_depth(frame, pixels, posture[:, 2], inside, np.inf)
+        usable = np.isfinite(first) & (visibility >= self.settings.visible)
         if usable.sum() >= _MIN_MEDIAN_SAMPLES:
-            posture = posture * float(np.median((first + SURFACE)[usable] / posture[usable, 2]))
-        depth = self._measured(frame, pixels, posture[:, 2], inside, self.settings.depth_margin) + SURFACE
+            posture = posture * float(np.median((first + SKIN_TO_JOINT_M)[usable] / posture[usable, 2]))
+        depth = (
+            self._measure_depth(frame, pixels, posture[:, 2], inside, self.settings.depth_margin)
+            + SKIN_TO_JOINT_M
+        )
         measured = np.isfinite(depth) & inside
         local = np.where(
             measured[:, None], np.concatenate([ray, np.ones((20, 1))], 1) * depth[:, None], posture
         )
         off = np.abs(np.where(measured, depth, posture[:, 2]) - posture[:, 2]) / self.settings.depth_margin
-        agreed = 1.0 - 0.5 * np.minimum(off, 1.0)
-        sure = np.where(measured, agreed, self.settings.without_depth) * seen
-        sure[~inside | (seen < self.settings.visible)] = 0.0
-        return Body(person, _to_world(local, world_from_camera), sure)
+        is_confirmed = 1.0 - 0.5 * np.minimum(off, 1.0)
+        confidence = np.where(measured, is_confirmed, self.settings.without_depth) * visibility
+        confidence[~inside | (visibility < self.settings.visible)] = 0.0
+        return Body(person, _to_world(local, world_from_camera), confidence)
 
-    def guess(self, found: Landmarks, camera: Intrinsics, world_from_camera: Float, person: int) -> Body:
+    def guess(self, landmarks: Landmarks, camera: Intrinsics, world_from_camera: Float, person: int) -> Body:
         """Returns the 2.5-D body of a camera without depth.
 
         Its distance is that of a person with the configured height.
         """
-        posture = self._placed(found, found.points, camera)
+        posture = self._place_joints(landmarks, landmarks.points, camera)
         bones = Body(person, posture, np.ones(20)).height - _HEIGHT_BEYOND_BONES_M
         posture = posture * ((self.settings.body_height - _HEIGHT_BEYOND_BONES_M) / max(bones, 0.1))
-        _, inside = self._ray(joints_of(found.points), camera)
-        seen = visibility_of(found.visibility)
-        sure = np.where(inside & (seen >= self.settings.visible), seen * self.settings.without_depth, 0.0)
-        return Body(person, _to_world(posture, world_from_camera), sure)
+        _, inside = self._ray(joints_from_landmarks(landmarks.points), camera)
+        visibility = joint_visibility(landmarks.visibility)
+        confidence = np.where(
+            inside & (visibility >= self.settings.visible), visibility * self.settings.without_depth, 0.0
+        )
+        return Body(person, _to_world(posture, world_from_camera), confidence)
 
-    def _placed(self, found: Landmarks, points: Float, camera: Intrinsics) -> Float:
+    def _place_joints(self, landmarks: Landmarks, points: Float, camera: Intrinsics) -> Float:
         """Returns (20, 3) joints in the camera frame that project onto the landmarks, at the landmarks'
         scale."""
         ray, inside = self._ray(points, camera)
-        weight = found.visibility * np.where(inside, 1.0, 0.2)
-        x, y, z = found.offsets.T
+        weight = landmarks.visibility * np.where(inside, 1.0, 0.2)
+        x, y, z = landmarks.offsets.T
         # The perspective equations (X + tx) = u (Z + tz) and (Y + ty) = v (Z + tz) are linear in t.
         rows = np.zeros((2 * len(points), 3))
         rows[: len(points), 0] = rows[len(points) :, 1] = 1.0
@@ -165,7 +172,7 @@ class Lifter:
         weights = np.concatenate([weight, weight]) + 1e-3
         place = np.linalg.lstsq(rows * weights[:, None], right * weights, rcond=None)[0]
         place[2] = max(place[2], 0.3 - float(z.min()))
-        return joints_of(found.offsets) + place
+        return joints_from_landmarks(landmarks.offsets) + place
 
     def _ray(self, pixels: Float, camera: Intrinsics) -> tuple[Float, Bool]:
         """Returns (N, 2) x/z and y/z of pixels, and whether each is inside the image."""
@@ -179,7 +186,7 @@ class Lifter:
         u, v = np.rint(np.clip(pixels, 0, size - 1)).astype(int).T
         return np.where(inside[:, None], self._rays[v, u], pinhole), inside
 
-    def _measured(
+    def _measure_depth(
         self, frame: DepthFrame, pixels: Float, expected: Float, inside: Bool, margin: float
     ) -> Float:
         """Returns (20,) metres, the surface depth around each joint's pixel.
@@ -193,7 +200,7 @@ class Lifter:
             reach = int(np.clip(round(_PATCH_RADIUS_M * camera.fx / max(expected[joint], 0.3)), 1, 12))
             patch = depth[max(v - reach, 0) : v + reach + 1, max(u - reach, 0) : u + reach + 1]
             metres = patch[(patch > 0) & (patch < 65535)] * 1e-3
-            metres = metres[np.abs(metres + SURFACE[joint] - expected[joint]) <= margin]
+            metres = metres[np.abs(metres + SKIN_TO_JOINT_M[joint] - expected[joint]) <= margin]
             if len(metres) >= _MIN_MEDIAN_SAMPLES:
                 joint_depths[joint] = np.median(metres)
         return joint_depths

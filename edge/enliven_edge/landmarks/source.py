@@ -61,7 +61,7 @@ class LandmarkSource(Closeable, Protocol):
         ...
 
 
-_HEAD = struct.Struct("<IIq")
+_HEADER = struct.Struct("<IIq")
 _PERSON_BYTES = len(NAMES) * 6 * 4
 """Bytes of one person in the worker's output: six float32 for each landmark."""
 _MODEL = "pose_landmarker.task"
@@ -88,8 +88,8 @@ class MediaPipeSettings:
     @property
     def model_file(self) -> Path | None:
         """The model to use: the configured one, or else the user's own if it exists."""
-        own = own_folder() / _MODEL
-        return Path(self.model) if self.model else own if own.is_file() else None
+        default_model = own_folder() / _MODEL
+        return Path(self.model) if self.model else default_model if default_model.is_file() else None
 
     def check(self) -> None:
         """Checks the settings without starting MediaPipe.
@@ -110,8 +110,8 @@ class MediaPipeSettings:
             raise ResourceError(problem, where="landmarks", mend=_INSTALL_HINT)
         folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
         if model is None and not any((folder / "python" / "solutions").is_dir() for folder in folders):
-            own = own_folder() / _MODEL
-            mend = f"Download a pose landmarker's .task file, save it as {own}, or set model to it."
+            default_model = own_folder() / _MODEL
+            mend = f"Download a pose landmarker's .task file, save it as {default_model}, or set model to it."
             raise ResourceError("this MediaPipe brings no model of a pose", where="landmarks", mend=mend)
 
 
@@ -145,22 +145,22 @@ class MediaPipeSource(LandmarkSource):
         assert self._worker.stdin is not None and self._worker.stdout is not None
         self._in, self._out = self._worker.stdin, self._worker.stdout
         if self._out.readline() != b"ready\n":
-            raise self._failed()
+            raise self._failure()
 
     def find(self, colour: UInt8, time_ns: int) -> list[Landmarks]:
         height, width = colour.shape[:2]
         self._newest_ms = max(self._newest_ms + 1, time_ns // 1_000_000)
         try:
-            self._in.write(_HEAD.pack(height, width, self._newest_ms))
+            self._in.write(_HEADER.pack(height, width, self._newest_ms))
             self._in.write(np.ascontiguousarray(colour, np.uint8).tobytes())
             self._in.flush()
-            count = struct.unpack("<I", self._exactly(4))[0]
+            count = struct.unpack("<I", self._read_exactly(4))[0]
             if count > _MAX_PEOPLE:
-                raise self._failed()
-            people = [self._exactly(_PERSON_BYTES) for _ in range(count)]
+                raise self._failure()
+            people = [self._read_exactly(_PERSON_BYTES) for _ in range(count)]
         except (BrokenPipeError, ValueError):
-            raise self._failed() from None
-        return [_one_person(each) for each in people]
+            raise self._failure() from None
+        return [_parse_person(each) for each in people]
 
     def close(self) -> None:
         if self._worker.poll() is None:
@@ -169,26 +169,26 @@ class MediaPipeSource(LandmarkSource):
         for stream in (self._in, self._out, self._said):
             stream.close()
 
-    def _exactly(self, count: int) -> bytes:
+    def _read_exactly(self, count: int) -> bytes:
         data = self._out.read(count)
         if len(data) != count:
-            raise self._failed()
+            raise self._failure()
         return data
 
-    def _failed(self) -> ResourceError:
+    def _failure(self) -> ResourceError:
         """Returns the error that explains why the process ended, by its last line of output."""
         self._worker.kill()
         self._worker.wait()
         self._said.seek(0)
         lines = self._said.read().decode(errors="replace").strip().splitlines()
         self.close()
-        why = lines[-1][:200] if lines else "it ended without a message"
-        return ResourceError(f"MediaPipe does not run: {why}", where="landmarks", mend=_INSTALL_HINT)
+        reason = lines[-1][:200] if lines else "it ended without a message"
+        return ResourceError(f"MediaPipe does not run: {reason}", where="landmarks", mend=_INSTALL_HINT)
 
 
-def _one_person(data: bytes) -> Landmarks:
+def _parse_person(data: bytes) -> Landmarks:
     """Reads one person of the worker's output. A landmark with NaN values is not visible."""
     rows = np.frombuffer(data, "<f4").reshape(len(NAMES), 6).astype(np.float64)
-    good = np.asarray(np.isfinite(rows).all(1))
-    rows = np.where(good[:, None], rows, 0.0)
-    return Landmarks(rows[:, :2], np.clip(rows[:, 2], 0.0, 1.0) * good, rows[:, 3:])
+    is_valid = np.asarray(np.isfinite(rows).all(1))
+    rows = np.where(is_valid[:, None], rows, 0.0)
+    return Landmarks(rows[:, :2], np.clip(rows[:, 2], 0.0, 1.0) * is_valid, rows[:, 3:])

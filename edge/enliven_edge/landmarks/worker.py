@@ -23,10 +23,10 @@ import numpy as np
 Finder = Callable[[np.ndarray, int], list[Any]]
 """Returns the image's people from (H, W, 3) uint8 sRGB and a time in milliseconds."""
 
-HEAD = struct.Struct("<IIq")
+HEADER = struct.Struct("<IIq")
 
 
-def _by_solutions() -> Finder:
+def _create_legacy_finder() -> Finder:
     """Returns the detector of MediaPipe up to 0.10.21: one person."""
     import mediapipe  # type: ignore[import-not-found]
 
@@ -41,7 +41,7 @@ def _by_solutions() -> Finder:
     return find
 
 
-def _by_tasks(model: str) -> Finder:
+def _create_tasks_finder(model: str) -> Finder:
     """Returns the detector of MediaPipe 1: several people."""
     import mediapipe  # type: ignore[import-not-found]
     from mediapipe.tasks.python import BaseOptions, vision  # type: ignore[import-not-found]
@@ -61,7 +61,7 @@ def _by_tasks(model: str) -> Finder:
     return find
 
 
-def _packed(people: list[Any], width: int, height: int) -> bytes:
+def _pack_people(people: list[Any], width: int, height: int) -> bytes:
     rows = [
         [
             (point.x * width, point.y * height, point.visibility or 0.0, there.x, there.y, there.z)
@@ -72,7 +72,7 @@ def _packed(people: list[Any], width: int, height: int) -> bytes:
     return struct.pack("<I", len(rows)) + np.array(rows, "<f4").tobytes()
 
 
-def _exactly(stream: BinaryIO, count: int) -> bytes:
+def _read_exactly(stream: BinaryIO, count: int) -> bytes:
     """Reads ``count`` bytes, or returns none at the end of the stream."""
     data = stream.read(count)
     return data if data is not None and len(data) == count else b""
@@ -83,16 +83,16 @@ def main() -> None:
     # Redirect the output of MediaPipe's libraries, because it must not mix with the landmarks.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    find = _by_tasks(sys.argv[1]) if len(sys.argv) > 1 else _by_solutions()
+    find = _create_tasks_finder(sys.argv[1]) if len(sys.argv) > 1 else _create_legacy_finder()
     out.write(b"ready\n")
     out.flush()
-    while head := _exactly(sys.stdin.buffer, HEAD.size):
-        height, width, milliseconds = HEAD.unpack(head)
-        data = _exactly(sys.stdin.buffer, height * width * 3)
+    while head := _read_exactly(sys.stdin.buffer, HEADER.size):
+        height, width, milliseconds = HEADER.unpack(head)
+        data = _read_exactly(sys.stdin.buffer, height * width * 3)
         if not data:
             return
         image = np.frombuffer(data, np.uint8).reshape(height, width, 3)
-        out.write(_packed(find(image, milliseconds), width, height))
+        out.write(_pack_people(find(image, milliseconds), width, height))
         out.flush()
 
 

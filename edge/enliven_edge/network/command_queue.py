@@ -17,7 +17,7 @@ _RESERVED_FRACTION = 0.4
 them."""
 _LOW_COST_S = 0.06
 """Seconds of recent cost. A viewer below it may use the reserve: half is ten small orders per second."""
-_KNOWN_AFTER_S = 1.0
+_MIN_CONNECTED_S = 1.0
 """Seconds of connection before a viewer may use the reserve, so that reconnecting does not help a flood."""
 _MAX_RESERVED_ORDERS = 4
 """Maximum number of waiting orders of a viewer that uses the reserve: people send one at a time, floods
@@ -46,41 +46,44 @@ class CommandQueue:
         self._shares = [budget * (1 - _RESERVED_FRACTION), budget * _RESERVED_FRACTION]
         self._budgets = [_MAX_SAVED_FRAMES * share for share in self._shares]
         self._waiting: dict[Connection, deque[Command]] = {}
-        self._worked = time.monotonic()
+        self._last_work_at = time.monotonic()
 
     def add(self, command: Command) -> None:
         """Adds a command. An older command of its viewer on the same subject is refused."""
-        own = self._waiting.setdefault(command.peer, deque())
-        same = (c for c in own if c.subject is not None and c.subject == command.subject)
-        older = next(same, None)
+        queued = self._waiting.setdefault(command.peer, deque())
+        same_subject = (c for c in queued if c.subject is not None and c.subject == command.subject)
+        older = next(same_subject, None)
         if older is not None:
-            own.remove(older)
+            queued.remove(older)
             older.reply(Refused(SUPERSEDED))
-        own.append(command)
+        queued.append(command)
         if sum(map(len, self._waiting.values())) > _MAX_QUEUED_COMMANDS:
             self._waiting = {peer: w for peer, w in self._waiting.items() if peer.is_open}
 
-    def work(self, do: Callable[[Command], None]) -> None:
+    def work(self, execute: Callable[[Command], None]) -> None:
         """Carries out commands as far as the time budget allows."""
         now = time.monotonic()
-        frames, self._worked = min(max((now - self._worked) / _FRAME_S, 1.0), _MAX_SAVED_FRAMES), now
+        frames, self._last_work_at = (
+            min(max((now - self._last_work_at) / _FRAME_S, 1.0), _MAX_SAVED_FRAMES),
+            now,
+        )
         self._budgets = [
             min(budget + frames * share, _MAX_SAVED_FRAMES * share)
             for budget, share in zip(self._budgets, self._shares, strict=True)
         ]
-        while (next_turn := self._next()) is not None:
+        while (next_turn := self._choose_next()) is not None:
             peer, budget = next_turn
             start = time.perf_counter()
-            do(self._waiting[peer].popleft())
-            took = time.perf_counter() - start
-            peer.charge(took)
+            execute(self._waiting[peer].popleft())
+            duration = time.perf_counter() - start
+            peer.charge(duration)
             self._budgets[budget] = max(
-                self._budgets[budget] - took, -_MAX_DEBT_FRAMES * self._shares[budget]
+                self._budgets[budget] - duration, -_MAX_DEBT_FRAMES * self._shares[budget]
             )
             if not self._waiting[peer]:
                 del self._waiting[peer]
 
-    def _next(self) -> tuple[Connection, int] | None:
+    def _choose_next(self) -> tuple[Connection, int] | None:
         """Returns the viewer of the next command and the index of the budget to charge.
 
         None: no command is left.
@@ -88,13 +91,13 @@ class CommandQueue:
         if self._budgets[0] > 0:
             budget, peers = 0, list(self._waiting)
         elif self._budgets[1] > 0:
-            budget, peers = 1, [peer for peer in self._waiting if self._asks_little(peer)]
+            budget, peers = 1, [peer for peer in self._waiting if self._has_low_load(peer)]
         else:
             return None
         peer = min(peers, key=lambda p: (not p.is_open, p.cost), default=None)
         return None if peer is None else (peer, budget)
 
-    def _asks_little(self, peer: Connection) -> bool:
+    def _has_low_load(self, peer: Connection) -> bool:
         """Returns True if a viewer may use the reserve."""
-        is_known = peer.is_open and time.monotonic() - peer.opened > _KNOWN_AFTER_S
+        is_known = peer.is_open and time.monotonic() - peer.opened > _MIN_CONNECTED_S
         return is_known and peer.cost < _LOW_COST_S and len(self._waiting[peer]) <= _MAX_RESERVED_ORDERS

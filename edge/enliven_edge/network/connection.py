@@ -13,7 +13,7 @@ _COST_HALF_LIFE_S = 10.0
 """Half-life in seconds of a connection's recorded cost: a past flood is soon forgiven."""
 _SEND_BYTES = 1 << 18
 """Bytes that are passed to the system in one call."""
-MOST_PENDING = 32
+MAX_PENDING_ORDERS = 32
 """Maximum number of pending orders of one connection. At this number nothing more is read from it."""
 
 
@@ -24,9 +24,9 @@ class Connection:
         address: the peer's address, without the port.
         session: the ZMTP session.
         introduced: True after a valid message. A connection without one in time is closed.
-        heard: monotonic time of its last message, seconds.
-        spoke: monotonic time when its last bytes were read, seconds.
-        moved: monotonic time when bytes were last sent, or when the queue was last empty, seconds.
+        last_message_at: monotonic time of its last message, seconds.
+        last_read_at: monotonic time when its last bytes were read, seconds.
+        last_progress_at: monotonic time when bytes were last sent, or when the queue was last empty, seconds.
         streaming: True if it sends a long message, so that more bytes are likely available.
         pending: number of orders that wait to be carried out.
         state: data that the user of the server keeps about it.
@@ -34,13 +34,13 @@ class Connection:
 
     def __init__(self, own: socket.socket, address: str, session: ZmtpSession) -> None:
         self.address, self.session = address, session
-        self.opened = self.heard = self.spoke = self.moved = time.monotonic()
+        self.opened = self.last_message_at = self.last_read_at = self.last_progress_at = time.monotonic()
         self.introduced = self.buffered = self.streaming = False
         self.pending = 0
         self.state: Any = None
         self._socket: socket.socket | None = own
         self._outbox: deque[memoryview] = deque()
-        self.owed = 0
+        self.unsent_bytes = 0
         self._cost, self._weighed = 0.0, self.opened
 
     @property
@@ -49,15 +49,15 @@ class Connection:
         return self._socket is not None
 
     @property
-    def served(self) -> float:
+    def service_s(self) -> float:
         """Seconds from its start to its last message, or to the last bytes that it accepted."""
-        return max(self.heard, self.moved) - self.opened
+        return max(self.last_message_at, self.last_progress_at) - self.opened
 
     @property
     def busy(self) -> bool:
         """True if nothing is read from it now: it does not take its replies, or many of its orders are
         pending."""
-        return self.owed > 0 or self.pending >= MOST_PENDING
+        return self.unsent_bytes > 0 or self.pending >= MAX_PENDING_ORDERS
 
     @property
     def cost(self) -> float:
@@ -87,11 +87,11 @@ class Connection:
 
     def queue(self, *pieces: bytes) -> None:
         """Adds bytes to the send queue."""
-        if not self.owed:
-            self.moved = time.monotonic()
+        if not self.unsent_bytes:
+            self.last_progress_at = time.monotonic()
         for piece in pieces:
             self._outbox.append(memoryview(piece))
-            self.owed += len(piece)
+            self.unsent_bytes += len(piece)
 
     def queue_message(self, first: bytes, rest: bytes = b"") -> None:
         """Queues a message of one part with its data in two pieces. A long piece is shared, not copied."""
@@ -111,16 +111,16 @@ class Connection:
                 sent = self._socket.send(piece[:_SEND_BYTES]) if piece else 0
             except BlockingIOError:
                 return
-            self.owed -= sent
-            self.moved = time.monotonic()
-            if sent == _SEND_BYTES < len(piece) and self.moved > until:
+            self.unsent_bytes -= sent
+            self.last_progress_at = time.monotonic()
+            if sent == _SEND_BYTES < len(piece) and self.last_progress_at > until:
                 self._outbox[0] = piece[sent:]
                 return
             if sent == len(piece):
                 self._outbox.popleft()
             else:
                 self._outbox[0] = piece[sent:]
-        self.moved = time.monotonic()
+        self.last_progress_at = time.monotonic()
 
     def close(self) -> None:
         """Closes it. Unsent bytes are lost."""
@@ -128,4 +128,4 @@ class Connection:
             self._socket.close()
             self._socket = None
         self._outbox.clear()
-        self.owed = 0
+        self.unsent_bytes = 0

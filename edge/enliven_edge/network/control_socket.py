@@ -59,15 +59,15 @@ class _Viewer:
     """The state of a connection, dropped with it.
 
     Attributes:
-        left: number of requests that it may still send now (token bucket).
-        filled: monotonic time in seconds when ``left`` was last refilled.
+        tokens: number of requests that it may still send now (token bucket).
+        refilled_at: monotonic time in seconds when ``tokens`` was last refilled.
     """
 
-    left: float
-    filled: float
+    tokens: float
+    refilled_at: float
     name: str = "a viewer"
     listening: bool = False
-    heard: float = -_VIEWER_TIMEOUT_S
+    last_message_at: float = -_VIEWER_TIMEOUT_S
 
 
 class ControlSocket:
@@ -93,15 +93,15 @@ class ControlSocket:
         """The number of viewers that receive the streams and sent a message in the last seconds."""
         since = time.monotonic() - _VIEWER_TIMEOUT_S
         states = (c.state for c in self._server.connections if c.state is not None)
-        return sum(viewer.listening and viewer.heard > since for viewer in states)
+        return sum(viewer.listening and viewer.last_message_at > since for viewer in states)
 
     def poll(self) -> list[Command]:
         """Answers requests as far as time allows. Returns the commands among them."""
         until = time.monotonic() + self._budget
-        commands = (self._take(peer, parts) for peer, parts in self._server.messages(until))
+        commands = (self._handle_message(peer, parts) for peer, parts in self._server.messages(until))
         return [command for command in commands if command is not None]
 
-    def _take(self, peer: Connection, parts: list[bytes]) -> Command | None:
+    def _handle_message(self, peer: Connection, parts: list[bytes]) -> Command | None:
         now = time.monotonic()
         if peer.state is None:
             peer.state = _Viewer(self._rate, now)
@@ -116,26 +116,26 @@ class ControlSocket:
                 peer.introduced = True
                 self._send(peer, 0, Refused(str(error)))
             return None
-        peer.introduced, peer.heard = True, now
-        if not self._may(viewer, now):
+        peer.introduced, peer.last_message_at = True, now
+        if not self._may_send(viewer, now):
             self._refuse(peer, request.id)
             return None
         body = request.body
         if isinstance(body, Hello | Ping):
-            viewer.name, viewer.listening, viewer.heard = body.viewer, body.listening, now
+            viewer.name, viewer.listening, viewer.last_message_at = body.viewer, body.listening, now
         if not isinstance(body, Order):
             self._send(peer, request.id, self._answer(body))
             return None
         peer.pending += 1
         return Command(body, viewer.name, peer, lambda answer: self._reply(peer, request.id, answer))
 
-    def _may(self, viewer: _Viewer, now: float) -> bool:
+    def _may_send(self, viewer: _Viewer, now: float) -> bool:
         """Returns True if a viewer may send one more request now."""
-        viewer.left = min(viewer.left + (now - viewer.filled) * self._rate, self._rate)
-        viewer.filled = now
-        if viewer.left < 1:
+        viewer.tokens = min(viewer.tokens + (now - viewer.refilled_at) * self._rate, self._rate)
+        viewer.refilled_at = now
+        if viewer.tokens < 1:
             return False
-        viewer.left -= 1
+        viewer.tokens -= 1
         return True
 
     def _refuse(self, peer: Connection, number: int) -> None:

@@ -17,7 +17,7 @@ class FrameRate:
         self._latency: deque[float] = deque(maxlen=_WINDOW_FRAMES)
         self._done: deque[int] = deque(maxlen=_WINDOW_FRAMES)
 
-    def took(self, read_ns: int, published_ns: int) -> None:
+    def add_frame(self, read_ns: int, published_ns: int) -> None:
         """Adds one frame with the times at which it was read and published, nanoseconds of one clock."""
         self._latency.append((published_ns - read_ns) * 1e-6)
         self._done.append(published_ns)

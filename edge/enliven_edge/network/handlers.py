@@ -12,7 +12,7 @@ from enliven.wire import Answer, Done, Order, Refused
 from enliven_edge.stage import Peer
 
 
-def _each(order: Any) -> Hashable:
+def _no_subject(order: Any) -> Hashable:
     """Returns None, the subject of orders that never replace each other."""
     return None
 
@@ -30,7 +30,7 @@ class Handler:
     """
 
     do: Callable[..., Answer | None]
-    newest: Callable[[Any], Hashable] = _each
+    newest: Callable[[Any], Hashable] = _no_subject
     who: Literal["anyone", "this machine"] = "anyone"
     takes_peer: bool = False
 
@@ -46,7 +46,7 @@ class Handler:
 Handlers = Mapping[type[Order], Handler]
 
 
-def carried_out(handlers: Handlers, order: Order, address: str, peer: Peer | None = None) -> Answer:
+def execute(handlers: Handlers, order: Order, address: str, peer: Peer | None = None) -> Answer:
     """Carries out an order and returns the answer, which contains the reason if the order is refused.
 
     Args:
@@ -64,7 +64,7 @@ def carried_out(handlers: Handlers, order: Order, address: str, peer: Peer | Non
         return Refused(str(error)[:400])
 
 
-def subject_of(handlers: Handlers, order: Order) -> Hashable:
+def find_subject(handlers: Handlers, order: Order) -> Hashable:
     """Returns the key of an order. A newer order with the same key replaces it. None: never replaced."""
     handler = handlers.get(type(order))
     subject = None if handler is None else handler.newest(order)

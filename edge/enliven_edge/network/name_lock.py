@@ -47,11 +47,11 @@ class NameLock:
         # Append the original name in hexadecimal. Otherwise two names with the same readable form would lock
         # each other out.
         suffix = "" if readable == name else "-" + name.encode().hex()
-        folder = _own_folder()
+        folder = _find_private_folder()
         self._path = folder / f"enliven-edge-{readable}{suffix}.lock"
         _remove_unlocked(folder)
         try:
-            self._handle = _locked(self._path)
+            self._handle = _open_locked(self._path)
         except BlockingIOError as error:
             holder = error.strerror
             raise ResourceError(
@@ -77,7 +77,7 @@ class NameLock:
             self._handle = -1
 
 
-def _locked(path: Path) -> int:
+def _open_locked(path: Path) -> int:
     """Returns a descriptor of the locked file, which is created if it is missing.
 
     Another start removes unlocked files. A file that was removed between opening and locking is created
@@ -87,11 +87,11 @@ def _locked(path: Path) -> int:
         BlockingIOError: with the holder's text, if a running process has it locked.
     """
     for attempt in range(_LOCK_ATTEMPTS):
-        handle = _opened(path)
+        handle = _open_file(path)
         try:
             _lock(handle)
         except OSError:
-            holder = _text(handle)
+            holder = _read_holder(handle)
             os.close(handle)
             # If the lock file has no text, its holder is another process that is only checking it. So try
             # again.
@@ -132,7 +132,7 @@ def _remove_unlocked(folder: Path) -> None:
                     os.close(handle)
 
 
-def _own_folder() -> Path:
+def _find_private_folder() -> Path:
     """Returns the user's folder for a session, or a private one in the temporary folder."""
     temporary = Path(tempfile.gettempdir())
     if sys.platform == "win32":
@@ -158,11 +158,11 @@ def _is_own(folder: Path) -> bool:
         file_status = folder.lstat()
     except OSError:
         return False
-    ours = file_status.st_uid == os.getuid() and not file_status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    return stat.S_ISDIR(file_status.st_mode) and ours
+    user_id = file_status.st_uid == os.getuid() and not file_status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return stat.S_ISDIR(file_status.st_mode) and user_id
 
 
-def _opened(path: Path) -> int:
+def _open_file(path: Path) -> int:
     """Returns a descriptor of the file, which is created if it is missing. Links are not followed."""
     try:
         return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
@@ -174,7 +174,7 @@ def _opened(path: Path) -> int:
         ) from None
 
 
-def _text(handle: int) -> str:
+def _read_holder(handle: int) -> str:
     """Returns the text that the holder wrote into the file."""
     os.lseek(handle, 0, os.SEEK_SET)
     return os.read(handle, 100).decode("ascii", "replace")

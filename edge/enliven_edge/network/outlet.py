@@ -25,7 +25,7 @@ from enliven.wire import (
 from enliven_edge.closeable import Closeable
 from enliven_edge.network.command_queue import CommandQueue
 from enliven_edge.network.frame_rate import FrameRate
-from enliven_edge.network.handlers import Handlers, carried_out, subject_of
+from enliven_edge.network.handlers import Handlers, execute, find_subject
 from enliven_edge.network.publisher import Publisher
 from enliven_edge.recording import Take
 from enliven_edge.settings import WireSettings
@@ -35,7 +35,7 @@ _FINAL_HEARTBEATS = 5
 """Number of heartbeats that report the end of the stream: one may be lost in transit."""
 
 
-def need_free(wire: WireSettings) -> None:
+def check_free(wire: WireSettings) -> None:
     """Checks that the name and the ports are free, before any slow step.
 
     Raises:
@@ -164,7 +164,7 @@ class Outlet(Closeable):
             return
         self._publisher.set_status(health=health)
         if [(h.kind, h.performer) for h in health] != [(h.kind, h.performer) for h in published]:
-            self._publisher.beat()
+            self._publisher.send_heartbeat()
 
     def poll_requests(self, handlers: Handlers) -> None:
         """Answers viewers' requests as far as time allows, and sends heartbeats that are due.
@@ -173,11 +173,11 @@ class Outlet(Closeable):
             handlers: by the class of an order. An order without a handler is refused.
         """
         for command in self._publisher.poll():
-            command.subject = subject_of(handlers, command.request)
+            command.subject = find_subject(handlers, command.request)
             self._commands.add(command)
         self._commands.work(
             lambda command: command.reply(
-                carried_out(handlers, command.request, command.peer.address, command.peer)
+                execute(handlers, command.request, command.peer.address, command.peer)
             )
         )
 
@@ -185,7 +185,7 @@ class Outlet(Closeable):
         """Reports the end of the stream several times, since a heartbeat may be lost in transit."""
         self.report(pace, "ended", 0)
         for _ in range(_FINAL_HEARTBEATS):
-            self._publisher.beat()
+            self._publisher.send_heartbeat()
             self.poll_requests({})
             time.sleep(0.05)
 

@@ -109,13 +109,13 @@ class Publisher(Closeable):
         self.endpoint = Endpoint(shown, self._streams.port, self._server.port)
         self._control = ControlSocket(self._server, self._answer, rate, budget_ms * 1e-3)
         self._characters: dict[str, tuple[int, PoseCodec]] = {}
-        self._last_left = 0
+        self._last_removed_revision = 0
         self._packed: dict[str, bytes] = {}
         self._sequences: dict[str, int] = {}
         self._last_sequence = -1
         self._latest: dict[tuple[str, str], bytes] = {}
         self._status = StatusMessage(self.name, self.instance, 0, 0)
-        self._last_beat = -math.inf
+        self._last_heartbeat_at = -math.inf
         self._unsent = Rejects("edge, sending")
 
     @property
@@ -155,7 +155,7 @@ class Publisher(Closeable):
             revision = 1  # Restart at 1. Viewers fetch any revision that differs from theirs.
         self._packed[character.id] = payload(character_to_message(character, revision))
         self._characters[character.id] = (revision, codec)
-        self._state_changed()
+        self._notify_state_change()
         return revision
 
     def remove_character(self, character: str) -> None:
@@ -164,12 +164,12 @@ class Publisher(Closeable):
         if held is None:
             return
         self._packed.pop(character, None)
-        self._last_left = max(self._last_left, held[0])
+        self._last_removed_revision = max(self._last_removed_revision, held[0])
         self._last_sequence = max(self._last_sequence, self._sequences.pop(character, -1))
         for name, topic in STREAMS.items():
             if topic.of_character:
                 self._latest.pop((name, character), None)
-        self._state_changed()
+        self._notify_state_change()
 
     def revision(self, character: str) -> int:
         """Returns the revision of a character, 0 for an unknown id."""
@@ -177,7 +177,7 @@ class Publisher(Closeable):
 
     def last_revision(self, character: str) -> int:
         """Returns the revision of a character. For an unknown id, the highest removed revision."""
-        return self.revision(character) or self._last_left
+        return self.revision(character) or self._last_removed_revision
 
     def publish_pose(self, pose: Pose, captured_ns: int = 0) -> PoseMessage:
         """Quantises, numbers and sends a pose of a character that was set.
@@ -242,21 +242,21 @@ class Publisher(Closeable):
 
         The fields are sensor, phase, note, fps, latency_p50_ms, latency_p99_ms, performers, dropped and
         health."""
-        clean = {k: _clean(v) for k, v in fields.items()}
-        before, self._status = self._status, msgspec.structs.replace(self._status, **clean)
-        if before.phase != self._status.phase:
-            self.beat()
+        cleaned = {k: _clean(v) for k, v in fields.items()}
+        old_values, self._status = self._status, msgspec.structs.replace(self._status, **cleaned)
+        if old_values.phase != self._status.phase:
+            self.send_heartbeat()
 
     def poll(self) -> list[Command]:
         """Answers viewers and sends a heartbeat that is due. Returns the commands for the caller."""
-        if time.monotonic() - self._last_beat >= 1 / STATUS.rate_hz:
-            self.beat()
+        if time.monotonic() - self._last_heartbeat_at >= 1 / STATUS.rate_hz:
+            self.send_heartbeat()
         self._streams.poll()
         return self._control.poll()
 
-    def beat(self) -> None:
+    def send_heartbeat(self) -> None:
         """Sends the heartbeat now."""
-        self._last_beat = time.monotonic()
+        self._last_heartbeat_at = time.monotonic()
         self._streams.poll()
         self._status = msgspec.structs.replace(self._status, published_ns=time.time_ns())
         self.publish(self._status)
@@ -269,21 +269,21 @@ class Publisher(Closeable):
         self._streams.close()
         self._lock.close()
 
-    def _state_changed(self) -> None:
+    def _notify_state_change(self) -> None:
         """Notifies viewers that the state must be fetched again."""
         self._status = msgspec.structs.replace(self._status, revision=self._status.revision + 1)
-        self.beat()
+        self.send_heartbeat()
 
-    def _let_hear(self, listening: bool) -> None:
+    def _send_first_heartbeat(self, listening: bool) -> None:
         """Sends a heartbeat to a viewer that the streams have not reached yet, with a rate limit."""
-        if not listening and time.monotonic() - self._last_beat >= _MIN_HEARTBEAT_INTERVAL_S:
-            self.beat()
+        if not listening and time.monotonic() - self._last_heartbeat_at >= _MIN_HEARTBEAT_INTERVAL_S:
+            self.send_heartbeat()
 
     def _answer(self, request: Ask) -> Answer | bytes:
         """Returns the reply to a request that is not a command."""
         match request:
             case Hello():
-                self._let_hear(request.listening)
+                self._send_first_heartbeat(request.listening)
                 revisions = [Revision(name, entry[0]) for name, entry in self._characters.items()]
                 return Welcome(
                     self._status, revisions[-MAX_CHARACTERS:], list(self._latest.values())[-MAX_LATEST:]
@@ -292,7 +292,7 @@ class Publisher(Closeable):
                 missing = Refused(f"there is no character {request.character!r}")
                 return self._packed.get(request.character, missing)
             case Ping():
-                self._let_hear(request.listening)
+                self._send_first_heartbeat(request.listening)
                 return Pong(request.sent_ns, time.time_ns())
             case _:
                 return Refused("this is not a request for the edge")

@@ -18,11 +18,11 @@ from typing import Any, Literal
 
 from enliven.wire import ZmtpError, ZmtpSession
 from enliven_edge.network.connection import Connection
-from enliven_edge.network.tcp_listener import connections_allowed, listen, make_watchful
+from enliven_edge.network.tcp_listener import configure_socket, limit_connections, listen
 
 log = logging.getLogger(__name__)
 
-MOST_CONNECTIONS = 200
+MAX_CONNECTIONS = 200
 """Maximum number of connections of one server: two servers stay below the limit of ``select`` on Windows
 (512)."""
 _HANDSHAKE_TIMEOUT_S = 3.0
@@ -86,18 +86,18 @@ class ZmtpServer:
         option: str,
         kind: Literal["ROUTER", "PUB"],
         most_bytes: int,
-        most: int = MOST_CONNECTIONS,
+        most: int = MAX_CONNECTIONS,
     ) -> None:
         self._listener = listen(host, port, option)
         self.port: int = self._listener.getsockname()[1]
         self._kind: Literal["ROUTER", "PUB"] = kind
-        self._most_bytes, self._most = most_bytes, connections_allowed(most)
+        self._most_bytes, self._most = most_bytes, limit_connections(most)
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
         self._open: dict[Connection, int] = {}
-        self._owing: set[Connection] = set()
-        self._tidied = 0.0
-        self._told_full = False
+        self._unsent: set[Connection] = set()
+        self._last_cleanup_at = 0.0
+        self._has_logged_full = False
 
     @property
     def connections(self) -> Iterable[Connection]:
@@ -109,7 +109,7 @@ class ZmtpServer:
 
         The time that the caller spends on a message is charged to the message's sender.
         """
-        self._tidy()
+        self._close_overdue()
         readable = {key.fileobj for key, _ in self._selector.select(0)}
         # Spend at most half of the budget on sending, so that a fast reader cannot starve requests.
         now = time.monotonic()
@@ -123,10 +123,10 @@ class ZmtpServer:
         ready = [c for c in self._open if not c.busy and (c.buffered or c in readable)]
         while ready:
             again = []
-            for connection in _in_turn(ready):
+            for connection in _order_by_turn(ready):
                 if time.monotonic() >= until:
                     return
-                yield from self._turn(connection, until)
+                yield from self._read_turn(connection, until)
                 more = connection.buffered or connection.streaming
                 if connection.is_open and not connection.busy and more:
                     again.append(connection)
@@ -147,7 +147,7 @@ class ZmtpServer:
     def drain(self, seconds: float) -> None:
         """Sends waiting bytes, for at most ``seconds``."""
         until = time.monotonic() + seconds
-        while self._owing and time.monotonic() < until:
+        while self._unsent and time.monotonic() < until:
             self._flush(until)
             time.sleep(0.001)
 
@@ -162,29 +162,29 @@ class ZmtpServer:
         """Closes a connection."""
         if self._open.pop(connection, None) is not None:
             self._selector.unregister(connection)
-            self._owing.discard(connection)
+            self._unsent.discard(connection)
         connection.close()
 
-    def _turn(self, connection: Connection, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
+    def _read_turn(self, connection: Connection, until: float) -> Iterator[tuple[Connection, list[bytes]]]:
         """Reads at most one turn's bytes and frames of one connection."""
-        start, session, asked = time.monotonic(), connection.session, 0
+        start, session, requested = time.monotonic(), connection.session, 0
         try:
             if not connection.buffered:
-                asked = max(_READ_BYTES, session.missing)
-                data = connection.read(asked)
-                connection.streaming = data is not None and len(data) == asked
+                requested = max(_READ_BYTES, session.missing)
+                data = connection.read(requested)
+                connection.streaming = data is not None and len(data) == requested
                 if data is None:
                     return
                 if not data:
                     raise ZmtpError("the end")
                 session.feed(data)
-                connection.spoke = time.monotonic()
+                connection.last_read_at = time.monotonic()
                 connection.buffered = True
             for _ in range(_FRAMES_PER_TURN):
                 parts = session.take()
                 if parts is None:
                     connection.buffered = False
-                    connection.streaming &= max(asked, session.missing) > _READ_BYTES
+                    connection.streaming &= max(requested, session.missing) > _READ_BYTES
                     break
                 if parts:
                     yield connection, parts
@@ -193,14 +193,14 @@ class ZmtpServer:
                     session.answers.clear()
                 if connection.busy or time.monotonic() >= until:
                     break
-            self._greet(connection)
+            self._queue_answers(connection)
             self._push(connection, until)
         except (OSError, ZmtpError):
             self.drop(connection)
         finally:
             connection.charge(time.monotonic() - start)
 
-    def _greet(self, connection: Connection) -> None:
+    def _queue_answers(self, connection: Connection) -> None:
         """Queues the session's own answers, such as the greeting."""
         if connection.is_open and connection.session.answers:
             connection.queue(bytes(connection.session.answers))
@@ -215,26 +215,26 @@ class ZmtpServer:
         except OSError:
             self.drop(connection)
             return
-        (self._owing.add if connection.owed else self._owing.discard)(connection)
+        (self._unsent.add if connection.unsent_bytes else self._unsent.discard)(connection)
 
     def _flush(self, until: float) -> None:
         """Sends waiting bytes, first to the peers with the least cost."""
-        for connection in sorted(self._owing, key=lambda c: c.cost):
+        for connection in sorted(self._unsent, key=lambda c: c.cost):
             start = time.monotonic()
             self._push(connection, until)
             connection.charge(time.monotonic() - start)
             if time.monotonic() >= until:
                 return
 
-    def _tidy(self) -> None:
+    def _close_overdue(self) -> None:
         """Closes connections without a timely handshake, or that do not accept sent bytes."""
         now = time.monotonic()
-        if now - self._tidied < _CLEANUP_INTERVAL_S:
+        if now - self._last_cleanup_at < _CLEANUP_INTERVAL_S:
             return
-        self._tidied = now
+        self._last_cleanup_at = now
         for connection in list(self._open):
             overdue = not connection.introduced and now - connection.opened > _HANDSHAKE_TIMEOUT_S
-            if overdue or (connection.owed and now - connection.moved > _STALL_TIMEOUT_S):
+            if overdue or (connection.unsent_bytes and now - connection.last_progress_at > _STALL_TIMEOUT_S):
                 self.drop(connection)
 
     def _accept(self, until: float) -> None:
@@ -244,63 +244,67 @@ class ZmtpServer:
                 return
             # If the server is full, connections in the middle of their handshake have priority. Leave the
             # others in the queue of the operating system.
-            if is_full and any(not c.introduced for c in self._open) and not self._idle():
+            if is_full and any(not c.introduced for c in self._open) and not self._find_idle():
                 return
             try:
-                own, address = self._listener.accept()
+                accepted, address = self._listener.accept()
             except BlockingIOError:
                 return
             except OSError as error:
                 log.debug("a connection could not be accepted (%s)", error)
                 return
-            self._take_in(own, str(address[0]))
+            self._keep_connection(accepted, str(address[0]))
 
-    def _take_in(self, own: socket.socket, address: str) -> None:
+    def _keep_connection(self, accepted: socket.socket, address: str) -> None:
         """Keeps an accepted connection if a place is free or can be made."""
         if len(self._open) >= self._most:
-            if not self._told_full:
+            if not self._has_logged_full:
                 log.warning(
                     "all %d connections of port %d are in use; this is logged once", self._most, self.port
                 )
-                self._told_full = True
-            leaving = self._leaving(address)
-            if leaving is None:
-                own.close()
+                self._has_logged_full = True
+            dropped = self._choose_dropped(address)
+            if dropped is None:
+                accepted.close()
                 return
-            self.drop(leaving)
-        connection = Connection(own, address, ZmtpSession(self._kind, self._most_bytes))
+            self.drop(dropped)
+        connection = Connection(accepted, address, ZmtpSession(self._kind, self._most_bytes))
         try:
-            make_watchful(own)
+            configure_socket(accepted)
             self._selector.register(connection, selectors.EVENT_READ)
         except (OSError, ValueError):
             connection.close()
             return
         self._open[connection] = connection.fileno()
-        self._greet(connection)
+        self._queue_answers(connection)
         self._push(connection, time.monotonic())
 
-    def _leaving(self, address: str) -> Connection | None:
+    def _choose_dropped(self, address: str) -> Connection | None:
         """Returns the connection that makes room for a newcomer from an address. None: none does."""
-        idle = self._idle()
+        idle = self._find_idle()
         if idle:
             crowd = Counter(c.address for c in idle)
             return max(idle, key=lambda c: (crowd[c.address], -c.opened))
         if self._kind == "ROUTER":
-            quietest = min(self._open, key=lambda c: c.heard)
-            if time.monotonic() - quietest.heard > _QUIET_TIMEOUT_S:
+            quietest = min(self._open, key=lambda c: c.last_message_at)
+            if time.monotonic() - quietest.last_message_at > _QUIET_TIMEOUT_S:
                 return quietest
         crowd = Counter(c.address for c in self._open)
         most = max(crowd.values())
         if most == 1:
             return None
-        crowded = {each for each, count in crowd.items() if count == most}
+        crowded = {crowd_address for crowd_address, count in crowd.items() if count == most}
         crowded = {address} if address in crowded else crowded
         return self._least_served([c for c in self._open if c.address in crowded])
 
-    def _idle(self) -> list[Connection]:
+    def _find_idle(self) -> list[Connection]:
         """Returns the connections that have not started their handshake, or stopped in the middle of it."""
-        before = time.monotonic() - _IDLE_TIMEOUT_S
-        return [c for c in self._open if not c.introduced and (c.spoke == c.opened or c.spoke < before)]
+        idle_since = time.monotonic() - _IDLE_TIMEOUT_S
+        return [
+            c
+            for c in self._open
+            if not c.introduced and (c.last_read_at == c.opened or c.last_read_at < idle_since)
+        ]
 
     def _least_served(self, crowd: list[Connection]) -> Connection:
         """Returns the connection of a crowded address that is dropped for a newcomer.
@@ -309,21 +313,21 @@ class ZmtpServer:
         dropped first, then the oldest. So a newcomer stays long enough to be served.
         """
         kept = int(_RESERVED_FRACTION * len(crowd))
-        others = sorted(crowd, key=lambda c: (-c.served, c.opened))[kept:]
-        return min(others, key=lambda c: (c.served > _HEARD_ONCE_S, c.opened))
+        others = sorted(crowd, key=lambda c: (-c.service_s, c.opened))[kept:]
+        return min(others, key=lambda c: (c.service_s > _HEARD_ONCE_S, c.opened))
 
 
-def _in_turn(ready: list[Connection]) -> list[Connection]:
+def _order_by_turn(ready: list[Connection]) -> list[Connection]:
     """Returns connections in reading order: known ones, recent ones and newcomers alternate.
 
     Known and recent ones are sorted by recent cost, known ones relative to their time of service. Newcomers
     that have started their handshake come before the others.
     """
-    known_peers = [c for c in ready if c.served > _KNOWN_AFTER_S]
-    known_peers.sort(key=lambda c: c.cost / min(c.served, _MAX_SERVICE_S))
-    recent = [c for c in ready if c.introduced and c.served <= _KNOWN_AFTER_S]
-    new = [c for c in ready if not c.introduced and c.served <= _KNOWN_AFTER_S]
+    known_peers = [c for c in ready if c.service_s > _KNOWN_AFTER_S]
+    known_peers.sort(key=lambda c: c.cost / min(c.service_s, _MAX_SERVICE_S))
+    recent = [c for c in ready if c.introduced and c.service_s <= _KNOWN_AFTER_S]
+    new = [c for c in ready if not c.introduced and c.service_s <= _KNOWN_AFTER_S]
     recent.sort(key=lambda c: c.cost)
-    new.sort(key=lambda c: (c.spoke == c.opened, c.opened))
+    new.sort(key=lambda c: (c.last_read_at == c.opened, c.opened))
     turns = itertools.zip_longest(known_peers, recent, new)
-    return [each for turn in turns for each in turn if each is not None]
+    return [peer for turn in turns for peer in turn if peer is not None]

@@ -43,5 +43,9 @@ class Subscribers:
         frame = framed(data)
         for peer in list(self._server.connections):
             wanted = peer.state
-            if wanted and data.startswith(tuple(wanted)) and peer.owed + len(frame) <= _MAX_PENDING_BYTES:
+            if (
+                wanted
+                and data.startswith(tuple(wanted))
+                and peer.unsent_bytes + len(frame) <= _MAX_PENDING_BYTES
+            ):
                 self._server.send_raw(peer, frame)

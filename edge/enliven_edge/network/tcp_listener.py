@@ -39,7 +39,7 @@ def raise_descriptor_limit() -> int:
     return soft if soft != resource.RLIM_INFINITY else wanted
 
 
-def connections_allowed(most: int) -> int:
+def limit_connections(most: int) -> int:
     """Returns the number of connections for one of two servers, at most ``most``.
 
     Some descriptors stay reserved.
@@ -105,17 +105,17 @@ def listen(host: str, port: int, option: str) -> socket.socket:
     Raises:
         ResourceError: for a port in use, or an address that does not belong to this machine.
     """
-    everywhere = host in ("", "*")
-    dual = everywhere and socket.has_dualstack_ipv6()
+    is_any_address = host in ("", "*")
+    is_dual_stack = is_any_address and socket.has_dualstack_ipv6()
     listener: socket.socket | None = None
     try:
-        name = ("::" if dual else "0.0.0.0") if everywhere else host
+        name = ("::" if is_dual_stack else "0.0.0.0") if is_any_address else host
         family, *_, address = socket.getaddrinfo(name, port, type=socket.SOCK_STREAM)[0]
         listener = socket.socket(family, socket.SOCK_STREAM)
         reuse = "SO_EXCLUSIVEADDRUSE" if sys.platform == "win32" else "SO_REUSEADDR"
         listener.setsockopt(socket.SOL_SOCKET, getattr(socket, reuse), 1)
         if family == socket.AF_INET6:
-            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, not dual)
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, not is_dual_stack)
         listener.bind(address)
         listener.listen(_BACKLOG)
         listener.setblocking(False)
@@ -123,10 +123,10 @@ def listen(host: str, port: int, option: str) -> socket.socket:
     except (OSError, UnicodeError, OverflowError) as error:
         if listener is not None:
             listener.close()
-        raise _refused(error, host, port, option) from None
+        raise _listen_error(error, host, port, option) from None
 
 
-def make_watchful(connection: socket.socket) -> None:
+def configure_socket(connection: socket.socket) -> None:
     """Makes a socket non-blocking, without send delay, and closing by itself when its peer has vanished."""
     connection.setblocking(False)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -137,7 +137,7 @@ def make_watchful(connection: socket.socket) -> None:
                 connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
-def _refused(error: Exception, host: str, port: int, option: str) -> ResourceError:
+def _listen_error(error: Exception, host: str, port: int, option: str) -> ResourceError:
     """Returns the error that explains why a port cannot be opened."""
     where = f"{host}:{port}"
     if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:

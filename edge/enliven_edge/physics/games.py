@@ -78,7 +78,7 @@ def tower_places(settings: BoxesSettings) -> Float:
     return np.array(places).reshape(-1, 3)
 
 
-def clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float:
+def find_clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float:
     """Returns (P, 3) metres as :func:`tower_places`, with towers moved away from spheres and each other.
 
     A tower goes to the nearest free candidate position. If none is free it stays.
@@ -93,12 +93,12 @@ def clear_places(settings: BoxesSettings, spheres: Float, radii: Float) -> Float
         settings.high * settings.side + _MIN_TOWER_GAP_M,
     )
     low = spheres[:, 1] - radii < top
-    middles, reach = spheres[low][:, [0, 2]], radii[low] + half
+    centres, clearances = spheres[low][:, [0, 2]], radii[low] + half
     placed = list[Float]()
     for tower in towers:
         at = tower[:, [0, 2]].mean(0) + _TOWER_PLACES
-        away = np.abs(at[:, None] - middles).max(2) > reach
-        free = away.all(1)
+        distances = np.abs(at[:, None] - centres).max(2) > clearances
+        free = distances.all(1)
         for other in placed:
             free &= np.abs(at - other).max(1) > 2 * half - _MIN_TOWER_GAP_M
         chosen = at[int(free.argmax())]  # If no place is free, this is the first of all places.
@@ -114,7 +114,7 @@ class Towers:
         self.settings, self.props = settings, tower_props(settings)
         self._places = tower_places(settings)
         self._stand, self._turns = self._places, np.tile([1.0, 0.0, 0.0, 0.0], (len(self._places), 1))
-        self._quiet = 0.0
+        self._still_seconds = 0.0
 
     def begin(self, world: World, ground: WorldGround, spheres: Float, radii: Float) -> None:
         """Resets every box. Each tower stands as near to its configured place as the spheres allow.
@@ -125,20 +125,22 @@ class Towers:
         """
         is_finite = np.isfinite(spheres).all(1)
         local_centres = ground.from_world(spheres[is_finite])
-        self._stand = ground.to_world(clear_places(self.settings, local_centres, radii[is_finite]))
+        self._stand = ground.to_world(find_clear_places(self.settings, local_centres, radii[is_finite]))
         self._turns = np.tile(ground.turn, (len(self._stand), 1))
         world.put(slice(None), self._stand, self._turns)
-        self._quiet = 0.0
+        self._still_seconds = 0.0
 
     def play(self, world: World, spheres: Float, names: list[str], owners: list[int], seconds: float) -> str:
         """Rebuilds fallen towers after all boxes have been still for long and their places are free."""
-        gone = np.linalg.norm(world.positions - self._stand, axis=1) > _FALLEN_DISTANCE * self.settings.side
-        still = bool((np.abs(world.velocities[:, :3]) < _STILL_SPEED).all())
-        self._quiet = self._quiet + seconds if still and gone.any() else 0.0
-        if self.settings.rebuild and self._quiet > self.settings.rebuild and self._is_free(spheres):
+        is_fallen = (
+            np.linalg.norm(world.positions - self._stand, axis=1) > _FALLEN_DISTANCE * self.settings.side
+        )
+        is_still = bool((np.abs(world.velocities[:, :3]) < _STILL_SPEED).all())
+        self._still_seconds = self._still_seconds + seconds if is_still and is_fallen.any() else 0.0
+        if self.settings.rebuild and self._still_seconds > self.settings.rebuild and self._is_free(spheres):
             world.put(slice(None), self._stand, self._turns)
-            self._quiet = 0.0
-        return f"{int(gone.sum())} of {len(gone)} boxes down" if gone.any() else ""
+            self._still_seconds = 0.0
+        return f"{int(is_fallen.sum())} of {len(is_fallen)} boxes down" if is_fallen.any() else ""
 
     def _is_free(self, spheres: Float) -> bool:
         """Returns True if no sphere is within a box's edge length of the boxes' places."""
@@ -209,7 +211,9 @@ class Dodgeball:
                 self._target[ball] = ""
         self._wait += seconds
         present = [
-            name for name in dict.fromkeys(names) if self._middle(name, spheres, names, owners) is not None
+            name
+            for name in dict.fromkeys(names)
+            if self._target_centre(name, spheres, names, owners) is not None
         ]
         # Do not throw a ball again while it is flying.
         if present and self._wait >= self.settings.every and not self._target[self._next]:
@@ -218,27 +222,34 @@ class Dodgeball:
         adverbs = {1: "once", 2: "twice"}
         return ", ".join(f"{n} hit {adverbs.get(h, f'{h} times')}" for n in names if (h := self.hits[n]))
 
-    def _middle(self, name: str, spheres: Float, names: list[str], owners: list[int]) -> Float | None:
+    def _target_centre(self, name: str, spheres: Float, names: list[str], owners: list[int]) -> Float | None:
         """Returns (3,) the centre of a target's spheres, None if it has none."""
-        own = spheres[np.array(owners, np.int64) == names.index(name)]
-        own = own[np.isfinite(own).all(1)]
-        return None if not len(own) else np.asarray((own.min(0) + own.max(0)) / 2)
+        target_spheres = spheres[np.array(owners, np.int64) == names.index(name)]
+        target_spheres = target_spheres[np.isfinite(target_spheres).all(1)]
+        return (
+            None
+            if not len(target_spheres)
+            else np.asarray((target_spheres.min(0) + target_spheres.max(0)) / 2)
+        )
 
     def _throw(
         self, world: World, here: list[str], spheres: Float, names: list[str], owners: list[int]
     ) -> None:
         """Throws the next ball at the centre of the next target."""
         target = here[self._turn % len(here)]
-        aim = self._middle(target, spheres, names, owners)
+        aim = self._target_centre(target, spheres, names, owners)
         assert aim is not None
-        way, far = self._ground.to_world(np.array([0.0, 0.0, 1.0])) - self._ground.at, self.settings.distance
-        other = self._middle(here[(self._turn + 1) % len(here)], spheres, names, owners)
+        direction, distance = (
+            self._ground.to_world(np.array([0.0, 0.0, 1.0])) - self._ground.at,
+            self.settings.distance,
+        )
+        other = self._target_centre(here[(self._turn + 1) % len(here)], spheres, names, owners)
         if len(here) > 1 and other is not None:
-            across = (other - aim) * [1.0, 0.0, 1.0]
-            room = float(np.linalg.norm(across)) - _THROWER_DISTANCE_M
+            sideways = (other - aim) * [1.0, 0.0, 1.0]
+            room = float(np.linalg.norm(sideways)) - _THROWER_DISTANCE_M
             if room > _MIN_THROW_DISTANCE_M:
-                way, far = across / np.linalg.norm(across), min(far, room)
-        begin = aim + far * way
+                direction, distance = sideways / np.linalg.norm(sideways), min(distance, room)
+        begin = aim + distance * direction
         begin[1] = self.settings.hand
         flight = self.settings.flight
         speed = (aim - begin) / flight - 0.5 * self._gravity * flight

@@ -107,7 +107,7 @@ def _radii() -> Float:
 
 
 _RADII = _radii()
-_SHARES = np.array([1 / 3, 2 / 3])
+_SPHERE_FRACTIONS = np.array([1 / 3, 2 / 3])
 """Relative positions of a bone's two spheres along its length."""
 
 
@@ -119,6 +119,6 @@ def body_spheres(body: Body) -> tuple[Float, Float]:
     start, end = np.array(BONES).T
     size = float(np.clip(body.height / 1.75, 0.3, 1.6)) if np.isfinite(body.joints).all() else 1.0
     path = body.joints[end] - body.joints[start]
-    along = [body.joints[start] + share * path for share in _SHARES]
-    radii = [_RADII[start] + share * (_RADII[end] - _RADII[start]) for share in _SHARES]
-    return np.concatenate([body.joints, *along]), size * np.concatenate([_RADII, *radii])
+    bone = [body.joints[start] + fraction * path for fraction in _SPHERE_FRACTIONS]
+    radii = [_RADII[start] + fraction * (_RADII[end] - _RADII[start]) for fraction in _SPHERE_FRACTIONS]
+    return np.concatenate([body.joints, *bone]), size * np.concatenate([_RADII, *radii])

@@ -26,7 +26,7 @@ _WEIGHT_EXPONENT = 3.0
 """Exponent of the inverse distance weights: the nearest control points dominate."""
 
 
-def roughly_skinned(character: Character) -> Character:
+def skin_to_control_points(character: Character) -> Character:
     """Returns a puppet with skin weights of its nearest control points.
 
     Other characters are returned unchanged.
@@ -34,11 +34,11 @@ def roughly_skinned(character: Character) -> Character:
     if character.kind != "points" or len(character.pivots) < 2:
         return character
     near = min(_NEIGHBOURS, len(character.pivots) - 1)
-    away, which = cKDTree(character.pivots[1:]).query(character.vertices, k=np.arange(1, near + 1))
-    counts = 1.0 / np.maximum(away, 1e-6) ** _WEIGHT_EXPONENT
+    distances, vertices = cKDTree(character.pivots[1:]).query(character.vertices, k=np.arange(1, near + 1))
+    counts = 1.0 / np.maximum(distances, 1e-6) ** _WEIGHT_EXPONENT
     indices = np.zeros((len(character.vertices), 4), np.uint16)
     weights = np.zeros((len(character.vertices), 4), np.float32)
-    indices[:, :near] = which + 1
+    indices[:, :near] = vertices + 1
     weights[:, :near] = counts / counts.sum(1, keepdims=True)
     skin = SkinWeights(indices, weights)
     return replace(character, kind="bones", skin=skin, held=None, pulls=None, surface=None)
@@ -71,7 +71,7 @@ class Playground:
         self._proxies: dict[str, tuple[Character, SphereProxies]] = {}
         self._slots: dict[str, slice] = {}
         self._ground: WorldGround | None = None
-        self._standing = self._detector()
+        self._standing = self._create_detector()
         self._time_ns: int | None = None
         self._note = ""
         for character in characters or []:
@@ -79,7 +79,7 @@ class Playground:
 
     def introduce(self, character: Character) -> None:
         """Adds a character, or a new version of one. Its spheres are packed now, not when it first moves."""
-        proxies = pack_spheres(roughly_skinned(character), self.settings.spheres)
+        proxies = pack_spheres(skin_to_control_points(character), self.settings.spheres)
         self._proxies[character.id] = character, proxies
         log.info("%s is %d spheres of %.3f m", character.id, len(proxies), proxies.radius)
 
@@ -109,31 +109,31 @@ class Playground:
         self._time_ns = time_ns
         if seconds < 0.0:
             # Time runs backwards, because a replay starts again. So start the game again too.
-            seconds, self._ground, self._standing = 0.0, None, self._detector()
-        before = self._slots
+            seconds, self._ground, self._standing = 0.0, None, self._create_detector()
+        skipped_before = self._slots
         spheres, radii, names, owners = self._spheres(tick)
         self.world.move(spheres, radii)
         for name in names:
-            if before.get(name) != self._slots[name]:
-                self.world.appear(self._slots[name])
+            if skipped_before.get(name) != self._slots[name]:
+                self.world.mark_as_new(self._slots[name])
         if self._ground is None:
-            self._ground = self._place(bodies, time_ns)
+            self._ground = self._find_place(bodies, time_ns)
             if self._ground is None:
                 return None
             self.game.begin(self.world, self._ground, spheres, radii)
-        late = self.world.left_out
-        trouble = self.world.advance(seconds)
-        if self.world.left_out > late == 0.0:
+        is_late = self.world.left_out
+        problem = self.world.advance(seconds)
+        if self.world.left_out > is_late == 0.0:
             log.warning("the physics take longer than engine.budget, so they sometimes lag behind")
-        if trouble:
-            self._reset(trouble, spheres, radii)
+        if problem:
+            self._restart_world(problem, spheres, radii)
         self._note = self.game.play(self.world, spheres, names, owners, seconds)
         return self._props(time_ns)
 
-    def _detector(self) -> StandingDetector:
+    def _create_detector(self) -> StandingDetector:
         return StandingDetector(self.settings.stand, self.settings.patience)
 
-    def _place(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
+    def _find_place(self, bodies: list[Body], time_ns: int) -> WorldGround | None:
         """Returns the place of the world, or None until it is known."""
         if self.settings.place == "fixed":
             return FIXED
@@ -177,10 +177,10 @@ class Playground:
                 begin = max(begin, slot.stop)
             kept[name] = slice(begin, begin + count)
 
-    def _reset(self, trouble: str, spheres: Float, radii: Float) -> None:
+    def _restart_world(self, problem: str, spheres: Float, radii: Float) -> None:
         """Restarts the world after an error of the engine."""
         self.resets += 1
-        log.warning("the physics engine failed and starts again: %s", trouble)
+        log.warning("the physics engine failed and starts again: %s", problem)
         assert self._ground is not None
         self.world.restart()
         self.game.begin(self.world, self._ground, spheres, radii)

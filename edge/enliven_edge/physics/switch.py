@@ -100,7 +100,7 @@ class PhysicsSwitch:
             self._state = PhysicsMessage("none", "off")
             return
         self._state = PhysicsMessage(world, "preparing")
-        self._preparation = _Preparation(self._with(world), list(self._characters.values()))
+        self._preparation = _Preparation(self._settings_with(world), list(self._characters.values()))
         self._preparation.start()
 
     def show(self, characters: Mapping[str, Character]) -> None:
@@ -108,7 +108,7 @@ class PhysicsSwitch:
         self._characters = dict(characters)
         if self._preparation is not None and (result := self._preparation.result) is not None:
             self._preparation = None
-            self._begin(result)
+            self._show_result(result)
         if self._playground is not None:
             self._playground.show(characters)
 
@@ -120,7 +120,7 @@ class PhysicsSwitch:
         if not self._clears:
             return None
         self._clears = False
-        return _nothing(tick.time_ns)
+        return _empty_props(tick.time_ns)
 
     def change(self) -> PhysicsMessage | None:
         """Returns the state if it changed since the last call."""
@@ -129,10 +129,10 @@ class PhysicsSwitch:
         self._told = self._state
         return self._state
 
-    def _with(self, world: WorldName) -> PhysicsSettings:
+    def _settings_with(self, world: WorldName) -> PhysicsSettings:
         return replace(self._settings, world=world)
 
-    def _begin(self, result: Playground | EnlivenError) -> None:
+    def _show_result(self, result: Playground | EnlivenError) -> None:
         """Puts the prepared objects on the stage, or stores the reason of the failure."""
         if isinstance(result, EnlivenError):
             problem, mend = result.what[:_MAX_MESSAGE_LENGTH], (result.mend or "")[:_MAX_MESSAGE_LENGTH]
@@ -142,7 +142,7 @@ class PhysicsSwitch:
         self._state = PhysicsMessage(self._state.world, "on")
 
 
-def _nothing(time_ns: int) -> Props:
+def _empty_props(time_ns: int) -> Props:
     """Returns an empty set of objects, so that viewers remove the last ones."""
     return Props(
         time_ns,

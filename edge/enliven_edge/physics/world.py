@@ -110,19 +110,19 @@ class World:
             centres: (S, 3) metres. A row that is not finite removes its sphere.
             radii: (S,) metres.
         """
-        there = np.isfinite(centres).all(1) & np.isfinite(radii) & (radii > 0)
+        is_present = np.isfinite(centres).all(1) & np.isfinite(radii) & (radii > 0)
         if len(centres) > len(self._to):
             self._build(len(centres))
-        was, count = self._radii, len(centres)
+        was_present, count = self._radii, len(centres)
         target = np.tile(_PARKING_PLACE, (len(self._to), 1))
-        target[:count][there] = centres[there]
+        target[:count][is_present] = centres[is_present]
         self._radii = np.zeros(len(self._to))
-        self._radii[:count][there] = radii[there]
+        self._radii[:count][is_present] = radii[is_present]
         self._from, self._to = self._to.copy(), target
         # A sphere that has just appeared has no previous place, so it gets no speed.
-        fresh = (was == 0) != (self._radii == 0)
-        self._from[fresh] = self._to[fresh]
-        self._resize(np.flatnonzero(np.abs(self._radii - was) > 1e-3 * was))
+        is_new = (was_present == 0) != (self._radii == 0)
+        self._from[is_new] = self._to[is_new]
+        self._resize(np.flatnonzero(np.abs(self._radii - was_present) > 1e-3 * was_present))
 
     def restart(self) -> None:
         """Stops every motion, after an error."""
@@ -130,7 +130,7 @@ class World:
         self._from = self._to
         self._data.mocap_pos[:] = self._to
 
-    def appear(self, numbers: slice) -> None:
+    def mark_as_new(self, numbers: slice) -> None:
         """Marks spheres as new at their places, without a velocity."""
         self._from[numbers] = self._to[numbers]
 
@@ -146,14 +146,14 @@ class World:
         path = self._to - self._from
         path[np.square(path).sum(1) > (settings.fastest * max(seconds, whole)) ** 2] = 0.0
         speeds = path / max(seconds, whole)
-        began = time.perf_counter()
+        skipped = time.perf_counter()
         for k in range(count):
             # After a long pause, simulate only the end of the pause.
             self._data.mocap_pos[:] = self._to - speeds * (whole - k * step)
-            trouble = self._substep(speeds)
-            if trouble:
-                return trouble
-            if settings.budget and time.perf_counter() - began > settings.budget and k + 1 < count:
+            problem = self._substep(speeds)
+            if problem:
+                return problem
+            if settings.budget and time.perf_counter() - skipped > settings.budget and k + 1 < count:
                 self.left_out += whole - (k + 1) * step
                 break
         self._data.mocap_pos[:] = self._to
@@ -197,7 +197,7 @@ class World:
         if before is not None:
             self._data.qpos[:], self._data.qvel[:] = before.qpos, before.qvel
         kept = len(self._to)
-        self._from, self._to = (_longer(a, count, _PARKING_PLACE) for a in (self._from, self._to))
+        self._from, self._to = (_pad_rows(a, count, _PARKING_PLACE) for a in (self._from, self._to))
         self._radii = np.concatenate([self._radii, np.zeros(count - kept)])
         self._geoms = np.array([self._model.geom(f"sphere{k}").id for k in range(count)], np.int64)
         self._owner = np.full(self._model.ngeom, FLOOR, np.int64)
@@ -221,7 +221,7 @@ class World:
         model.geom_conaffinity[geoms] = model.body_conaffinity[bodies] = meets
 
 
-def _longer(rows: Float, count: int, fill: Float) -> Float:
+def _pad_rows(rows: Float, count: int, fill: Float) -> Float:
     """Returns (count, 3) the rows, padded with ``fill``."""
     return np.concatenate([rows, np.tile(fill, (count - len(rows), 1))])
 

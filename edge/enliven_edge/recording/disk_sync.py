@@ -9,7 +9,7 @@ import threading
 
 from enliven.errors import ResourceError
 
-SYNC_EVERY = 5.0
+SYNC_INTERVAL_S = 5.0
 """Interval between two calls of fsync, in seconds. A power cut may cost this part of a recording. The disk of
 a small computer takes up to a second for one call, which must not block the frame loop."""
 _CLOSE_TIMEOUT_S = 1.0
@@ -29,7 +29,7 @@ class DiskSync:
         count: number of completed calls.
     """
 
-    def __init__(self, descriptor: int, every: float = SYNC_EVERY) -> None:
+    def __init__(self, descriptor: int, every: float = SYNC_INTERVAL_S) -> None:
         self._failure: OSError | None = None
         self.count = 0
         self._descriptor, self._every = os.dup(descriptor), every

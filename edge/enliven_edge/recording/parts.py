@@ -76,7 +76,7 @@ class PartedRecorder(Closeable):
         paths: the parts, oldest first.
         failure: why nothing can be written now. None while writing works.
         lost: number of messages that were not written because of failures.
-        begun: called after each later part has started, to write the data that every part needs.
+        on_part_started: called after each later part has started, to write the data that every part needs.
 
     Raises:
         InputError: if the file already exists, or its folder does not.
@@ -93,8 +93,8 @@ class PartedRecorder(Closeable):
         self.paths = [self._recorder.path]
         self.failure: ResourceError | None = None
         self.lost = 0
-        self.begun: Callable[[], None] = lambda: None
-        self._wait_s, self._retry_at, self._began = FIRST_RETRY_S, 0.0, time.monotonic()
+        self.on_part_started: Callable[[], None] = lambda: None
+        self._wait_s, self._retry_at, self._started_at = FIRST_RETRY_S, 0.0, time.monotonic()
 
     @property
     def path(self) -> Path:
@@ -107,7 +107,7 @@ class PartedRecorder(Closeable):
         Raises:
             InputError: for a time that a recording cannot hold.
         """
-        self._carry_out(lambda recorder: recorder.write(*message))
+        self._run_step(lambda recorder: recorder.write(*message))
 
     def write_frame(self, frame: Frame) -> None:
         """Appends a frame, as :meth:`~enliven.recording.Recorder.write_frame` does.
@@ -115,17 +115,17 @@ class PartedRecorder(Closeable):
         Raises:
             InputError: for a frame that a recording cannot hold.
         """
-        self._carry_out(lambda recorder: recorder.write_frame(frame))
+        self._run_step(lambda recorder: recorder.write_frame(frame))
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Adds a named record of texts to this part and to every later one."""
         self._metadata[name] = values
-        self._carry_out(lambda recorder: recorder.add_metadata(name, values))
+        self._run_step(lambda recorder: recorder.add_metadata(name, values))
 
     def sync(self) -> None:
         """Passes everything written to the operating system, as complete chunks."""
         if self._recorder is not None:
-            self._carry_out(lambda recorder: recorder.sync())
+            self._run_step(lambda recorder: recorder.sync())
 
     def close(self) -> None:
         """Writes the index and closes the file. A second call does nothing."""
@@ -139,10 +139,10 @@ class PartedRecorder(Closeable):
             log.warning("the recording lacks its index, and can be read (%s)", error)
         self._disk.close()
 
-    def _carry_out(self, step: Callable[[Recorder], None]) -> None:
+    def _run_step(self, step: Callable[[Recorder], None]) -> None:
         """Runs a step on the current part, or on a new one if a retry is due."""
         if self._recorder is None and time.monotonic() >= self._retry_at:
-            self._begin()
+            self._start_part()
         if self._recorder is None:
             self.lost += 1
             return
@@ -151,18 +151,18 @@ class PartedRecorder(Closeable):
             step(self._recorder)
         except ResourceError as error:
             self.lost += 1
-            self._pause(error)
+            self._handle_failure(error)
 
-    def _pause(self, error: ResourceError) -> None:
+    def _handle_failure(self, error: ResourceError) -> None:
         """Closes the current part after a failed write, and schedules the next retry."""
-        is_short = time.monotonic() - self._began < MAX_RETRY_S and len(self.paths) > 1
+        is_short = time.monotonic() - self._started_at < MAX_RETRY_S and len(self.paths) > 1
         self._wait_s = min(2 * self._wait_s, MAX_RETRY_S) if is_short else FIRST_RETRY_S
         until, self.failure = self._wait_s, error
         self.close()
         self._retry_at = time.monotonic() + until
         log.warning("%s It goes on in a new file when there is room.", error)
 
-    def _begin(self) -> None:
+    def _start_part(self) -> None:
         """Starts the next part if the disk has room. Otherwise schedules another retry."""
         self._retry_at = time.monotonic() + self._wait_s
         first = self.paths[0]
@@ -180,11 +180,11 @@ class PartedRecorder(Closeable):
             path.unlink(missing_ok=True)
             return
         self._recorder, self._disk = recorder, DiskSync(recorder.fileno())
-        self._began = time.monotonic()
+        self._started_at = time.monotonic()
         self.paths.append(path)
         self.failure = None
         log.warning("%s: the recording goes on here; %d messages before are missing", path, self.lost)
-        self.begun()
+        self.on_part_started()
 
 
 def _next_part(first: Path) -> Path:

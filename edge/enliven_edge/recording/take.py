@@ -17,7 +17,7 @@ from enliven_edge.tracking.health import HEALTH_MESSAGES
 
 log = logging.getLogger(__name__)
 
-CHARACTER_EVERY = 60.0
+CHARACTER_INTERVAL_S = 60.0
 """Interval at which every character is written again, in seconds of the take's clock. Poses can be read with
 any copy of their character. So a damaged part of the file costs only its own messages."""
 _ENCODER = msgspec.msgpack.Encoder()
@@ -41,10 +41,10 @@ class Take:
 
     def __init__(self, path: Path, *, overwrite: bool = False) -> None:
         self._parts = PartedRecorder(path, overwrite=overwrite)
-        self._parts.begun = self._begin_part
+        self._parts.on_part_started = self._begin_part
         self._characters: dict[str, CharacterMessage] = {}
         self._now_ns = 0
-        self._told_ns: int | None = None
+        self._last_repeat_ns: int | None = None
         self._gaps = 0
         self._health_states: dict[HealthKind, HealthState] = {}
 
@@ -56,7 +56,7 @@ class Take:
     def introduce(self, name: str, character: CharacterMessage) -> None:
         """Adds a new character, or a new revision of one, at the last written time."""
         self._characters[name] = character
-        self._put(character, self._now_ns)
+        self._write_message(character, self._now_ns)
 
     def remove(self, name: str) -> None:
         """Removes a character: it is not written again."""
@@ -64,16 +64,16 @@ class Take:
 
     def write(self, message: Any, time_ns: int) -> None:
         """Appends a message with its JSON schema. A failure is reported by :attr:`health_states`."""
-        self._put(message, time_ns)
+        self._write_message(message, time_ns)
         self._now_ns = max(self._now_ns, time_ns)
-        if self._told_ns is None:
-            self._told_ns = time_ns
-        elif not 0 <= time_ns - self._told_ns < CHARACTER_EVERY * 1e9:
+        if self._last_repeat_ns is None:
+            self._last_repeat_ns = time_ns
+        elif not 0 <= time_ns - self._last_repeat_ns < CHARACTER_INTERVAL_S * 1e9:
             self._repeat_characters(time_ns)
 
     def close(self) -> None:
         """Writes the characters again and the index, and closes the file. A second call does nothing."""
-        if self._told_ns is not None:
+        if self._last_repeat_ns is not None:
             self._repeat_characters(self._now_ns)
         self._parts.close()
 
@@ -83,35 +83,35 @@ class Take:
         self._health_states.pop(HealthKind.TAKE_ENDED, None)
         facts = {"count": self._parts.lost, "path": self._parts.path.name}
         self._health_states.pop(HealthKind.TAKE_RESUMED, None)
-        self._say(HealthKind.TAKE_RESUMED, "", **facts)
+        self._set_health_state(HealthKind.TAKE_RESUMED, "", **facts)
 
     def _repeat_characters(self, time_ns: int) -> None:
-        self._told_ns = time_ns
+        self._last_repeat_ns = time_ns
         for character in self._characters.values():
-            self._put(character, time_ns)
+            self._write_message(character, time_ns)
 
-    def _put(self, message: Any, time_ns: int) -> None:
+    def _write_message(self, message: Any, time_ns: int) -> None:
         kind: Any = type(message)
-        channel = (f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "msgpack")
+        channel = (f"enliven.{kind.__name__}", _json_schema(kind), "jsonschema", "msgpack")
         try:
             self._parts.write(BY_TYPE[kind].name, *channel, _ENCODER.encode(message), time_ns)
         except InputError as error:
             self._gaps += 1
-            self._say(HealthKind.TAKE_GAPS, error.what, count=self._gaps)
+            self._set_health_state(HealthKind.TAKE_GAPS, error.what, count=self._gaps)
         if self._parts.failure is not None:
-            self._say(HealthKind.TAKE_ENDED, self._parts.failure.what)
+            self._set_health_state(HealthKind.TAKE_ENDED, self._parts.failure.what)
 
-    def _say(self, kind: HealthKind, why: str, **facts: object) -> None:
+    def _set_health_state(self, kind: HealthKind, reason: str, **facts: object) -> None:
         """Sets a health state, and logs it the first time."""
         message = HEALTH_MESSAGES[kind]
-        sentence = message.what.format(why=why, **facts)
-        before = self._health_states.get(kind)
-        since = self._now_ns if before is None else before.since_ns
+        sentence = message.what.format(why=reason, **facts)
+        previous = self._health_states.get(kind)
+        since = self._now_ns if previous is None else previous.since_ns
         self._health_states[kind] = HealthState(kind, message.severity, since, sentence, message.mend)
-        if before is None:
+        if previous is None:
             log.warning("%s", self._health_states[kind])
 
 
 @functools.cache
-def _schema(kind: Any) -> str:
+def _json_schema(kind: Any) -> str:
     return msgspec.json.encode(msgspec.json.schema(kind)).decode()

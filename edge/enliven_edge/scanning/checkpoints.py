@@ -20,38 +20,38 @@ class Checkpoints(Generic[State]):
     """Copies of the newest states, the oldest first."""
 
     def __init__(self) -> None:
-        self._kept: deque[tuple[int, State]] = deque()
+        self._checkpoints: deque[tuple[int, State]] = deque()
 
     def offer(self, state: State, time_ns: int, megabytes: float) -> None:
         """Keeps a copy of a state if the newest copy is old enough and memory is left."""
         most = min(_MAX_CHECKPOINTS, int(_MAX_MEGABYTES / max(megabytes, 1e-9)))
-        newest = self._kept[-1][0] if self._kept else None
+        newest = self._checkpoints[-1][0] if self._checkpoints else None
         if newest is not None and 0 <= time_ns - newest < _INTERVAL_S * 1e9:
             return
-        while len(self._kept) >= max(most, 1):
-            self._kept.popleft()
+        while len(self._checkpoints) >= max(most, 1):
+            self._checkpoints.popleft()
         if most:
-            self._kept.append((time_ns, copy.deepcopy(state)))
+            self._checkpoints.append((time_ns, copy.deepcopy(state)))
 
     def seconds(self, now_ns: int) -> float:
-        """Returns how many seconds :meth:`back` would undo, or 0 if no checkpoint is old enough."""
-        index = self._meant(now_ns)
-        return 0.0 if index is None else (now_ns - self._kept[index][0]) * 1e-9
+        """Returns how many seconds :meth:`restore` would undo, or 0 if no checkpoint is old enough."""
+        index = self._find_restorable(now_ns)
+        return 0.0 if index is None else (now_ns - self._checkpoints[index][0]) * 1e-9
 
-    def back(self, now_ns: int) -> State | None:
+    def restore(self, now_ns: int) -> State | None:
         """Returns the newest checkpoint that is old enough, and drops it and all later ones.
 
         None if there are none.
         """
-        index = self._meant(now_ns)
+        index = self._find_restorable(now_ns)
         if index is None:
             return None
-        state = self._kept[index][1]
-        while len(self._kept) > index:
-            self._kept.pop()
+        state = self._checkpoints[index][1]
+        while len(self._checkpoints) > index:
+            self._checkpoints.pop()
         return state
 
-    def _meant(self, now_ns: int) -> int | None:
+    def _find_restorable(self, now_ns: int) -> int | None:
         """Returns the index of the newest checkpoint that is at least half an interval old."""
-        old = [k for k, (at, _) in enumerate(self._kept) if now_ns - at >= 0.5e9 * _INTERVAL_S]
+        old = [k for k, (at, _) in enumerate(self._checkpoints) if now_ns - at >= 0.5e9 * _INTERVAL_S]
         return old[-1] if old else None

@@ -12,9 +12,9 @@ from enliven.camera import Intrinsics
 from enliven.meshes import Mesh
 from enliven.scanning import draw_mesh
 
-_SIDE = 360
+_SIDE_PX = 360
 """Pixels, width and height of each view."""
-_LENS = 1.6
+_FOCAL_RATIO = 1.6
 """Focal length as a multiple of the image width: 35 degrees field of view, with little perspective
 distortion."""
 _AZIMUTHS = (0.5, 2.1, 3.7, 5.3)
@@ -32,35 +32,42 @@ _AMBIENT = 0.45
 """Fraction of ambient light."""
 
 
-def sheet_of(mesh: Mesh) -> UInt8:
+def draw_contact_sheet(mesh: Mesh) -> UInt8:
     """Returns (2 S, 3 S, 3) sRGB: six views of a mesh."""
     angles = (*_AZIMUTHS, _AZIMUTHS[0], _AZIMUTHS[0])
-    views = [_view(mesh, angle, up) for angle, up in zip(angles, _ELEVATIONS, strict=True)]
+    views = [_draw_view(mesh, angle, up) for angle, up in zip(angles, _ELEVATIONS, strict=True)]
     return np.concatenate([np.concatenate(views[:3], 1), np.concatenate(views[3:], 1)], 0)
 
 
-def _view(mesh: Mesh, angle: float, up: float) -> UInt8:
+def _draw_view(mesh: Mesh, angle: float, up: float) -> UInt8:
     """Returns one view (S, S, 3), from ``angle`` radians about +Y and ``up`` radians above the horizon."""
     low, high = mesh.bounds
     radius = float(np.linalg.norm(high - low)) / 2 or 1.0
-    away = np.array([math.cos(up) * math.sin(angle), math.sin(up), math.cos(up) * math.cos(angle)])
-    pose = _looking((low + high) / 2 + away * radius * 2.05 * _LENS, -away)
-    camera = Intrinsics(_SIDE, _SIDE, _LENS * _SIDE, _LENS * _SIDE, (_SIDE - 1) / 2, (_SIDE - 1) / 2)
+    distance = np.array([math.cos(up) * math.sin(angle), math.sin(up), math.cos(up) * math.cos(angle)])
+    pose = _camera_pose((low + high) / 2 + distance * radius * 2.05 * _FOCAL_RATIO, -distance)
+    camera = Intrinsics(
+        _SIDE_PX,
+        _SIDE_PX,
+        _FOCAL_RATIO * _SIDE_PX,
+        _FOCAL_RATIO * _SIDE_PX,
+        (_SIDE_PX - 1) / 2,
+        (_SIDE_PX - 1) / 2,
+    )
     drawing = draw_mesh(mesh, camera, pose)
     seen = drawing.face >= 0
     at = drawing.face[seen]
-    light = -(mesh.face_normals()[at] @ rotation.unit(-away + 0.3 * pose[:3, 0] + 0.4 * pose[:3, 1]))
+    light = -(mesh.face_normals()[at] @ rotation.unit(-distance + 0.3 * pose[:3, 0] + 0.4 * pose[:3, 1]))
     colour = np.broadcast_to(_MESH_COLOUR.astype(float), (len(at), 3))
     if mesh.colours is not None:
         colour = (mesh.colours[mesh.faces[at]] * drawing.shares[seen][..., None]).sum(1)
-    front = (mesh.face_normals()[at] @ away > 0)[:, None]
+    front = (mesh.face_normals()[at] @ distance > 0)[:, None]
     shade = (_AMBIENT + (1 - _AMBIENT) * np.clip(light, 0, 1))[:, None]
-    picture = np.broadcast_to(_BACKGROUND_COLOUR, (_SIDE, _SIDE, 3)).astype(np.uint8)
+    picture = np.broadcast_to(_BACKGROUND_COLOUR, (_SIDE_PX, _SIDE_PX, 3)).astype(np.uint8)
     picture[seen] = np.where(front, colour * shade, _BACK_FACE_COLOUR).astype(np.uint8)
     return picture
 
 
-def _looking(eye: Float, ahead: Float) -> Float:
+def _camera_pose(eye: Float, ahead: Float) -> Float:
     """Returns the (4, 4) pose of an upright camera."""
     right = rotation.unit(np.cross(ahead, [0.0, 1.0, 0.0]))
     pose = np.eye(4)

@@ -14,7 +14,7 @@ _MIN_CONFIDENCE = 0.5
 _FOOT_RADIUS_M = 0.16
 """Horizontal distance from ankles and toes within which low pixels belong to a foot, in metres: half of a
 foot's length."""
-LOW = 0.12
+MAX_FOOT_HEIGHT_M = 0.12
 """Maximum height of foot pixels above the floor, in metres. The tracker leaves out pixels this near the
 floor."""
 _FLOOR_NOISE_M = 0.02
@@ -28,7 +28,7 @@ def feet_pixels(frame: DepthFrame, body: Body, world_from_camera: Float) -> Bool
     rows = np.flatnonzero((frame.depth > 0).any(1))
     turn, place = world_from_camera[:3, :3], world_from_camera[:3, 3]
     points = np.concatenate([ray[rows] * z[rows], z[rows]], -1) @ turn.T + place
-    low = (points[..., 1] > _FLOOR_NOISE_M) & (points[..., 1] < LOW)
+    low = (points[..., 1] > _FLOOR_NOISE_M) & (points[..., 1] < MAX_FOOT_HEIGHT_M)
     near = np.zeros(low.shape, bool)
     for joint in (Joint.ANKLE_LEFT, Joint.FOOT_LEFT, Joint.ANKLE_RIGHT, Joint.FOOT_RIGHT):
         if body.confidence[joint] >= _MIN_CONFIDENCE:

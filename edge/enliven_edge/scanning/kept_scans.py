@@ -14,20 +14,20 @@ from enliven.scanning import Scanner, ScanState
 from enliven.scanning.objects import MovedScanner
 from enliven_edge.scanning.sources import recorded_images
 
-KEPT = ".scan.mcap"
+STORED_SCAN_SUFFIX = ".scan.mcap"
 """File suffix of the recording of a stored scan."""
-_FACT = "kept scan"
+_METADATA_NAME = "kept scan"
 """Name of the metadata record that marks a recording with poses of a scan."""
-_SYNC = 10.0
+_SYNC_INTERVAL_S = 10.0
 """Seconds between two syncs to disk. The recording has a temporary name until it is complete."""
 
 
-def kept_beside(path: Path) -> Path:
+def stored_scan_path(path: Path) -> Path:
     """Returns the path of the stored scan of a mesh or a project."""
-    return path.with_name(path.stem + KEPT)
+    return path.with_name(path.stem + STORED_SCAN_SUFFIX)
 
 
-def keep_scan(scanner: Scanner | MovedScanner, path: Path, since: int = 0) -> None:
+def store_scan(scanner: Scanner | MovedScanner, path: Path, since: int = 0) -> None:
     """Writes the images of a scan with their poses, as a recording that any program of this project opens.
 
     If the object was moved, only the scan before the move is written.
@@ -40,15 +40,15 @@ def keep_scan(scanner: Scanner | MovedScanner, path: Path, since: int = 0) -> No
     """
     with (
         replace_file(path) as part,
-        Recorder(part, sync_seconds=_SYNC, overwrite=True) as recorder,
+        Recorder(part, sync_seconds=_SYNC_INTERVAL_S, overwrite=True) as recorder,
     ):
         numbers = [number for number in scanner.history.numbers if number >= since]
-        recorder.add_metadata(_FACT, {"images": str(len(numbers))})
+        recorder.add_metadata(_METADATA_NAME, {"images": str(len(numbers))})
         for number, frame in scanner.history.frames(numbers):
             recorder.write_frame(replace(frame, world_from_camera=scanner.poses[number][1]))
 
 
-def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
+def load_first_part(scanner: Scanner, path: Path, stop: threading.Event) -> int:
     """Loads an earlier scan, or scans a recording, as the first part of a scan. Returns the number of images.
 
     Args:
@@ -57,13 +57,13 @@ def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
     Raises:
         InputError: if no scan is stored for it, or it contains nothing that can be scanned.
     """
-    source = path if path.suffix.lower() == ".mcap" else kept_beside(path)
+    source = path if path.suffix.lower() == ".mcap" else stored_scan_path(path)
     if path.exists() and not source.exists():
         problem = f"its scan was not kept: {source.name} is missing"
         raise InputError(
             problem, where=str(path), mend="Give the recording that it was made from, or scan again."
         )
-    placed = _FACT in Recording(source).info.metadata
+    placed = _METADATA_NAME in Recording(source).info.metadata
     states: Counter[ScanState] = Counter()
     for frame in recorded_images(source, stop):
         if placed and frame.world_from_camera is not None:
@@ -80,16 +80,16 @@ def scan_first(scanner: Scanner, path: Path, stop: threading.Event) -> int:
     return len(scanner.poses)
 
 
-def refuse_unseen(found: int, path: Path) -> None:
+def check_registered(registered_count: int, path: Path) -> None:
     """Raises an error if no new image could be registered to the earlier scan.
 
     Args:
-        found: number of registered images.
+        registered_count: number of registered images.
 
     Raises:
         InputError: if the number is 0.
     """
-    if not found:
+    if not registered_count:
         problem = "no part of the earlier scan was seen again, so the new images cannot be aligned"
         mend = (
             "Begin with a part that both scans show, from an earlier viewpoint, and hold still for a moment."

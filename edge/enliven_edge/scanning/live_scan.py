@@ -21,12 +21,12 @@ from enliven.scanning import Scanner, ScanSettings, ScanState, ScanStep, VolumeS
 from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState, following
 from enliven.wire import Scan, ScanMessage, ScanPieceMessage
 from enliven_edge.scanning.checkpoints import Checkpoints
-from enliven_edge.scanning.object_messages import said_of_places
-from enliven_edge.scanning.person import FARTHEST, PersonScanner, ScannedPerson
+from enliven_edge.scanning.object_messages import describe_places
+from enliven_edge.scanning.person import MAX_PERSON_DISTANCE_M, PersonScanner, ScannedPerson
 from enliven_edge.scanning.scan_log import ScanLog
-from enliven_edge.scanning.scan_mesh import Keep, finished
+from enliven_edge.scanning.scan_mesh import Keep, finish_scan
 from enliven_edge.scanning.scan_placement import ScanPlacement
-from enliven_edge.scanning.scan_view import MovedObjectState, shown_of
+from enliven_edge.scanning.scan_view import MovedObjectState, create_scan_view
 from enliven_edge.scanning.surface_preview import SurfacePreview
 
 log = logging.getLogger(__name__)
@@ -62,11 +62,11 @@ def scan_settings(order: Scan) -> ScanSettings:
     """Returns the settings of a scan that a viewer requested."""
     volume = VolumeSettings(voxel=order.voxel)
     if order.person:
-        return alone_within(replace(volume, reach=FARTHEST), FARTHEST)
+        return alone_within(replace(volume, reach=MAX_PERSON_DISTANCE_M), MAX_PERSON_DISTANCE_M)
     return ScanSettings(volume=volume) if order.within is None else alone_within(volume, order.within)
 
 
-def _scanner_of(order: Scan) -> Scanner | MovedScanner:
+def _create_scanner(order: Scan) -> Scanner | MovedScanner:
     """Returns the scanner that fuses the images of a scan."""
     settings = scan_settings(order)
     if order.person:
@@ -92,9 +92,11 @@ class LiveScan(threading.Thread):
         super().__init__(name="scan", daemon=True)
         self.number, self.order, self.actor = number, order, None
         self._cast = cast
-        self._run = ScanRun(_scanner_of(order), ScanLog(), MovedObjectState("person" if order.person else ""))
+        self._run = ScanRun(
+            _create_scanner(order), ScanLog(), MovedObjectState("person" if order.person else "")
+        )
         self._checkpoints: Checkpoints[ScanRun] = Checkpoints()
-        self._growing, self._place = SurfacePreview(number), ScanPlacement()
+        self._preview, self._placement = SurfacePreview(number), ScanPlacement()
         self._frame: DepthFrame | None = None
         self._orders: deque[Scan] = deque()
         self._messages: deque[ScanMessage | ScanPieceMessage] = deque()
@@ -102,8 +104,8 @@ class LiveScan(threading.Thread):
         self.phase: Phase = "scanning"
         self._tracking, self._now_ns, self._note = "", 0, ("", "")
         self._camera: Float | None = None
-        self._told = self._shown = 0.0
-        self._alone = False
+        self._last_progress_at = self._last_preview_at = 0.0
+        self._shows_object_only = False
         self._ends, self._joints = list[float](), list[float]()
 
     def offer(self, frame: DepthFrame, *, waits: bool = False) -> bool:
@@ -130,10 +132,10 @@ class LiveScan(threading.Thread):
             raise InputError("the mesh is being made", where="scan", mend="Wait until it is on the stage.")
         if order.do == "undo" and not self._checkpoints.seconds(self._now_ns):
             raise InputError("nothing can be undone", where="scan", mend="Cancel it, or scan on.")
-        after = _PHASE_AFTER.get(order.do)
-        if after is not None and (order.do != "pause" or self.phase == "scanning"):
+        next_phase = _PHASE_AFTER.get(order.do)
+        if next_phase is not None and (order.do != "pause" or self.phase == "scanning"):
             # Change the phase immediately, because the thread may be busy with a large surface for seconds.
-            self.phase, self._note = after, ("", "")
+            self.phase, self._note = next_phase, ("", "")
             self._messages.append(self._message())
         with self._wake:
             if order.do in ("undo", "done"):
@@ -165,7 +167,7 @@ class LiveScan(threading.Thread):
                 order = self._orders.popleft() if self._orders else None
             try:
                 if order is not None:
-                    self._obey(order)
+                    self._execute(order)
                 elif frame is not None and self.phase == "scanning":
                     self._fuse(frame)
             except EnlivenError as error:
@@ -174,40 +176,40 @@ class LiveScan(threading.Thread):
                 log.exception("the scan failed")
                 mend = "Cancel it and scan again; the log of the edge says more."
                 self._fail(InputError(f"the scan failed{place_of(error)}", where="scan", mend=mend))
-            self._tell()
+            self._queue_messages()
 
     def _fuse(self, frame: DepthFrame) -> None:
         """Adds an image."""
         run = self._run
-        added = run.scanner.add(frame)
-        if isinstance(added, MovedStep):
-            step = self._moved(added, frame.time_ns)
+        result = run.scanner.add(frame)
+        if isinstance(result, MovedStep):
+            step = self._update_moved_object(result, frame.time_ns)
         else:
-            step, self._camera = added, added.world_from_camera
+            step, self._camera = result, result.world_from_camera
             run.scan_log.add(step, frame.time_ns)
         self._tracking, self._now_ns = step.state.value, frame.time_ns
         if step.state is ScanState.SCANNING:
             self._checkpoints.offer(run, frame.time_ns, run.scanner.megabytes)
 
-    def _moved(self, added: MovedStep, time_ns: int) -> ScanStep:
+    def _update_moved_object(self, added: MovedStep, time_ns: int) -> ScanStep:
         """Updates the state of a moved object. Returns the result of the image."""
-        thing, places = self._run.thing, self._run.thing.places
-        thing.take(added, time_ns)
-        if thing.places != places:
+        moved_object, places = self._run.thing, self._run.thing.places
+        moved_object.take(added, time_ns)
+        if moved_object.places != places:
             # The camera is now in another room frame, so its placement must be sent at once.
-            self._shown = 0.0
+            self._last_preview_at = 0.0
         is_placed = added.state in (ObjectState.RESTING, ObjectState.FOLLOWED)
         self._camera = added.scan.world_from_camera if is_placed else None
         self._run.scan_log.add(added.told, time_ns)
         return added.told
 
-    def _obey(self, order: Scan) -> None:
+    def _execute(self, order: Scan) -> None:
         """Carries out a viewer's order."""
         self._note = ("", "")
         if order.do == "undo":
-            before = self._checkpoints.back(self._now_ns)
-            self._run = before or self._run
-            room = shown_of(self._run.scanner).room
+            checkpoint = self._checkpoints.restore(self._now_ns)
+            self._run = checkpoint or self._run
+            room = create_scan_view(self._run.scanner).room
             self._camera = room.poses[-1][1] if room is not None and room.poses else None
         elif order.do == "done":
             self._finish(order)
@@ -216,18 +218,18 @@ class LiveScan(threading.Thread):
         """Makes the character."""
         run, name = self._run, self.order.name or "scan"
         run.scan_log.refuse("scan", run.scanner)
-        scan_result = finished(run.scanner, self._meant(order), _MAX_TRIANGLES, name)
+        scan_result = finish_scan(run.scanner, self._select_kept_part(order), _MAX_TRIANGLES, name)
         self.actor = self._cast(scan_result.mesh, name, scan_result.person)
         if scan_result.person is not None:
             settings = self.actor.settings
             self._ends, self._joints = (
                 [x for group in groups for x in group] for groups in (settings.ends, settings.joints)
             )
-        places = [] if order.whole else said_of_places(run.scanner)
-        self._note = _note([*places, *run.scan_log.advice(run.scanner)], scan_result.said)
+        places = [] if order.whole else describe_places(run.scanner)
+        self._note = _note([*places, *run.scan_log.advice(run.scanner)], scan_result.cut_note)
         self.phase = "done"
 
-    def _meant(self, order: Scan) -> Keep:
+    def _select_kept_part(self, order: Scan) -> Keep:
         """Returns the part that is kept, as the viewer requested."""
         if order.box:
             low, high = np.array(order.box, float).reshape(2, 3)
@@ -241,24 +243,28 @@ class LiveScan(threading.Thread):
         self._note = error.what[:160], error.mend.replace("add --whole to keep", "keep")[:160]
         self.phase = "failed"
 
-    def _tell(self) -> None:
+    def _queue_messages(self) -> None:
         """Sends progress and the pieces that changed."""
         now, scanner = time.monotonic(), self._run.scanner
-        if now - self._shown >= _PREVIEW_INTERVAL_S and self.phase in ("scanning", "paused", "failed"):
-            since, self._shown = min(now - self._shown, 1.0), now
-            shown = shown_of(scanner)
-            if shown.alone is not self._alone:
-                self._alone = shown.alone
-                self._growing.anew()
-            self._messages.extend(self._growing.changes(shown.volume, round(_MAX_BYTES_PER_SECOND * since)))
-            self._place.look(shown)
-        if now - self._told >= _PROGRESS_INTERVAL_S or self.phase == "done":
-            self._told = now
+        if now - self._last_preview_at >= _PREVIEW_INTERVAL_S and self.phase in (
+            "scanning",
+            "paused",
+            "failed",
+        ):
+            elapsed, self._last_preview_at = min(now - self._last_preview_at, 1.0), now
+            view = create_scan_view(scanner)
+            if view.alone is not self._shows_object_only:
+                self._shows_object_only = view.alone
+                self._preview.resend_all()
+            self._messages.extend(self._preview.changes(view.volume, round(_MAX_BYTES_PER_SECOND * elapsed)))
+            self._placement.update(view)
+        if now - self._last_progress_at >= _PROGRESS_INTERVAL_S or self.phase == "done":
+            self._last_progress_at = now
             self._messages.append(self._message())
 
     def _message(self) -> ScanMessage:
-        scan_log, place, scanner = self._run.scan_log, self._place, self._run.scanner
-        missing = scanner.missing if isinstance(scanner, PersonScanner) else place.missing
+        scan_log, placement, scanner = self._run.scan_log, self._placement, self._run.scanner
+        missing = scanner.missing if isinstance(scanner, PersonScanner) else placement.missing
         return ScanMessage(
             number=self.number,
             phase=self.phase,
@@ -269,9 +275,9 @@ class LiveScan(threading.Thread):
             full=scanner.full,
             undoable=self._checkpoints.seconds(self._now_ns),
             missing=missing,
-            stage_from_scan=place.rows(),
-            stage_from_camera=[] if self._camera is None else place.rows(self._camera),
-            view=[] if self._camera is None else place.view,
+            stage_from_scan=placement.rows(),
+            stage_from_camera=[] if self._camera is None else placement.rows(self._camera),
+            view=[] if self._camera is None else placement.view,
             character=(self.order.name or "") if self.phase == "done" else "",
             note=self._note[0],
             mend=self._note[1],
@@ -283,7 +289,7 @@ class LiveScan(threading.Thread):
         )
 
 
-def _note(said: list[str], otherwise: str) -> tuple[str, str]:
+def _note(sentences: list[str], default: str) -> tuple[str, str]:
     """Returns the first of several sentences, split into a note and its remedy."""
-    note, _, mend = (said[0] if said else otherwise).partition(". ")
+    note, _, mend = (sentences[0] if sentences else default).partition(". ")
     return note[:160], mend[:160]

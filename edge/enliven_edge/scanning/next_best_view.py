@@ -41,7 +41,7 @@ class NextView:
     eye: Float | None
 
 
-def next_view(mesh: Mesh, ground: GroundPlane, focus: Float, away: float) -> NextView:
+def find_next_view(mesh: Mesh, ground: GroundPlane, focus: Float, away: float) -> NextView:
     """Returns the next best view of a scan.
 
     A surface with an open boundary continues there: it bends away from the views that saw it. A camera
@@ -52,30 +52,30 @@ def next_view(mesh: Mesh, ground: GroundPlane, focus: Float, away: float) -> Nex
         focus: (3,) the point that the camera looked at.
         away: metres, distance of the suggested camera from the focus.
     """
-    middles, outward, lengths = _rims(mesh)
-    heights = ground.heights(middles) if len(middles) else np.empty(0)
+    midpoints, outward, lengths = _find_boundary(mesh)
+    heights = ground.heights(midpoints) if len(midpoints) else np.empty(0)
     near = (
-        np.exp(-np.square(np.linalg.norm(middles - focus, axis=1) / _FOCUS_RADIUS_M))
-        if len(middles)
+        np.exp(-np.square(np.linalg.norm(midpoints - focus, axis=1) / _FOCUS_RADIUS_M))
+        if len(midpoints)
         else heights
     )
     # The boundary of the floor around the object is the object's shadow. It counts half, because the object
     # that casts it should be seen from behind instead.
-    worth = lengths * near * np.where(heights > _FLOOR_BAND_M, 1.0, 0.5)
+    weights = lengths * near * np.where(heights > _FLOOR_BAND_M, 1.0, 0.5)
     faces = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(mesh.face_vectors(), axis=1) / 2
     about = np.exp(-np.square(np.linalg.norm(faces.mean(1) - focus, axis=1) / _FOCUS_RADIUS_M))
     seen = float((areas * about).sum())
-    lacking = float(worth.sum()) * _GAP_WIDTH_M
-    missing = lacking / max(lacking + seen, 1e-9)
-    if missing < _MIN_MISSING or not len(middles):
+    missing_area = float(weights.sum()) * _GAP_WIDTH_M
+    missing = missing_area / max(missing_area + seen, 1e-9)
+    if missing < _MIN_MISSING or not len(midpoints):
         return NextView(missing, None)
-    ways = _ways(ground.normal)
-    gains = (np.maximum(ways @ outward.T, 0.0) * worth).sum(1)
-    return NextView(missing, focus + away * ways[int(gains.argmax())])
+    directions = _view_directions(ground.normal)
+    gains = (np.maximum(directions @ outward.T, 0.0) * weights).sum(1)
+    return NextView(missing, focus + away * directions[int(gains.argmax())])
 
 
-def _rims(mesh: Mesh) -> tuple[Float, Float, Float]:
+def _find_boundary(mesh: Mesh) -> tuple[Float, Float, Float]:
     """Returns midpoints (E, 3) of boundary edges, outward unit vectors (E, 3) and edge lengths (E,)."""
     faces = mesh.faces.astype(np.int64)
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
@@ -83,15 +83,15 @@ def _rims(mesh: Mesh) -> tuple[Float, Float, Float]:
     key, back = sides[:, 0] << 32 | sides[:, 1], sides[:, 1] << 32 | sides[:, 0]
     alone = ~np.isin(key, back)
     ends, third = mesh.vertices[sides[alone]], mesh.vertices[across[alone]]
-    middles, along = ends.mean(1), ends[:, 1] - ends[:, 0]
-    lengths = np.linalg.norm(along, axis=1)
-    out = middles - third
-    unit = along / np.maximum(lengths, 1e-12)[:, None]
-    out -= (out * unit).sum(1)[:, None] * unit
-    return middles, out / np.maximum(np.linalg.norm(out, axis=1), 1e-12)[:, None], lengths
+    midpoints, edge_vectors = ends.mean(1), ends[:, 1] - ends[:, 0]
+    lengths = np.linalg.norm(edge_vectors, axis=1)
+    outward = midpoints - third
+    unit = edge_vectors / np.maximum(lengths, 1e-12)[:, None]
+    outward -= (outward * unit).sum(1)[:, None] * unit
+    return midpoints, outward / np.maximum(np.linalg.norm(outward, axis=1), 1e-12)[:, None], lengths
 
 
-def _ways(up: Float) -> Float:
+def _view_directions(up: Float) -> Float:
     """Returns (W, 3) unit vectors from the object to possible camera positions."""
     upright = rotation.to_matrix(rotation.swing(np.array([0.0, 1.0, 0.0]), up))
     directions = [

@@ -19,13 +19,13 @@ _COARSE_VOLUME = 1
 second."""
 
 
-def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
+def describe_objects(scanner: Scanner | MovedScanner) -> list[str]:
     """Returns sentences about a scan's objects: which of several was taken, and where it was found."""
     first = scanner.rests[0].scanner if isinstance(scanner, MovedScanner) else scanner
     # If motion selected the object, it is the part that moved, even if the camera looked more at another
     # object.
-    told_by_moving = isinstance(scanner, MovedScanner) and scanner.followed
-    sentences = [*([] if told_by_moving else _of_several(first)), *said_of_places(scanner)]
+    is_chosen_by_motion = isinstance(scanner, MovedScanner) and scanner.followed
+    sentences = [*([] if is_chosen_by_motion else _describe_choice(first)), *describe_places(scanner)]
     if isinstance(scanner, MovedScanner) and len(scanner.rests) == 1 and not scanner.followed:
         turned = scanner.settings.moved.followed
         sentences[-1] = (
@@ -34,7 +34,7 @@ def said_of_things(scanner: Scanner | MovedScanner) -> list[str]:
     return sentences
 
 
-def said_of_places(scanner: Scanner | MovedScanner) -> list[str]:
+def describe_places(scanner: Scanner | MovedScanner) -> list[str]:
     """Returns sentences about the places in which a moved object was found, and about failed searches."""
     if not isinstance(scanner, MovedScanner):
         return []
@@ -58,7 +58,7 @@ def said_of_places(scanner: Scanner | MovedScanner) -> list[str]:
     return sentences
 
 
-def _of_several(scanner: Scanner) -> list[str]:
+def _describe_choice(scanner: Scanner) -> list[str]:
     """Returns a sentence that lists the objects near the focus, largest first, if there are several."""
     mesh, cut = surface_of(scanner.volumes[_COARSE_VOLUME]), scanner.settings.cut_out
     try:

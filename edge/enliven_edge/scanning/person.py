@@ -26,12 +26,12 @@ from enliven.scanning import (
     levelled,
     parts_about,
 )
-from enliven_edge.scanning.feet import LOW, feet_pixels
+from enliven_edge.scanning.feet import MAX_FOOT_HEIGHT_M, feet_pixels
 from enliven_edge.tracking import Tracker
 
-FARTHEST = 3.5
+MAX_PERSON_DISTANCE_M = 3.5
 """Maximum distance of a person, in metres. There, a pixel is 6 mm wide, and the depth error is 2 cm."""
-PERSON_VOXEL = 0.008
+PERSON_VOXEL_M = 0.008
 """Voxel size for a person, in metres. At a distance of two metres, a pixel and the noise of a Kinect have
 this size. With smaller voxels the person's rotation is often ambiguous."""
 _DIRECTIONS = 12
@@ -132,8 +132,8 @@ class PersonScanner(Scanner):
     ) -> ScanStep:
         """Finds the person in a frame, and fuses the person's pixels. See :meth:`Scanner.add`."""
         bodies = self._people.track(replace(frame, world_from_camera=None))
-        body = self._meant(bodies)
-        if body is None or (own := self._pixels(frame, body)) is None:
+        body = self._choose_person(bodies)
+        if body is None or (own := self._person_pixels(frame, body)) is None:
             self.absent += self._person is not None
             return ScanStep(ScanState.EMPTY, self._pose)
         pose = self._people.world_from_camera
@@ -141,7 +141,7 @@ class PersonScanner(Scanner):
         step = super().add(replace(frame, depth=depth, world_from_camera=pose), up, aside)
         self.lost += step.state in (ScanState.LOST, ScanState.UNSURE)
         if step.state is ScanState.SCANNING and pose is not None:
-            self._note(body, step.world_from_camera @ np.linalg.inv(pose))
+            self._store_joints(body, step.world_from_camera @ np.linalg.inv(pose))
         return step
 
     def __deepcopy__(self, memo: dict[int, Any]) -> PersonScanner:
@@ -166,21 +166,23 @@ class PersonScanner(Scanner):
         Raises:
             InputError: if no part of the person was scanned.
         """
-        surface, joints = self.surface(), self._median()
+        surface, joints = self.surface(), self._median_joints()
         if not len(surface.faces):
             mend = "Stand nearer, or scan for longer."
             raise InputError("no surface was seen often enough", where="scan", mend=mend)
         focus = joints[Joint.SPINE] if np.isfinite(joints[Joint.SPINE]).all() else surface.vertices.mean(0)
         # Cut the mesh off above the boundary of the soles, and close it down to the floor. This also fills
         # feet that were hidden or outside the image.
-        cut = replace(self.settings.cut_out, number=1, clearance=_FOOT_CUT_M, hole=_MAX_HOLE_M, drawn=LOW)
+        cut = replace(
+            self.settings.cut_out, number=1, clearance=_FOOT_CUT_M, hole=_MAX_HOLE_M, drawn=MAX_FOOT_HEIGHT_M
+        )
         # If no floor is visible, use the lowest visible point as the floor.
-        floor = GroundPlane(_UP, 0.0 if self.on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
+        floor = GroundPlane(_UP, 0.0 if self.is_on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
         parts = parts_about(surface, floor, focus, cut)
         if not parts:
             mend = "Stand fully in view, and nearer."
             raise InputError("too little of the person was scanned", where="scan", mend=mend)
-        if self.on_floor:
+        if self.is_on_floor:
             mesh = cut_out(surface, floor, focus, cut)
         else:
             floor = GroundPlane(_UP, float(parts[0].vertices[:, 1].min()), 0.0)
@@ -209,37 +211,39 @@ class PersonScanner(Scanner):
         if self.lost > _MIN_MOVED_FRACTION * frames:
             problem = f"{self.lost} of {frames} images are not in the mesh: the rotation was not clear."
             sentences.append(f"{problem} Turn in five seconds or more, and keep your pose.")
-        moved = self.limbs_moved()
+        moved = self.measure_limb_motion()
         if moved:
-            limbs = " and the ".join(f"{limb} (by {100 * way:.0f} cm)" for limb, way in moved.items())
+            limbs = " and the ".join(
+                f"{limb} (by {100 * distance:.0f} cm)" for limb, distance in moved.items()
+            )
             sentences.append(f"The {limbs} moved; keep arms and legs still while you turn.")
         return sentences
 
-    def limbs_moved(self) -> dict[str, float]:
+    def measure_limb_motion(self) -> dict[str, float]:
         """Returns, for limbs that often moved, the distance in metres from their place on the body."""
-        median, moved = self._median(), {}
+        median, moved = self._median_joints(), {}
         for limb, joints in _LIMBS.items():
-            ways = [
+            distances = [
                 max(
                     float(np.linalg.norm(place[j] - median[j]))
-                    if sure[j] >= _MIN_CONFIDENCE and np.isfinite(median[j]).all()
+                    if is_confident[j] >= _MIN_CONFIDENCE and np.isfinite(median[j]).all()
                     else 0.0
                     for j in joints
                 )
-                for place, sure in self._joints
+                for place, is_confident in self._joints
             ]
-            far = [way for way in ways if way > _MOVED_JOINT_M]
-            if len(far) > max(_MIN_MOVED_FRACTION * len(ways), 1):
-                moved[limb] = float(np.median(far))
+            is_moved = [distance for distance in distances if distance > _MOVED_JOINT_M]
+            if len(is_moved) > max(_MIN_MOVED_FRACTION * len(distances), 1):
+                moved[limb] = float(np.median(is_moved))
         return moved
 
     @property
-    def on_floor(self) -> bool:
+    def is_on_floor(self) -> bool:
         """True if the floor was seen, so that the person stands on it."""
         state = self._people.state
         return state is not None and state.floor_known
 
-    def _meant(self, bodies: list[Body]) -> Body | None:
+    def _choose_person(self, bodies: list[Body]) -> Body | None:
         """Returns the scanned person: the one with the most pixels in the first image."""
         if self._person is None and bodies:
             counts = Counter(self._people.owner[self._people.owner >= 0].tolist())  # type: ignore[index]
@@ -248,7 +252,7 @@ class PersonScanner(Scanner):
             self._person = next((ids[k] for k in order if k < len(ids)), bodies[0].id)
         return next((body for body in bodies if body.id == self._person), None)
 
-    def _pixels(self, frame: DepthFrame, body: Body) -> Bool | None:
+    def _person_pixels(self, frame: DepthFrame, body: Body) -> Bool | None:
         """Returns a mask (H, W) of the person's pixels, including feet. None if there are none."""
         owner, pose = self._people.owner, self._people.world_from_camera
         index = next(
@@ -259,21 +263,23 @@ class PersonScanner(Scanner):
         height, width = frame.depth.shape
         rows = np.minimum(np.arange(height) * owner.shape[0] // height, owner.shape[0] - 1)
         columns = np.minimum(np.arange(width) * owner.shape[1] // width, owner.shape[1] - 1)
-        own: Bool = (owner == index)[rows[:, None], columns]
-        return own | feet_pixels(frame, body, pose) if self.on_floor else own
+        person_mask: Bool = (owner == index)[rows[:, None], columns]
+        return person_mask | feet_pixels(frame, body, pose) if self.is_on_floor else person_mask
 
-    def _note(self, body: Body, object_from_room: Float) -> None:
+    def _store_joints(self, body: Body, object_from_room: Float) -> None:
         """Stores the joints in the body frame while the person faces about the same way as at first."""
         turned = np.arccos(np.clip((np.trace(object_from_room[:3, :3]) - 1) / 2, -1.0, 1.0))
         if turned < _MAX_TURN:
             places = body.joints @ object_from_room[:3, :3].T + object_from_room[:3, 3]
             self._joints.append((places, body.confidence))
 
-    def _median(self) -> Float:
+    def _median_joints(self) -> Float:
         """Returns (20, 3) the median position of each joint, NaN if it was seen too rarely."""
         joints = np.full((len(Joint), 3), np.nan)
         for joint in Joint:
-            places = [place[joint] for place, sure in self._joints if sure[joint] >= _MIN_CONFIDENCE]
+            places = [
+                place[joint] for place, is_confident in self._joints if is_confident[joint] >= _MIN_CONFIDENCE
+            ]
             if len(places) >= _MIN_JOINT_IMAGES:
                 joints[joint] = np.median(places, axis=0)
         return joints

@@ -27,7 +27,7 @@ class ScanLog:
         self.counts: Counter[ScanState] = Counter()
         self.way = 0.0
         self.full = False
-        self._quick = 0
+        self._fast_frames = 0
         self._last: tuple[int, Float] | None = None
 
     @property
@@ -46,7 +46,7 @@ class ScanLog:
         if self._last is not None:
             moved = float(np.linalg.norm(place - self._last[1]))
             self.way += moved
-            self._quick += moved > _MAX_CAMERA_SPEED * max(time_ns - self._last[0], 1) * 1e-9
+            self._fast_frames += moved > _MAX_CAMERA_SPEED * max(time_ns - self._last[0], 1) * 1e-9
         self._last = time_ns, place
 
     @property
@@ -92,7 +92,7 @@ class ScanLog:
             sentences.append(f"{lost} Carry it more slowly, and look at parts that were already scanned.")
         if self.counts[ScanState.UNSURE] > _MIN_PROBLEM_FRACTION * total:
             sentences.append("Often only a blank surface was seen, so the camera could not be located.")
-        if self._quick > _MIN_PROBLEM_FRACTION * total:
+        if self._fast_frames > _MIN_PROBLEM_FRACTION * total:
             sentences.append("The camera was often faster than 1 m/s; slower scans are sharper.")
         if self.full or (scanner is not None and scanner.full):
             full = "The memory for voxels was full: nothing more was added, and all until then was kept."

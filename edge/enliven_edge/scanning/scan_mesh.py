@@ -75,17 +75,17 @@ class ScannedMesh:
     Attributes:
         mesh: upright, on y = 0, metres.
         most: metres, maximum distance to the full scan. 0 if it was not decimated.
-        said: describes the cut for users. Empty if there is nothing to describe.
+        cut_note: describes the cut for users. Empty if there is nothing to describe.
         person: the scanned person, if a person was scanned.
     """
 
     mesh: Mesh
     most: float
-    said: str = ""
+    cut_note: str = ""
     person: ScannedPerson | None = None
 
 
-def finished(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, name: str) -> ScannedMesh:
+def finish_scan(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, name: str) -> ScannedMesh:
     """Returns the kept part of a scan, decimated to ``triangles`` triangles. 0 keeps all triangles.
 
     Raises:
@@ -93,53 +93,53 @@ def finished(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, name: 
     """
     scanner.close_loops()
     person = scanner.person() if isinstance(scanner, PersonScanner) else None
-    mesh, note = _meant(scanner, keep) if person is None else (person.mesh, "")
+    mesh, note = _cut_out(scanner, keep) if person is None else (person.mesh, "")
     decimation = decimated(replace(mesh, name=name), triangles or len(mesh.faces))
     return ScannedMesh(decimation.mesh, decimation.most, note, person)
 
 
-def _meant(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
+def _cut_out(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
     """Returns the kept part with all triangles, and its description for users."""
     cut = scanner.settings.cut_out
     if keep.what == "thing":
         try:
             return scanner.thing(), ""
         except InputError as error:
-            mend = f"{error.mend} Or add --whole to keep all that was scanned."
-            raise InputError(error.what, where=error.where, mend=mend) from None
-    several = isinstance(scanner, MovedScanner) and len(scanner.rests) > 1
+            advice = f"{error.mend} Or add --whole to keep all that was scanned."
+            raise InputError(error.what, where=error.where, mend=advice) from None
+    has_several = isinstance(scanner, MovedScanner) and len(scanner.rests) > 1
     if isinstance(scanner, MovedScanner) and keep.what == "box":
-        mesh = scanner.joined() if several else scanner.surface()
+        mesh = scanner.joined() if has_several else scanner.surface()
     else:
         mesh = scanner.surface(keep.before)
     if not len(mesh.faces):
-        mend = "Scan for longer, and nearer."
-        raise InputError("no surface was seen often enough", where="scan", mend=mend)
+        advice = "Scan for longer, and nearer."
+        raise InputError("no surface was seen often enough", where="scan", mend=advice)
     if keep.what == "alone":
         return largest_part(mesh), ""
     ground: GroundPlane | None = None
     with contextlib.suppress(InputError):  # Without a floor, keep the orientation of the first camera.
         ground = find_ground(mesh, settings=cut)
     if keep.what == "new":
-        out = cut_what_is_new(mesh, list(_known(scanner, keep.before)), ground, cut)
-        return out.mesh, _parts(out, mesh, "new")
+        out = cut_what_is_new(mesh, list(_empty_place_images(scanner, keep.before)), ground, cut)
+        return out.mesh, _describe_parts(out, mesh, "new")
     frame = np.eye(4) if ground is None else upright_frame(ground, focus_of([p for _, p in scanner.poses]))
     if keep.what == "box" and keep.low is not None and keep.high is not None:
-        own = frame if keep.upright_from_world is None else keep.upright_from_world
-        out = cut_by_box(mesh, CutBox(keep.low, keep.high, own), cut)
+        own_frame = frame if keep.upright_from_world is None else keep.upright_from_world
+        out = cut_by_box(mesh, CutBox(keep.low, keep.high, own_frame), cut)
         lies = "" if ground or keep.upright_from_world is not None else _NO_FLOOR_NOTE
-        return out.mesh, _parts(out, mesh, "in the box") + lies
-    note = _MOVED_OBJECT_NOTE if several else ""
+        return out.mesh, _describe_parts(out, mesh, "in the box") + lies
+    note = _MOVED_OBJECT_NOTE if has_several else ""
     return replace(mesh, vertices=mesh.vertices @ frame[:3, :3].T + frame[:3, 3]), note
 
 
-def _parts(out: CutOut, whole: Mesh, where: str) -> str:
+def _describe_parts(out: CutOut, whole: Mesh, where: str) -> str:
     """Returns a description of the cut-out part for users."""
     parts = "1 part" if out.parts == 1 else f"{out.parts} parts"
     return f"{where}: {parts}, {out.area:.2f} of {whole.area:.2f} square metres"
 
 
-def _known(scanner: Scanner | MovedScanner, before: int) -> Iterator[KnownImage]:
+def _empty_place_images(scanner: Scanner | MovedScanner, before: int) -> Iterator[KnownImage]:
     """Yields images of the empty place, as many as needed."""
     numbers = [number for number in scanner.history.numbers if number < before]
     chosen = numbers[:: max(len(numbers) // _MAX_EMPTY_IMAGES, 1)]
@@ -148,7 +148,7 @@ def _known(scanner: Scanner | MovedScanner, before: int) -> Iterator[KnownImage]
         yield KnownImage(depth, frame.intrinsics, scanner.poses[number][1])
 
 
-def write_scan(made: ScannedMesh, path: Path) -> None:
+def write_scan(scan_result: ScannedMesh, path: Path) -> None:
     """Writes a scan as a mesh, or as a project with one character.
 
     Falls back to another folder if that fails.
@@ -157,37 +157,42 @@ def write_scan(made: ScannedMesh, path: Path) -> None:
         ResourceError: if the path cannot be written. The message names the folder that was used instead.
     """
     try:
-        _write(made, path)
+        _write(scan_result, path)
     except ResourceError as error:
-        other = _elsewhere(made, path)
-        if other is None:
+        fallback = _write_elsewhere(scan_result, path)
+        if fallback is None:
             raise
-        problem, mend = f"{error.what}, so it is in {other}", "Make room on the disk, and move it from there."
+        problem, mend = (
+            f"{error.what}, so it is in {fallback}",
+            "Make room on the disk, and move it from there.",
+        )
         raise ResourceError(problem, where=str(path), mend=mend) from None
 
 
-def _elsewhere(made: ScannedMesh, path: Path) -> Path | None:
+def _write_elsewhere(scan_result: ScannedMesh, path: Path) -> Path | None:
     """Writes a mesh into a folder on another disk. Returns the file, or None if no folder can be written."""
     for folder in (Path.home(), Path(tempfile.gettempdir())):
         other = folder / f"{path.stem}.saved{path.suffix}"
         with contextlib.suppress(ResourceError):
-            _write(made, other)
+            _write(scan_result, other)
             return other
     return None
 
 
-def _write(made: ScannedMesh, path: Path) -> None:
+def _write(scan_result: ScannedMesh, path: Path) -> None:
     if path.suffix.lower() != PROJECT:
-        save_mesh(made.mesh, path)
+        save_mesh(scan_result.mesh, path)
         return
     from enliven.formats.project import project_of_mesh, write_project
 
-    project = project_of_mesh(made.mesh, path.stem)
-    if made.person is not None:
+    project = project_of_mesh(scan_result.mesh, path.stem)
+    if scan_result.person is not None:
         # Store the known ends and joints. Then each limb of the performer drives its own limb, and no person
         # has to be found in the mesh.
         (character,) = project.characters.values()
-        character_with_joints = character.with_changes(ends=made.person.ends, joints=made.person.bones)
+        character_with_joints = character.with_changes(
+            ends=scan_result.person.ends, joints=scan_result.person.bones
+        )
         project = project.with_characters(character_with_joints)
     write_project(path, project)
 

@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.scanning import GroundPlane, Scanner, find_ground, focus_of, surface_of, upright_frame
-from enliven_edge.scanning.next_best_view import next_view
+from enliven_edge.scanning.next_best_view import find_next_view
 from enliven_edge.scanning.scan_view import ScanView
 
 _SEARCH_INTERVAL_S = 1.0
@@ -39,17 +39,21 @@ class ScanPlacement:
         self.stage_from_scan = np.eye(4)
         self.stage_from_scan[1, 3] = _DEFAULT_CAMERA_HEIGHT_M
         self.missing, self.view = 1.0, list[float]()
-        self._looked, self._found, self._places = 0.0, False, 1
+        self._updated_at, self._found, self._places = 0.0, False, 1
         self._ground, self._ground_images = _ASSUMED_GROUND, 0
         self._room_from_shown: Float = np.eye(4)
 
-    def look(self, shown: ScanView) -> None:
+    def update(self, shown: ScanView) -> None:
         """Updates floor, centre and next best view if the last update is old."""
         now, scanner = time.monotonic(), shown.room
         another = shown.places != self._places
-        if scanner is None or not scanner.poses or (now - self._looked < _SEARCH_INTERVAL_S and not another):
+        if (
+            scanner is None
+            or not scanner.poses
+            or (now - self._updated_at < _SEARCH_INTERVAL_S and not another)
+        ):
             return
-        self._looked = now
+        self._updated_at = now
         if another:
             self._places, self._found = shown.places, False
             self._ground, self._ground_images = _ASSUMED_GROUND, 0
@@ -59,9 +63,9 @@ class ScanPlacement:
             mesh = shown.mesh()
             focus = np.asarray(mesh.bounds.mean(0)) if len(mesh.vertices) else focus
         self._room_from_shown = np.asarray(np.linalg.inv(shown.shown_from_room), np.float64)
-        self._follow(ground, focus, len(poses))
+        self._move_placement(ground, focus, len(poses))
         away = float(np.median([np.linalg.norm(pose[:3, 3] - focus) for pose in poses]))
-        best_view = next_view(mesh, ground, focus, away)
+        best_view = find_next_view(mesh, ground, focus, away)
         self.missing, self.view = min(best_view.missing, 1.0), []
         if best_view.eye is not None:
             self.view = [*self._on_stage(best_view.eye), *self._on_stage(focus)]
@@ -88,7 +92,7 @@ class ScanPlacement:
     def _on_stage(self, point: Float) -> list[float]:
         return [float(x) for x in self.stage_from_scan[:3, :3] @ point + self.stage_from_scan[:3, 3]]
 
-    def _follow(self, ground: GroundPlane, focus: Float, images: int) -> None:
+    def _move_placement(self, ground: GroundPlane, focus: Float, images: int) -> None:
         """Moves the floor to y = 0 and the centre above the origin, if they moved."""
         wanted = upright_frame(ground, focus)
         turn = wanted[:3, :3]

@@ -48,11 +48,11 @@ class ScanView:
         return Mesh((mesh.vertices - self.shown_from_room[:3, 3]) @ turn, mesh.faces)
 
 
-def shown_of(scanner: Scanner | MovedScanner) -> ScanView:
+def create_scan_view(scanner: Scanner | MovedScanner) -> ScanView:
     """Returns the visible part of a scan: the room with the object, or the object only after its first
     move."""
     if isinstance(scanner, PersonScanner):
-        floor = GroundPlane(np.array([0.0, 1.0, 0.0]), 0.0, 0.0) if scanner.on_floor else None
+        floor = GroundPlane(np.array([0.0, 1.0, 0.0]), 0.0, 0.0) if scanner.is_on_floor else None
         return ScanView(scanner.volumes[0], scanner.volumes[1], scanner, np.eye(4), True, 1, floor)
     if isinstance(scanner, Scanner):
         return ScanView(scanner.volumes[0], scanner.volumes[1], scanner, np.eye(4), False, 1)

@@ -10,8 +10,8 @@ from pathlib import Path
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.recording import DEPTH_TOPIC, Recording
-from enliven_edge.sensors import SensorFault, kept_open, sensor_opener, sensor_options
-from enliven_edge.tracking.frame import flaw_of
+from enliven_edge.sensors import SensorFault, open_reopening, sensor_opener, sensor_options
+from enliven_edge.tracking.frame import find_flaw
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +38,7 @@ def recorded_images(path: Path, stop: threading.Event) -> Iterator[DepthFrame]:
 
 def sensor_images(name: str, options: list[str], stop: threading.Event) -> Iterator[DepthFrame]:
     """Yields the depth images of a sensor until ``stop`` is set. A sensor that fails is opened again."""
-    with kept_open(sensor_opener(name, **sensor_options(options))) as stream:
+    with open_reopening(sensor_opener(name, **sensor_options(options))) as stream:
         while not stop.is_set():
             try:
                 frame = stream.read(_FRAME_TIMEOUT_S)
@@ -50,5 +50,5 @@ def sensor_images(name: str, options: list[str], stop: threading.Event) -> Itera
                 continue
             if frame is None:
                 return
-            if isinstance(frame, DepthFrame) and not flaw_of(frame):
+            if isinstance(frame, DepthFrame) and not find_flaw(frame):
                 yield frame

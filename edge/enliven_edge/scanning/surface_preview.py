@@ -28,7 +28,7 @@ class SurfacePreview:
         self._number = number
         self._sent: dict[Place, tuple[int, float]] = {}
 
-    def anew(self) -> None:
+    def resend_all(self) -> None:
         """Sends every piece again, because another surface replaces the current one."""
         self._sent = dict.fromkeys(self._sent, (0, 0.0))
 
@@ -37,8 +37,10 @@ class SurfacePreview:
         total."""
         sums = piece_sums(volume)
         places = [_place(row) for row in sums.places]
-        messages = [self._gone(place, volume.band.voxel) for place in self._sent.keys() - set(places)]
-        amounts = self._much(places, sums)
+        messages = [
+            self._removal_message(place, volume.band.voxel) for place in self._sent.keys() - set(places)
+        ]
+        amounts = self._measure_change(places, sums)
         for k in np.argsort(-amounts, kind="stable"):
             place = places[k]
             if most <= 0 or amounts[k] < _MIN_CHANGE:
@@ -46,18 +48,18 @@ class SurfacePreview:
             if place not in self._sent and len(self._sent) >= _MAX_PIECES:
                 continue
             self._sent[place] = int(sums.counts[k]), float(sums.weights[k])
-            message = as_message(piece_of(volume, place, sums.blocks[sums.piece == k]), self._number)
+            message = message_from_piece(piece_of(volume, place, sums.blocks[sums.piece == k]), self._number)
             most -= len(message.vertices) + len(message.seen) + len(message.faces) + len(message.colours)
             messages.append(message)
         return messages
 
-    def _much(self, places: list[Place], sums: PieceSums) -> Float:
+    def _measure_change(self, places: list[Place], sums: PieceSums) -> Float:
         """Returns (P,) the change of each piece: doublings of its weight, plus its fraction of new voxels."""
         before = np.array([self._sent.get(place, (0, 0.0)) for place in places], float).reshape(-1, 2)
         grown = np.abs(np.log2((sums.weights + 1.0) / (before[:, 1] + 1.0)))
         return np.asarray(grown + np.abs(sums.counts - before[:, 0]) / np.maximum(sums.counts, before[:, 0]))
 
-    def _gone(self, place: Place, voxel: float) -> ScanPieceMessage:
+    def _removal_message(self, place: Place, voxel: float) -> ScanPieceMessage:
         """Returns the message that removes a piece without a surface."""
         del self._sent[place]
         return ScanPieceMessage(self._number, place, PIECE_STEPS, voxel)
@@ -68,7 +70,7 @@ def _place(row: Int) -> Place:
     return int(row[0]), int(row[1]), int(row[2])
 
 
-def as_message(piece: ScanPiece, number: int) -> ScanPieceMessage:
+def message_from_piece(piece: ScanPiece, number: int) -> ScanPieceMessage:
     """Returns a piece as a message. A piece beyond the message limits is truncated to its first faces."""
     faces = piece.faces[(piece.faces < MAX_PIECE_VERTICES).all(1)][:MAX_PIECE_FACES]
     kept = slice(0, MAX_PIECE_VERTICES)

@@ -1,5 +1,5 @@
 from . import crash_reports as crash_reports
-from .attached_cameras import attached as attached
+from .attached_cameras import list_attached as list_attached
 from .base import (
     CHECK_IT as CHECK_IT,
     Condition as Condition,
@@ -9,7 +9,7 @@ from .base import (
     health_of as health_of,
     is_device as is_device,
 )
-from .camera_list import DetectedCamera as DetectedCamera, found_cameras as found_cameras
+from .camera_list import DetectedCamera as DetectedCamera, find_cameras as find_cameras
 from .event_log import EventLog as EventLog, LogReader as LogReader, LogEntry as LogEntry
 from .registry import sensor_options as sensor_options
 from .profile import profile_names as profile_names, profiles_folder as profiles_folder
@@ -19,4 +19,4 @@ from .registry import (
     sensor_names as sensor_names,
     sensor_opener as sensor_opener,
 )
-from .reopening import kept_open as kept_open
+from .reopening import open_reopening as open_reopening

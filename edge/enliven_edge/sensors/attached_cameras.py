@@ -87,9 +87,9 @@ class AttachedCamera:
     mbit: float
     node: Path
 
-    def troubles(self) -> list[tuple[str, str]]:
+    def find_problems(self) -> list[tuple[str, str]]:
         """Returns each problem with its remedy."""
-        return [trouble for trouble in (self._driver(), self._permission(), self._link()) if trouble]
+        return [problem for problem in (self._driver(), self._permission(), self._link()) if problem]
 
     def _driver(self) -> tuple[str, str] | None:
         kind = self.kind
@@ -98,9 +98,9 @@ class AttachedCamera:
         try:
             installed = version(kind.package)
         except PackageNotFoundError:
-            return f"{kind.package} is not installed", pip_line(kind.sensor, kind.pip)
-        why = unsupported(kind.package, installed)
-        return (why, pip_line(kind.sensor, kind.pip)) if why else None
+            return f"{kind.package} is not installed", install_advice(kind.sensor, kind.pip)
+        reason = explain_unsupported(kind.package, installed)
+        return (reason, install_advice(kind.sensor, kind.pip)) if reason else None
 
     def _permission(self) -> tuple[str, str] | None:
         return None if os.access(self.node, os.R_OK | os.W_OK) else (FORBIDDEN, ALLOW)
@@ -111,7 +111,7 @@ class AttachedCamera:
         return "it is on USB 2", "Use a USB 3 port and a USB 3 cable."
 
 
-def pip_line(sensor: str, pip: str = "") -> str:
+def install_advice(sensor: str, pip: str = "") -> str:
     """Returns the advice that installs the library of a sensor in a working version.
 
     ``pip`` replaces the extra.
@@ -121,34 +121,38 @@ def pip_line(sensor: str, pip: str = "") -> str:
     return f'Type: pip install "enliven-edge[{sensor}]"; in a checkout: pip install "./edge[{sensor}]"'
 
 
-def unsupported(package: str, installed: str) -> str:
+def explain_unsupported(package: str, installed: str) -> str:
     """Returns why a version of a camera's library is not supported. Empty if it is."""
     for kind in KINDS:
-        for pattern, why in kind.bad if kind.package == package else ():
+        for pattern, reason in kind.bad if kind.package == package else ():
             if re.match(pattern, installed):
-                return f"{package} {installed} is installed: {why}"
+                return f"{package} {installed} is installed: {reason}"
     return ""
 
 
-def attached(devices: Path = DEVICES, nodes: Path = NODES) -> list[AttachedCamera]:
+def list_attached(devices: Path = DEVICES, nodes: Path = NODES) -> list[AttachedCamera]:
     """Returns the depth cameras on USB, sorted by name."""
     cameras = [camera for each in devices.glob("*") if (camera := _camera(each, nodes))]
     return sorted(cameras, key=lambda camera: (camera.kind.name, camera.title))
 
 
 def _camera(device: Path, nodes: Path) -> AttachedCamera | None:
-    vendor, product, title = (_said(device, part) for part in ("idVendor", "idProduct", "product"))
+    vendor, product, title = (_read_attribute(device, part) for part in ("idVendor", "idProduct", "product"))
     for kind in KINDS:
         if vendor == kind.vendor and re.fullmatch(kind.products, product) and kind.title in title:
-            serial = _said(device, "serial")
-            mbit = float(_said(device, "speed") or "nan")
-            node = nodes / _said(device, "busnum").zfill(3) / _said(device, "devnum").zfill(3)
-            called = " ".join(word for word in (title or kind.name, serial) if word)
-            return AttachedCamera(kind, called, mbit, node)
+            serial = _read_attribute(device, "serial")
+            mbit = float(_read_attribute(device, "speed") or "nan")
+            node = (
+                nodes
+                / _read_attribute(device, "busnum").zfill(3)
+                / _read_attribute(device, "devnum").zfill(3)
+            )
+            name = " ".join(word for word in (title or kind.name, serial) if word)
+            return AttachedCamera(kind, name, mbit, node)
     return None
 
 
-def _said(device: Path, part: str) -> str:
+def _read_attribute(device: Path, part: str) -> str:
     """Returns an attribute of a device from the system. Empty if it has none."""
     try:
         return (device / part).read_text(encoding="utf-8", errors="replace").strip()
@@ -156,7 +160,7 @@ def _said(device: Path, part: str) -> str:
         return ""
 
 
-def library(module: str, sensor: str, pip: str = "") -> Any:
+def import_library(module: str, sensor: str, pip: str = "") -> Any:
     """Imports a camera's library.
 
     Args:
@@ -165,13 +169,13 @@ def library(module: str, sensor: str, pip: str = "") -> Any:
     Raises:
         ResourceError: if it is not installed, its version does not work, or it does not load on this machine.
     """
-    where, mend = f"sensor {sensor}", pip_line(sensor, pip)
+    where, mend = f"sensor {sensor}", install_advice(sensor, pip)
     try:
-        why = unsupported(module, version(module))
+        reason = explain_unsupported(module, version(module))
     except PackageNotFoundError:
-        why = ""
-    if why:
-        raise ResourceError(why, where=where, mend=mend)
+        reason = ""
+    if reason:
+        raise ResourceError(reason, where=where, mend=mend)
     try:
         return importlib.import_module(module)
     except ImportError as error:

@@ -12,14 +12,16 @@ from pathlib import Path
 import msgspec
 
 from enliven.errors import ResourceError
-from enliven_edge.sensors.attached_cameras import AttachedCamera, attached
-from enliven_edge.sensors.drivers import listed_cameras
+from enliven_edge.sensors.attached_cameras import AttachedCamera, list_attached
+from enliven_edge.sensors.drivers import list_cameras
 
 VIDEO, NODES = Path("/sys/class/video4linux"), Path("/dev")
 """Linux's list of video devices, and the device files that open them."""
 _TOF = re.compile(r"arducam|pivariety", re.IGNORECASE)
 """Driver names of Arducam's time-of-flight camera."""
-_OWN = re.compile(r"realsense|orbbec|oak|luxonis|bcm2835|rpi|pisp|unicam|loopback codec", re.IGNORECASE)
+_OTHER_DEVICES = re.compile(
+    r"realsense|orbbec|oak|luxonis|bcm2835|rpi|pisp|unicam|loopback codec", re.IGNORECASE
+)
 """Names of video devices that belong to depth cameras and to the processors of camera ports."""
 _BY_SERIAL = {"realsense": "serial", "oak": "device"}
 """The option of a driver that selects one of several cameras of the same make."""
@@ -47,23 +49,23 @@ class DetectedCamera(msgspec.Struct, frozen=True):
     depth: bool = True
 
 
-def found_cameras() -> list[DetectedCamera]:
+def find_cameras() -> list[DetectedCamera]:
     """Returns all cameras of this machine, depth cameras first."""
-    return [*_on_usb(attached()), *_at_ports(), *video_cameras()]
+    return [*_list_usb_cameras(list_attached()), *_list_port_cameras(), *video_cameras()]
 
 
-def _on_usb(cameras: list[AttachedCamera]) -> list[DetectedCamera]:
+def _list_usb_cameras(cameras: list[AttachedCamera]) -> list[DetectedCamera]:
     """Returns the depth cameras on USB. Several cameras of one make are selected by serial number."""
-    makes = Counter(camera.kind.sensor for camera in cameras)
+    makers = Counter(camera.kind.sensor for camera in cameras)
     listed = []
     for camera in cameras:
-        sensor, troubles = camera.kind.sensor, camera.troubles()
-        slow = [each for each in troubles if each[0] == "it is on USB 2"]
-        grave = [each for each in troubles if each not in slow]
+        sensor, problems = camera.kind.sensor, camera.find_problems()
+        slow = [each for each in problems if each[0] == "it is on USB 2"]
+        serious = [each for each in problems if each not in slow]
         options = {}
-        if makes[sensor] > 1 and sensor in _BY_SERIAL and " " in camera.title:
+        if makers[sensor] > 1 and sensor in _BY_SERIAL and " " in camera.title:
             options[_BY_SERIAL[sensor]] = camera.title.rsplit(" ", 1)[1]
-        problem, mend = grave[0] if grave else ("", "")
+        problem, mend = serious[0] if serious else ("", "")
         hint = f"{slow[0][0]}. {slow[0][1]}" if slow else ""
         title = (
             camera.title
@@ -74,12 +76,12 @@ def _on_usb(cameras: list[AttachedCamera]) -> list[DetectedCamera]:
     return listed
 
 
-def _at_ports() -> list[DetectedCamera]:
+def _list_port_cameras() -> list[DetectedCamera]:
     """Returns the cameras that libcamera lists, or the problem that prevents listing them."""
     try:
         return [
-            DetectedCamera(f"{seen.model} at camera port {number}", "libcamera", {"left": str(number)})
-            for number, seen in enumerate(listed_cameras())
+            DetectedCamera(f"{listed.model} at camera port {number}", "libcamera", {"left": str(number)})
+            for number, listed in enumerate(list_cameras())
         ]
     except ResourceError as error:
         return [DetectedCamera("Cameras at the camera ports", "libcamera", {}, error.what, error.mend)]
@@ -89,23 +91,25 @@ def video_cameras(devices: Path = VIDEO, nodes: Path = NODES) -> list[DetectedCa
     """Returns time-of-flight cameras and webcams, recognised by the names of their drivers."""
     cameras = []
     for device in sorted(devices.glob("video*"), key=lambda path: int("0" + re.sub(r"\D", "", path.name))):
-        name, first = _told(device, "name"), _told(device, "index") in ("", "0")
+        name, first = _read_attribute(device, "name"), _read_attribute(device, "index") in ("", "0")
         node = nodes / device.name
-        if not first or not name or (_OWN.search(name) and not _TOF.search(name)):
+        if not first or not name or (_OTHER_DEVICES.search(name) and not _TOF.search(name)):
             continue
         if _TOF.search(name):
             cameras.append(
-                _checked(DetectedCamera(f"Time-of-flight camera ({name})", "tof"), node, "ArducamDepthCamera")
+                _add_problem(
+                    DetectedCamera(f"Time-of-flight camera ({name})", "tof"), node, "ArducamDepthCamera"
+                )
             )
             continue
         webcam = DetectedCamera(f"Webcam {name}", "webcam", {"device": str(node)}, depth=False)
-        cameras.append(_checked(webcam, node, "mediapipe"))
+        cameras.append(_add_problem(webcam, node, "mediapipe"))
     if not sys.platform.startswith("linux") and not cameras:
-        cameras.append(_checked(DetectedCamera("Webcam", "webcam", depth=False), None, "mediapipe"))
+        cameras.append(_add_problem(DetectedCamera("Webcam", "webcam", depth=False), None, "mediapipe"))
     return cameras
 
 
-def _checked(camera: DetectedCamera, node: Path | None, module: str) -> DetectedCamera:
+def _add_problem(camera: DetectedCamera, node: Path | None, module: str) -> DetectedCamera:
     """Returns a camera with the problem that prevents its use, if any: missing permission or library."""
     if node is not None and not os.access(node, os.R_OK | os.W_OK):
         mend = "Type: sudo usermod -aG video $USER, and log in again."
@@ -116,7 +120,7 @@ def _checked(camera: DetectedCamera, node: Path | None, module: str) -> Detected
     return camera
 
 
-def _told(device: Path, part: str) -> str:
+def _read_attribute(device: Path, part: str) -> str:
     """Returns an attribute of a device from the system. Empty if it has none."""
     try:
         return (device / part).read_text(encoding="utf-8", errors="replace").strip()

@@ -21,9 +21,9 @@ from enliven.files import own_folder
 
 log = logging.getLogger(__name__)
 
-MOST_KEPT = 20
+MAX_REPORTS = 20
 """Maximum number of stored reports. The newest are kept."""
-MOST_BYTES = 64 << 20
+MAX_TOTAL_BYTES = 64 << 20
 """Maximum bytes of all reports together. The oldest are removed first."""
 _ADDRESS = re.compile(r"0x[0-9a-f]+|\d{4,}")
 """Text that differs between reports of the same crash: addresses and numbers of threads."""
@@ -66,7 +66,7 @@ def folder() -> Path:
 
 def reports() -> list[CrashReport]:
     """Returns the stored reports, the newest first."""
-    return [_report(path, when) for when, _, path in _files()]
+    return [_report_from_file(path, when) for when, _, path in _files()]
 
 
 def keep_text(sensor: str, text: str, signal: int) -> None:
@@ -74,9 +74,11 @@ def keep_text(sensor: str, text: str, signal: int) -> None:
 
     The same crash is stored once, and counted.
     """
-    steps = [_ADDRESS.sub("", line) for line in text.splitlines() if line.startswith(("  File", "Fatal"))]
-    mark = hashlib.sha256("\n".join([str(signal), *steps]).encode()).hexdigest()[:8]
-    path = folder() / f"{_plain(sensor)}-driver-{mark}.txt"
+    stack_lines = [
+        _ADDRESS.sub("", line) for line in text.splitlines() if line.startswith(("  File", "Fatal"))
+    ]
+    signature = hashlib.sha256("\n".join([str(signal), *stack_lines]).encode()).hexdigest()[:8]
+    path = folder() / f"{_to_file_name(sensor)}-driver-{signature}.txt"
     library = _MAKERS.get(sensor, ("", ""))[0]
     with contextlib.suppress(PackageNotFoundError):
         library = f"{library} {version(library)}, " if library else ""
@@ -84,10 +86,12 @@ def keep_text(sensor: str, text: str, signal: int) -> None:
         f"enliven {version('enliven')}, {library}Python {platform.python_version()}, {platform.platform()}"
     )
 
-    def write(passing: Path) -> None:
-        before = _SEEN.search(path.read_text(errors="replace")) if path.is_file() else None
-        count = 1 + (int(before[1]) if before else 0)
-        passing.write_text(f"sensor {sensor}, signal {signal}\n{versions}\nseen {count} times\n\n{text}")
+    def write(temporary_path: Path) -> None:
+        previous = _SEEN.search(path.read_text(errors="replace")) if path.is_file() else None
+        count = 1 + (int(previous[1]) if previous else 0)
+        temporary_path.write_text(
+            f"sensor {sensor}, signal {signal}\n{versions}\nseen {count} times\n\n{text}"
+        )
 
     _keep(path, write)
 
@@ -95,33 +99,33 @@ def keep_text(sensor: str, text: str, signal: int) -> None:
 def keep_dump(device: str, write: Callable[[Path], None]) -> None:
     """Stores the firmware dump of an OAK, a .tar.gz that ``write`` creates at the given path."""
     now = time.strftime("%Y%m%d-%H%M%S")
-    _keep(folder() / f"oak-firmware-{_plain(device)}-{now}.tar.gz", write)
+    _keep(folder() / f"oak-firmware-{_to_file_name(device)}-{now}.tar.gz", write)
 
 
-def tidy() -> None:
+def remove_old_reports() -> None:
     """Removes the oldest reports beyond the limits, including those that a library wrote into the folder."""
     total = 0
     for number, (_, size, path) in enumerate(_files()):
         total += size
-        if number >= MOST_KEPT or total > MOST_BYTES:
+        if number >= MAX_REPORTS or total > MAX_TOTAL_BYTES:
             with contextlib.suppress(OSError):
                 path.unlink()
 
 
 def _keep(path: Path, write: Callable[[Path], None]) -> None:
     """Writes a report completely or not at all. Disk errors are logged and otherwise ignored."""
-    passing = path.with_name(f".{os.getpid()}-{path.name}")
+    temporary_path = path.with_name(f".{os.getpid()}-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write(passing)
-        passing.replace(path)
+        write(temporary_path)
+        temporary_path.replace(path)
     except Exception as error:
         log.warning("a crash report cannot be saved: %s", error)
         with contextlib.suppress(OSError):
-            passing.unlink()
+            temporary_path.unlink()
     else:
         log.warning("the crash report was saved: %s", path)
-    tidy()
+    remove_old_reports()
 
 
 def _files() -> list[tuple[float, int, Path]]:
@@ -136,7 +140,7 @@ def _files() -> list[tuple[float, int, Path]]:
     return sorted(reports, reverse=True)
 
 
-def _report(path: Path, when: float) -> CrashReport:
+def _report_from_file(path: Path, when: float) -> CrashReport:
     """Returns the report of a file, judged by its name. A library's own dumps have other names."""
     sensor = path.name.split("-")[0]
     if "-driver-" in path.name:
@@ -144,6 +148,6 @@ def _report(path: Path, when: float) -> CrashReport:
     return CrashReport(path, when, "the camera's own program", _FIRMWARE)
 
 
-def _plain(name: str) -> str:
+def _to_file_name(name: str) -> str:
     """Returns a name in a form that suits a file name."""
     return re.sub(r"[^\w.]+", "_", name)[:60]

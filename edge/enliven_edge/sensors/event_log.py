@@ -68,9 +68,9 @@ class EventLog:
     def __init__(self, recorder: Any) -> None:
         self._recorder = recorder
         self._condition: Condition | None = None
-        self._held: deque[SensorEvent] = deque(maxlen=_MAX_EARLY_EVENTS)
+        self._early_events: deque[SensorEvent] = deque(maxlen=_MAX_EARLY_EVENTS)
         self._last: Frame | None = None
-        self._heard = 0.0
+        self._last_frame_at = 0.0
         self._lost = False
 
     def frame(self, frame: Frame, condition: Condition | None) -> None:
@@ -80,17 +80,17 @@ class EventLog:
             InputError: for a frame that a recording cannot hold. No part of it is written.
             ResourceError: if it cannot be written.
         """
-        for event in self._held:
+        for event in self._early_events:
             self._write(EVENTS_TOPIC, event, frame)
-        self._held.clear()
+        self._early_events.clear()
         if self._lost:
-            after = 0.0 if self._last is None else time.monotonic() - self._heard
+            after = 0.0 if self._last is None else time.monotonic() - self._last_frame_at
             self._write(EVENTS_TOPIC, SensorEvent("back", after), frame)
         if condition is not None and condition != self._condition:
             self._write(CONDITION_TOPIC, condition, frame)
             self._condition = condition
         self._recorder.write_frame(frame)
-        self._last, self._heard, self._lost = frame, time.monotonic(), False
+        self._last, self._last_frame_at, self._lost = frame, time.monotonic(), False
 
     def failed(self, error: EnlivenError) -> None:
         """Writes an error that the sensor raised instead of a frame.
@@ -99,17 +99,17 @@ class EventLog:
             ResourceError: if it cannot be written.
         """
         bad = isinstance(error, InputError)
-        after = 0.0 if self._last is None else time.monotonic() - self._heard
+        after = 0.0 if self._last is None else time.monotonic() - self._last_frame_at
         event = SensorEvent("bad frame" if bad else "lost", after, error.what, error.where, error.mend)
         self._lost = self._lost or not bad
         if self._last is None:
-            self._held.append(event)
+            self._early_events.append(event)
         else:
             self._write(EVENTS_TOPIC, event, self._last)
 
     def _write(self, topic: str, message: Condition | SensorEvent, at: Frame) -> None:
         kind: Any = type(message)
-        schema = (f"enliven.{kind.__name__}", _schema(kind), "jsonschema", "json")
+        schema = (f"enliven.{kind.__name__}", _json_schema(kind), "jsonschema", "json")
         self._recorder.write(topic, *schema, msgspec.json.encode(message), at.time_ns, at.sensor)
 
 
@@ -119,12 +119,12 @@ class LogEntry:
 
     Attributes:
         time_ns: the sensor's clock. For an error, the last frame's time plus the elapsed wall-clock time.
-        said: the frame, or the error.
+        content: the frame, or the error.
         condition: the device's condition. None if it has reported none.
     """
 
     time_ns: int
-    said: Frame | SensorFault | InputError
+    content: Frame | SensorFault | InputError
     condition: Condition | None
 
 
@@ -148,9 +148,9 @@ class LogReader:
     def __next__(self) -> LogEntry:
         for topic, time_ns, data in self._messages:
             if topic == CONDITION_TOPIC:
-                self._condition = _understood(Condition, data) or self._condition
+                self._condition = _decode(Condition, data) or self._condition
             elif topic == EVENTS_TOPIC:
-                event = _understood(SensorEvent, data)
+                event = _decode(SensorEvent, data)
                 if event is not None and (error := event.error) is not None:
                     return LogEntry(time_ns + round(1e9 * max(event.after, 0.0)), error, self._condition)
             else:
@@ -158,7 +158,7 @@ class LogReader:
         raise StopIteration
 
 
-def _understood(kind: type[T], data: bytes) -> T | None:
+def _decode(kind: type[T], data: bytes) -> T | None:
     """Returns the message, or None if it is damaged: a damaged log must not cost a frame."""
     try:
         return msgspec.json.decode(data, type=kind)
@@ -168,5 +168,5 @@ def _understood(kind: type[T], data: bytes) -> T | None:
 
 
 @functools.cache
-def _schema(kind: Any) -> str:
+def _json_schema(kind: Any) -> str:
     return msgspec.json.encode(msgspec.json.schema(kind)).decode()

@@ -88,20 +88,20 @@ def sensor_opener(name: str, *, every_frame: bool = False, **options: Any) -> Ca
     Raises:
         InputError: for an unknown name or option. The message suggests the nearest known one.
     """
-    kind = _checked(name, options)
+    kind = _check_options(name, options)
     if getattr(kind, "isolated", False):
         return IsolatedOpener(name, kind, options, every_frame or bool(options.get("rehearse")))
     return functools.partial(kind, **options)
 
 
-def _checked(name: str, options: dict[str, Any]) -> Any:
+def _check_options(name: str, options: dict[str, Any]) -> Any:
     """Returns the class of a sensor after checking its options."""
-    kind = _kind(name)
+    kind = _find_class(name)
     parameters = inspect.signature(kind).parameters
     for option in options:
         if option not in parameters and not any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
             raise InputError(
-                f"unknown option {option!r}", where=f"sensor {name}", mend=_nearest(option, list(parameters))
+                f"unknown option {option!r}", where=f"sensor {name}", mend=_suggest(option, list(parameters))
             )
     kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     missing = [p.name for p in parameters.values() if p.default is p.empty and p.kind in kinds]
@@ -111,7 +111,7 @@ def _checked(name: str, options: dict[str, Any]) -> Any:
     return kind
 
 
-def _kind(name: str) -> Any:
+def _find_class(name: str) -> Any:
     """Returns the class of a sensor.
 
     It is imported only now, so that a missing library stops no other sensor.
@@ -128,9 +128,9 @@ def _kind(name: str) -> Any:
 def sensor_advice(name: str) -> str:
     """Returns the advice for an unknown sensor: the package that contains it, or similar names."""
     package = _IN_PACKAGES.get(name)
-    return f"Install it: pip install {package}" if package else _nearest(name, sensor_names())
+    return f"Install it: pip install {package}" if package else _suggest(name, sensor_names())
 
 
-def _nearest(word: str, known: list[str]) -> str:
+def _suggest(word: str, known: list[str]) -> str:
     near = difflib.get_close_matches(word, known, n=1)
     return f"Did you mean {near[0]}?" if near else f"Known: {', '.join(known)}."

@@ -23,9 +23,9 @@ from enliven_edge.sensors.worker_thread import WorkerThread
 
 log = logging.getLogger(__name__)
 
-FIRST_WAIT = 0.1
+FIRST_WAIT_S = 0.1
 """Seconds before the first attempt to reopen a sensor that failed."""
-LONGEST_WAIT = 0.5
+MAX_WAIT_S = 0.5
 """Maximum seconds between two attempts. Each interval is twice the previous one. A device that is back is
 used within a second, opening included."""
 GOOD_FRAMES = 30
@@ -72,14 +72,14 @@ class ReopeningSensor(Sensor):
         self.fps: float | None = None
         self.made_up = False
         if not awaited:
-            self._use(first or open_device())
-        getattr(open_device, "patient", lambda: None)()
+            self._use_device(first or open_device())
+        getattr(open_device, "reuse_process", lambda: None)()
         self._errands, self._doing = self._thread(), "read"
         self._left: list[WorkerThread] = []
-        self._wait, self._due = FIRST_WAIT, 0.0
+        self._wait, self._due = FIRST_WAIT_S, 0.0
         self._good = self._bad = 0
         self._fresh, self._shift_ns = False, 0
-        self._last_ns = self._told_ns = 0
+        self._last_ns = self._last_reported_ns = 0
         self._ahead_ns: deque[int] = deque(maxlen=_CLOCK_FRAMES)
         self._closed = False
 
@@ -88,12 +88,12 @@ class ReopeningSensor(Sensor):
         while not self._closed:
             left = None if deadline is None else max(0.0, deadline - time.monotonic())
             if not self._errands.busy:
-                self._begin(left)
+                self._start_call(left)
             try:
                 answer = self._errands.answer(_READ_TIMEOUT_S if left is None else min(left, _READ_TIMEOUT_S))
             except Exception as error:
                 if isinstance(error, TimeoutError) and (self._errands.busy or self._doing == "read"):
-                    self._give_up_what_hangs()
+                    self._abandon_hanging_call()
                     if deadline is not None and time.monotonic() >= deadline:
                         raise
                     continue
@@ -101,9 +101,9 @@ class ReopeningSensor(Sensor):
                     raise self._failed(error) from error
                 answer = None
             if self._doing == "read":
-                return self._received(answer)
+                return self._adjust_time(answer)
             if answer is not None:
-                self._use(answer)
+                self._use_device(answer)
                 self._fresh = True
         return None
 
@@ -120,10 +120,10 @@ class ReopeningSensor(Sensor):
         if not self._closed:
             self._closed = True
             getattr(self._open, "close", lambda: None)()
-            if not self._errands.finish(functools.partial(_let_go, self._device), _CLOSE_TIMEOUT_S):
+            if not self._errands.finish(functools.partial(_close_devices, self._device), _CLOSE_TIMEOUT_S):
                 log.warning("%s does not release its device", self.name)
 
-    def _begin(self, timeout: float | None) -> None:
+    def _start_call(self, timeout: float | None) -> None:
         """Asks the thread for a frame, or to open the device if the next attempt is due.
 
         Raises:
@@ -140,7 +140,7 @@ class ReopeningSensor(Sensor):
         time.sleep(max(0.0, wait))
         self._ask("open", self._open)
 
-    def _use(self, device: Sensor) -> None:
+    def _use_device(self, device: Sensor) -> None:
         """Takes an opened device. The first device gives the stream its name."""
         self._device, self.fps = device, getattr(device, "fps", None)
         self.made_up = not is_device(device)
@@ -151,12 +151,12 @@ class ReopeningSensor(Sensor):
         self._doing = what
         self._errands.ask(call)
 
-    def _received(self, frame: Frame | None) -> Frame | None:
+    def _adjust_time(self, frame: Frame | None) -> Frame | None:
         """Returns a frame of the device, with its time in the stream's clock."""
         self._bad = 0
         self._good += 1
         if self._good >= GOOD_FRAMES:
-            self._wait = FIRST_WAIT
+            self._wait = FIRST_WAIT_S
         time_ns = getattr(frame, "time_ns", None)
         if frame is None or type(time_ns) is not int or abs(time_ns) >= TIME_LIMIT_NS:
             return frame
@@ -164,8 +164,8 @@ class ReopeningSensor(Sensor):
         if self._fresh and self._ahead_ns:
             self._shift_ns = self._shift(time_ns, now_ns)
         self._fresh, self._last_ns = False, now_ns
-        self._told_ns = time_ns + self._shift_ns
-        self._ahead_ns.append(self._told_ns - now_ns)
+        self._last_reported_ns = time_ns + self._shift_ns
+        self._ahead_ns.append(self._last_reported_ns - now_ns)
         return dataclasses.replace(frame, time_ns=time_ns + self._shift_ns) if self._shift_ns else frame
 
     def _shift(self, time_ns: int, now_ns: int) -> int:
@@ -177,7 +177,7 @@ class ReopeningSensor(Sensor):
         ahead_ns = statistics.median_low(self._ahead_ns)
         # Also compare with the last reported time, because on a busy machine the last frame may have arrived
         # with less delay than usual.
-        after_ns = max(self._last_ns + ahead_ns, self._told_ns)
+        after_ns = max(self._last_ns + ahead_ns, self._last_reported_ns)
         for shift in (self._shift_ns, 0):
             if after_ns < time_ns + shift <= now_ns + ahead_ns + _CLOCK_JUMP_NS:
                 return shift
@@ -192,11 +192,11 @@ class ReopeningSensor(Sensor):
         self._schedule()
         if device is not None:
             self._ask("close", device.close)
-        why = error.what if isinstance(error, EnlivenError) else str(error) or "it gives no reason"
+        message = error.what if isinstance(error, EnlivenError) else str(error) or "it gives no reason"
         mend = getattr(error, "mend", "") or CHECK_IT
-        return SensorFault(why, where=self.name, mend=mend)
+        return SensorFault(message, where=self.name, mend=mend)
 
-    def _give_up_what_hangs(self) -> None:
+    def _abandon_hanging_call(self) -> None:
         """Abandons a call that hangs. Its device is closed when the call returns.
 
         Raises:
@@ -206,7 +206,7 @@ class ReopeningSensor(Sensor):
         self._left = [errands for errands in self._left if errands.alive]
         if self._errands.waited < limit or len(self._left) >= _MAX_HANGING_THREADS:
             return
-        self._errands.finish(functools.partial(_let_go, self._device))
+        self._errands.finish(functools.partial(_close_devices, self._device))
         self._left.append(self._errands)
         self._errands, self._device = self._thread(), None
         self._schedule()
@@ -217,14 +217,14 @@ class ReopeningSensor(Sensor):
     def _schedule(self) -> None:
         """Sets the time of the next attempt to open the device."""
         self._due = time.monotonic() + self._wait
-        self._wait = min(2 * self._wait, LONGEST_WAIT)
+        self._wait = min(2 * self._wait, MAX_WAIT_S)
         self._good = self._bad = 0
 
     def _thread(self) -> WorkerThread:
         return WorkerThread(f"driver of {self.name}")
 
 
-def kept_open(open_sensor: Callable[[], Sensor], awaited: str = "") -> Sensor:
+def open_reopening(open_sensor: Callable[[], Sensor], awaited: str = "") -> Sensor:
     """Returns an opened sensor. A live sensor is reopened for ever, a recording ends.
 
     Args:
@@ -236,9 +236,9 @@ def kept_open(open_sensor: Callable[[], Sensor], awaited: str = "") -> Sensor:
     return first if getattr(first, "recorded", False) else ReopeningSensor(open_sensor, first)
 
 
-def _let_go(device: Sensor | None, answers: list[Any]) -> None:
+def _close_devices(device: Sensor | None, answers: list[Any]) -> None:
     """Closes a device, and the devices among the answers that were not taken."""
-    for each in (device, *answers):
-        if hasattr(each, "close"):
+    for answer in (device, *answers):
+        if hasattr(answer, "close"):
             with contextlib.suppress(Exception):
-                each.close()
+                answer.close()

@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 
 _USUAL_STEP_NS = 33_333_333
 """Nanoseconds between two loops of a recording with a single frame: the interval of 30 frames per second."""
-CAPTURES = (".bvh", ".txt")
+CAPTURE_SUFFIXES = (".bvh", ".txt")
 """File suffixes of motion captures."""
 
 
@@ -61,16 +61,16 @@ class ReplaySensor(Sensor):
                 mend="Give 1 for the recorded pace, 0 for no waiting.",
             )
         self._made = TemporaryFolder("replay")
-        self.recording = Recording(_imported(Path(path), Path(self._made.name)))
+        self.recording = Recording(_import_capture(Path(path), Path(self._made.name)))
         info = self.recording.info
         self.name = info.sensors[0] if info.sensors else "replay"
-        self.fps = _rate(info)
+        self.fps = _estimate_rate(info)
         self._speed = speed
         # Keep the file open, so that a lack of file descriptors cannot end a loop later.
         self._file = open_file(self.recording.path)
         entries = functools.partial(LogReader, self.recording, self._file)
         self._entries: Iterator[LogEntry] = _LoopedEntries(entries) if loop else entries()
-        self._ahead = _up_to_first_frame(self._entries)
+        self._ahead = _read_to_first_frame(self._entries)
         if not self._ahead:
             self._file.close()
             raise InputError(
@@ -95,12 +95,12 @@ class ReplaySensor(Sensor):
         if wait > 0:
             time.sleep(wait)
         self._ahead.popleft()
-        self._cut_ns += self._too_long(entry)
+        self._cut_ns += self._excess_pause(entry)
         self._now_ns = max(self._now_ns, entry.time_ns)
         self._condition = entry.condition
-        if isinstance(entry.said, Exception):
-            raise entry.said
-        return entry.said
+        if isinstance(entry.content, Exception):
+            raise entry.content
+        return entry.content
 
     def condition(self) -> Condition | None:
         """Returns the device's condition at the last frame that was read. None if it was not recorded."""
@@ -116,17 +116,17 @@ class ReplaySensor(Sensor):
         """Returns the monotonic time in seconds at which an entry is due."""
         if self._started is None:
             self._started = time.monotonic()
-        passed_ns = entry.time_ns - self._first_ns - self._cut_ns - self._too_long(entry)
+        passed_ns = entry.time_ns - self._first_ns - self._cut_ns - self._excess_pause(entry)
         return self._started + passed_ns * 1e-9 / self._speed
 
-    def _too_long(self, entry: LogEntry) -> int:
+    def _excess_pause(self, entry: LogEntry) -> int:
         """Returns the nanoseconds that the silence before an entry exceeds the maximum."""
         return max(0, entry.time_ns - self._now_ns - self._longest_ns)
 
 
-def _imported(path: Path, folder: Path) -> Path:
+def _import_capture(path: Path, folder: Path) -> Path:
     """Returns the path of a recording. A motion capture is converted into one in ``folder``."""
-    if path.suffix.lower() not in CAPTURES or not path.is_file():
+    if path.suffix.lower() not in CAPTURE_SUFFIXES or not path.is_file():
         return path
     recording = folder / f"{path.stem}.mcap"
     with Recorder(recording) as recorder:
@@ -135,14 +135,14 @@ def _imported(path: Path, folder: Path) -> Path:
     return recording
 
 
-def _rate(info: RecordingInfo) -> float | None:
+def _estimate_rate(info: RecordingInfo) -> float | None:
     """Returns the recorded frames per second. None if there are too few frames to estimate it."""
     counts = [topic.count for name, topic in info.topics.items() if name in (DEPTH_TOPIC, BODIES_TOPIC)]
     frames = max(counts, default=0) / max(1, len(info.sensors))
     return (frames - 1) / info.duration if frames > 1 and info.duration > 0 else None
 
 
-def _up_to_first_frame(entries: Iterator[LogEntry]) -> deque[LogEntry]:
+def _read_to_first_frame(entries: Iterator[LogEntry]) -> deque[LogEntry]:
     """Returns the entries up to the first usable frame. Empty if there is none."""
     ahead: deque[LogEntry] = deque()
     while True:
@@ -154,7 +154,7 @@ def _up_to_first_frame(entries: Iterator[LogEntry]) -> deque[LogEntry]:
         if entry is None:
             return deque()
         ahead.append(entry)
-        if not isinstance(entry.said, Exception):
+        if not isinstance(entry.content, Exception):
             return ahead
 
 
@@ -183,10 +183,10 @@ class _LoopedEntries:
             self._step = entry.time_ns - self._last
         self._first = entry.time_ns if self._first is None else self._first
         self._last = entry.time_ns
-        return _later(entry, self._shift) if self._shift else entry
+        return _shift_entry(entry, self._shift) if self._shift else entry
 
 
-def _later(entry: LogEntry, shift_ns: int) -> LogEntry:
-    reading, time_ns = entry.said, entry.time_ns + shift_ns
+def _shift_entry(entry: LogEntry, shift_ns: int) -> LogEntry:
+    reading, time_ns = entry.content, entry.time_ns + shift_ns
     frame = reading if isinstance(reading, Exception) else dataclasses.replace(reading, time_ns=time_ns)
     return LogEntry(time_ns, frame, entry.condition)

@@ -55,15 +55,15 @@ class WebcamSensor(Sensor):
     ) -> None:
         check_view(view)
         self.name = f"webcam {device}"
-        self._live = device.startswith("/dev/") or "=" in device
+        self._is_live = device.startswith("/dev/") or "=" in device
         need("av", "film", "webcam")
-        if self._live:
+        if self._is_live:
             _refuse_absent(device)
             if source is None:
                 MediaPipeSettings(python, model).check()
-        self._container = _opened(device, self._live)
+        self._container = _open_video(device, self._is_live)
         try:
-            self._eye = MonocularPoseEstimator(view, height, tilt, body_height, python, model, source)
+            self._estimator = MonocularPoseEstimator(view, height, tilt, body_height, python, model, source)
         except BaseException:
             self._container.close()
             raise
@@ -79,22 +79,22 @@ class WebcamSensor(Sensor):
         self._waiting = None
         if image is None:
             return None
-        wait = 0.0 if self._live else self._due(float(image.time or 0.0)) - time.monotonic()
+        wait = 0.0 if self._is_live else self._due(float(image.time or 0.0)) - time.monotonic()
         if timeout is not None and wait > timeout:
             self._waiting = image
             time.sleep(max(timeout, 0.0))
             raise TimeoutError(f"the next image of {self.name} is due in {wait - timeout:.3f} s")
         if wait > 0:
             time.sleep(wait)
-        time_ns = time.monotonic_ns() if self._live else round(float(image.time or 0.0) * 1e9)
+        time_ns = time.monotonic_ns() if self._is_live else round(float(image.time or 0.0) * 1e9)
         colour = image.to_ndarray(format="rgb24")
-        return BodyFrame(self._eye.bodies(colour, time_ns), time_ns, self.name)
+        return BodyFrame(self._estimator.bodies(colour, time_ns), time_ns, self.name)
 
     def close(self) -> None:
         if not self._closed:
             self._closed = True
             self._container.close()
-            self._eye.close()
+            self._estimator.close()
 
     def _next_image(self) -> Any:
         """Returns the next image, None at the end."""
@@ -103,7 +103,7 @@ class WebcamSensor(Sensor):
         try:
             return next(self._images, None)
         except av.error.FFmpegError as error:
-            if self._live:
+            if self._is_live:
                 raise ResourceError(f"the camera was lost ({error})", where=self.name) from None
             raise InputError("the film is damaged", where=self.name) from None
 
@@ -127,7 +127,7 @@ def _refuse_absent(device: str) -> None:
     raise ResourceError("the camera was not found", where=device, mend=mend)
 
 
-def _opened(device: str, live: bool) -> Any:
+def _open_video(device: str, live: bool) -> Any:
     """Returns the video of a camera or a film."""
     import av
 

@@ -1,4 +1,9 @@
-from .character_setup import cast as cast, cast_mesh as cast_mesh, name_of as name_of, parts_for as parts_for
+from .character_setup import (
+    create_actor as create_actor,
+    create_mesh_actor as create_mesh_actor,
+    name_of as name_of,
+    parts_for as parts_for,
+)
 from .hold_memory import HoldStarts as HoldStarts
 from .initial_possession import InitialPossession as InitialPossession
 from .stage_capacity import Peer as Peer, StageSettings as StageSettings

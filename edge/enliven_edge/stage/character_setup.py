@@ -32,7 +32,7 @@ _OWN_PARTS = {"lamp": "hip and right arm"}
 """The body parts that a shipped mesh is designed for. Other meshes are held with all parts."""
 
 
-def cast(
+def create_actor(
     spec: str, nodes: int = 128, settings: ActorSettings | None = None, up: Axis | None = None, name: str = ""
 ) -> EmbeddedActor:
     """Returns the actor of a mesh file, or of a mesh that ships.
@@ -52,16 +52,16 @@ def cast(
     """
     for sample in MADE:
         if spec == sample:
-            return cast_mesh(load_sample(sample), name or sample, nodes, settings, fit=False)
+            return create_mesh_actor(load_sample(sample), name or sample, nodes, settings, fit=False)
     from enliven.meshes import load_upright
 
     mesh, notes = load_upright(spec, up)
     for note in notes:
         log.info("%s: %s", spec, note)
-    return cast_mesh(mesh, name or name_of(spec), nodes, settings)
+    return create_mesh_actor(mesh, name or name_of(spec), nodes, settings)
 
 
-def cast_mesh(
+def create_mesh_actor(
     mesh: Mesh,
     name: str,
     nodes: int = 128,
@@ -72,7 +72,8 @@ def cast_mesh(
     joints: Float | None = None,
     like: EmbeddedActor | None = None,
 ) -> EmbeddedActor:
-    """Returns the actor of a mesh, as :func:`cast` does. Without ``fit`` the mesh keeps its modelled place.
+    """Returns the actor of a mesh, like :func:`create_actor`. Without ``fit`` the mesh keeps its modelled
+    place.
 
     Args:
         ends: (5, 3) metres, in the coordinates of the given mesh: the ends of head, left and right hand, left
@@ -87,13 +88,13 @@ def cast_mesh(
     """
     prepared = prepared_as(mesh, settings or ActorSettings(), fit=fit, ends=ends, joints=joints)
     mesh, settings = prepared.mesh, prepared.settings
-    none_there = like is not None and like.likeness is None and _same_faces(like, mesh)
-    seeks = seeks_person(settings) and not settings.joints and not none_there
+    no_person = like is not None and like.likeness is None and _same_faces(like, mesh)
+    searches_person = seeks_person(settings) and not settings.joints and not no_person
     with ThreadPoolExecutor(1) as background:  # Run both in parallel, because they take about the same time.
-        person = background.submit(_person_in, mesh, settings) if seeks else None
+        person = background.submit(_person_in, mesh, settings) if searches_person else None
         character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)
         search_result = None if person is None else person.result
-        if none_there:
+        if no_person:
             search_result = lambda: None  # noqa: E731
         actor = EmbeddedActor(
             character, graph_of(character), settings, prepared.size, prepared.height or None, search_result

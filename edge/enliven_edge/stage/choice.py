@@ -30,18 +30,21 @@ class PendingPossession:
     parts: str
 
 
-def in_order(bodies: Collection[Body], busy: Collection[int], place: Float | None) -> list[Body]:
+def order_performers(bodies: Collection[Body], busy: Collection[int], place: Float | None) -> list[Body]:
     """Returns the bodies in the order of being offered a character: idle ones first, then by distance.
 
     Args:
         busy: the ids of the performers that hold other characters.
         place: (2,) metres, horizontal position of the character's middle. None if it is not known.
     """
-    return sorted(bodies, key=lambda body: (body.id in busy, _apart(body, place)))
+    return sorted(bodies, key=lambda body: (body.id in busy, _distance(body, place)))
 
 
-def pairs(
-    performers: Collection[Body], actors: Mapping[str, Actor], places: Mapping[str, Float], anyhow: bool
+def pair_nearest(
+    performers: Collection[Body],
+    actors: Mapping[str, Actor],
+    places: Mapping[str, Float],
+    includes_busy: bool,
 ) -> list[tuple[str, int]]:
     """Returns (character, performer) pairs of idle performers with free characters, the nearest pairs first.
 
@@ -49,16 +52,16 @@ def pairs(
         performers: the performers that may take a character.
         actors: by character id.
         places: (2,) metres, horizontal position by character id.
-        anyhow: also considers performers that hold something, and held characters if none is free.
+        includes_busy: also considers performers that hold something, and held characters if none is free.
     """
     holders = {hold.body for actor in actors.values() for hold in actor.holds}
-    idle = [body for body in performers if anyhow or body.id not in holders]
+    idle = [body for body in performers if includes_busy or body.id not in holders]
     free = [name for name, actor in actors.items() if not actor.holds]
-    names = free or (list(actors) if anyhow else [])
+    names = free or (list(actors) if includes_busy else [])
     matched: list[tuple[str, int]] = []
     while idle and names:
         every = ((body, name) for name in names for body in idle)
-        body, name = min(every, key=lambda pair: _apart(pair[0], places.get(pair[1])))
+        body, name = min(every, key=lambda pair: _distance(pair[0], places.get(pair[1])))
         matched.append((name, body.id))
         idle, names = (
             [other for other in idle if other is not body],
@@ -67,7 +70,7 @@ def pairs(
     return matched
 
 
-def _apart(body: Body, place: Float | None) -> float:
+def _distance(body: Body, place: Float | None) -> float:
     """Returns the horizontal distance in metres between a performer's hips and a place.
 
     Infinite if unknown.

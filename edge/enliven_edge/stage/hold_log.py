@@ -35,16 +35,16 @@ class HoldLog:
         actor.possess(body, parts, mode)
         self._add(actor, mode, body.id, parts=parts, place=place)
 
-    def release(self, actor: Actor, who: int | None) -> None:
+    def release(self, actor: Actor, body: int | None) -> None:
         """Ends the hold of one performer, or of all.
 
         Raises:
             InputError: if that performer does not hold the character.
         """
         place, held = actor.place, bool(actor.holds)
-        actor.release(who)
+        actor.release(body)
         if held:
-            self._add(actor, "release", who, place=place)
+            self._add(actor, "release", body, place=place)
 
     @contextmanager
     def frame(self, actor: Actor, time_ns: int) -> Iterator[None]:
@@ -55,13 +55,13 @@ class HoldLog:
         after = [hold.body for hold in actor.holds]
         if after == before:
             return
-        lost = [holder for holder in before if holder not in after]
-        for who in after:
-            if who not in before:
-                former = lost.pop(0) if lost else None
-                self._add(actor, "join" if former is None else "take over", who, former=former)
-        for who in lost:
-            self._add(actor, "release", who)
+        released = [holder for holder in before if holder not in after]
+        for body in after:
+            if body not in before:
+                previous = released.pop(0) if released else None
+                self._add(actor, "join" if previous is None else "take over", body, previous=previous)
+        for body in released:
+            self._add(actor, "release", body)
 
     def carried_over(self, actor: Actor, carried: HoldStarts) -> None:
         """Logs the performers that hold a character after it replaced another one."""
@@ -81,11 +81,11 @@ class HoldLog:
         self,
         actor: Actor,
         mode: HoldMode,
-        who: int | None,
+        body: int | None,
         *,
         place: tuple[float, ...] = (),
         parts: str = "all",
-        former: int | None = None,
+        previous: int | None = None,
     ) -> None:
         settings = json.dumps(asdict(actor.settings))
         self._events.append(
@@ -93,9 +93,9 @@ class HoldLog:
                 actor.character.id,
                 self.time_ns,
                 mode,
-                body=-1 if who is None else who,
+                body=-1 if body is None else body,
                 parts=parts,
-                former=-1 if former is None else former,
+                former=-1 if previous is None else previous,
                 holders=[hold.body for hold in actor.holds],
                 settings=settings if len(settings) <= MAX_SETTINGS else "{}",
                 place=list(place),

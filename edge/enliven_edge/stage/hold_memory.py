@@ -37,7 +37,7 @@ class HoldMemory:
         self._met: dict[str, Body] = {}
         self._taken: dict[str, HoldStarts] = {}
 
-    def meet(self, character: str, bodies: Sequence[Body]) -> None:
+    def remember_performer(self, character: str, bodies: Sequence[Body]) -> None:
         """Remembers the first performer in view: the character is placed relative to this performer."""
         if bodies and character not in self._met:
             self._met[character] = bodies[0]
@@ -60,7 +60,7 @@ class HoldMemory:
         self._met.pop(character, None)
         self._taken.pop(character, None)
 
-    def holds_of(self, actor: Actor, bodies: Sequence[Body]) -> HoldStarts:
+    def find_holds(self, actor: Actor, bodies: Sequence[Body]) -> HoldStarts:
         """Returns how the current holds of an actor started.
 
         A hold without a record counts as started now.
@@ -76,7 +76,7 @@ class HoldMemory:
         Each performer possesses the new actor in the pose with which the hold started, and then moves to the
         current pose. If the new actor refuses a performer, this is logged and the hold ends.
         """
-        held = self.holds_of(before, bodies)
+        held = self.find_holds(before, bodies)
         actor.release()
         actor.aside = before.aside
         if before.growth != 1.0:

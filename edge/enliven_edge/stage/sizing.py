@@ -36,14 +36,14 @@ class _Gesture:
 
     Attributes:
         away: logarithm of the distance of the hands at the start, in metres. None until both are visible.
-        led: target size relative to the start.
+        target_log: target size relative to the start.
         still_ns: time since which the target has not changed.
     """
 
     body: int
     first: float
     away: float | None = None
-    led: float = 0.0
+    target_log: float = 0.0
     still_ns: int | None = None
 
 
@@ -66,18 +66,18 @@ class HandSizing:
         Raises:
             InputError: if character or performer do not exist, or its size cannot change.
         """
-        name, who = self._meant(order)
+        name, who = self._find_target(order)
         actor = self._stage.actors[name]
         if order.do == "exaggerate":
             actor.exaggerate(order.exaggeration)
         elif order.do == "set":
             self._gestures.pop(name, None)
-            actor.resize(order.size, self._about(name, None), fade=True)
+            actor.resize(order.size, self._find_fixed_point(name, None), fade=True)
         elif name in self._gestures:
             del self._gestures[name]
         elif order.do == "hands":
             # This raises an error if the size cannot change.
-            actor.resize(actor.growth, self._about(name, None))
+            actor.resize(actor.growth, self._find_fixed_point(name, None))
             self._gestures[name] = _Gesture(who, float(np.log(actor.growth)))
 
     def follow(self, bodies: list[Body], time_ns: int) -> None:
@@ -86,14 +86,16 @@ class HandSizing:
         present = {body.id: body for body in bodies}
         for name, gesture in list(self._gestures.items()):
             actor, body = self._stage.actors.get(name), present.get(gesture.body)
-            if actor is None or body is None or _done(gesture, time_ns):
+            if actor is None or body is None or _is_finished(gesture, time_ns):
                 del self._gestures[name]
                 continue
-            _lead(gesture, body, time_ns)
-            wanted = float(np.clip(gesture.first + gesture.led, -np.log(MAX_GROWTH), np.log(MAX_GROWTH)))
+            _update_target(gesture, body, time_ns)
+            wanted = float(
+                np.clip(gesture.first + gesture.target_log, -np.log(MAX_GROWTH), np.log(MAX_GROWTH))
+            )
             now = float(np.log(actor.growth))
             now += (wanted - now) * (1.0 - float(np.exp(-seconds / _SMOOTHING_S)))
-            actor.resize(float(np.exp(now)), self._about(name, body))
+            actor.resize(float(np.exp(now)), self._find_fixed_point(name, body))
 
     def changes(self) -> list[SizeMessage]:
         """Returns changes since the last call: sizes that changed, and gestures that started or ended."""
@@ -111,15 +113,17 @@ class HandSizing:
             messages.append(SizeMessage(name, 1.0, -1))
         return messages
 
-    def _meant(self, order: Resize) -> tuple[str, int]:
+    def _find_target(self, order: Resize) -> tuple[str, int]:
         """Returns the character and the performer of an order: the holder of a character, or else the next
         candidate."""
         stage = self._stage
         name = order.character
         if name is None:
-            going = next(iter(self._gestures), None)
-            taking = next(iter([*stage.takings("extend"), *stage.takings()]), None)
-            name = going or (taking.character if taking else None)
+            gesture = next(iter(self._gestures), None)
+            possession = next(
+                iter([*stage.pending_possessions("extend"), *stage.pending_possessions()]), None
+            )
+            name = gesture or (possession.character if possession else None)
         if name not in stage.actors:
             problem = "there is no character" if name is None else f"there is no character {name!r}"
             raise InputError(problem, where="sizing", mend=f"Known: {', '.join(stage.actors) or 'none'}.")
@@ -132,7 +136,7 @@ class HandSizing:
             raise InputError("nobody is in view", where=f"sizing {name!r}", mend=mend)
         return name, who
 
-    def _about(self, name: str, body: Body | None) -> Float | None:
+    def _find_fixed_point(self, name: str, body: Body | None) -> Float | None:
         """Returns (3,) metres, the fixed point of the scaling on the floor: under the performer that holds
         the character. None: its own."""
         actor: Actor = self._stage.actors[name]
@@ -142,7 +146,7 @@ class HandSizing:
         return np.array([hip[0], 0.0, hip[2]]) if np.isfinite(hip).all() else None
 
 
-def _lead(gesture: _Gesture, body: Body, time_ns: int) -> None:
+def _update_target(gesture: _Gesture, body: Body, time_ns: int) -> None:
     """Updates the target size from the distance of the hands, with a dead band."""
     left, right = (body.joints[hand] for hand in _HANDS)
     sure = all(body.confidence[hand] >= _MIN_CONFIDENCE for hand in _HANDS)
@@ -151,12 +155,12 @@ def _lead(gesture: _Gesture, body: Body, time_ns: int) -> None:
     away = float(np.log(np.linalg.norm(left - right) + _DISTANCE_OFFSET_M))
     if gesture.away is None:
         gesture.away = away
-    wanted, before = away - gesture.away, gesture.led
-    gesture.led = float(np.clip(before, wanted - _DEAD_BAND, wanted + _DEAD_BAND))
-    if gesture.led != before:
+    wanted, before = away - gesture.away, gesture.target_log
+    gesture.target_log = float(np.clip(before, wanted - _DEAD_BAND, wanted + _DEAD_BAND))
+    if gesture.target_log != before:
         gesture.still_ns = time_ns
 
 
-def _done(gesture: _Gesture, time_ns: int) -> bool:
+def _is_finished(gesture: _Gesture, time_ns: int) -> bool:
     """Returns True if the hands have changed the size and then kept still for long enough."""
     return gesture.still_ns is not None and (time_ns - gesture.still_ns) * 1e-9 > _GESTURE_END_S

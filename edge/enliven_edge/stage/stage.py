@@ -15,7 +15,7 @@ from enliven.matching import MatchList, ScreenView
 from enliven.person import Body
 from enliven.possession import Actor, Cues, Mode
 from enliven_edge.stage.actor import ChosenActor
-from enliven_edge.stage.choice import FLOOR, PendingPossession, in_order, pairs
+from enliven_edge.stage.choice import FLOOR, PendingPossession, order_performers, pair_nearest
 from enliven_edge.stage.hold_log import HoldLog
 from enliven_edge.stage.hold_memory import HoldMemory, HoldStarts
 from enliven_edge.stage.stage_capacity import Peer, StageCapacity, StageSettings
@@ -71,13 +71,13 @@ class Stage:
         name = actor.character.id
         before = self.actors.get(name)
         if before is None:
-            actor.aside = self._free_place()
-        if carried is None or (before and carried != self._memory.holds_of(before, self._bodies)):
+            actor.aside = self._find_free_place()
+        if carried is None or (before and carried != self._memory.find_holds(before, self._bodies)):
             self.carry_over(actor)
         self.actors[name] = actor
-        self.places.settle(name, owner)
+        self.places.set_owner(name, owner)
         if before is not None:
-            self._log.carried_over(actor, self._memory.holds_of(actor, self._bodies))
+            self._log.carried_over(actor, self._memory.find_holds(actor, self._bodies))
 
     def carry_over(self, actor: Actor) -> HoldStarts:
         """Lets the holders of the character with an actor's id hold that actor. May run on another thread."""
@@ -121,7 +121,7 @@ class Stage:
         poses = []
         for name in self.actors:
             offered, actor = self._in_order(name), self._actor(name)
-            self._memory.meet(name, offered)
+            self._memory.remember_performer(name, offered)
             with self._log.frame(actor, time_ns):
                 pose = actor.perform(offered, time_ns, seen)
             self._places[name] = pose.positions.mean(0)[FLOOR]
@@ -164,9 +164,9 @@ class Stage:
         The stage chooses the performer or character if it is not given.
 
         Args:
-            character: the character's id. None: that of :meth:`takings`.
-            body: the performer's id. None: that of :meth:`takings`, for "join" a performer that does not hold
-                it yet.
+            character: the character's id. None: that of :meth:`pending_possessions`.
+            body: the performer's id. None: that of :meth:`pending_possessions`, for "join" a performer that
+                does not hold it yet.
             parts: the body parts that possess, names of :data:`enliven.person.body.PARTS`.
             mode: what happens to earlier holds, see :data:`~enliven_edge.stage.actor.Mode`.
 
@@ -177,13 +177,13 @@ class Stage:
             self._possess(character, body, parts, mode)
             return
         refused: list[EnlivenError] = []
-        meant = self.takings(mode, body)
-        for taking in meant:
+        possessions = self.pending_possessions(mode, body)
+        for possession in possessions:
             try:
-                self._possess(taking.character, taking.body, parts, mode)
+                self._possess(possession.character, possession.body, parts, mode)
             except InputError as error:
                 refused.append(error)
-        if len(refused) == len(meant):
+        if len(refused) == len(possessions):
             mend = "Step in front of the sensor, or release a character first."
             problem = "no performer in view is free to possess a character"
             raise refused[0] if refused else InputError(problem, where="stage", mend=mend)
@@ -193,13 +193,13 @@ class Stage:
         actor = self._actor(character)
         present = [b for b in self._in_order(character) if body is None or b.id == body]
         if not present:
-            who = "nobody is in view" if body is None else f"performer {body} is not in view"
+            performer_id = "nobody is in view" if body is None else f"performer {body} is not in view"
             raise InputError(
-                who, where=f"possessing {character!r}", mend="Step in front of the sensor first."
+                performer_id, where=f"possessing {character!r}", mend="Step in front of the sensor first."
             )
-        taking = (actor.next_performer(present) if mode == "join" else None) or present[0]
-        self._log.possess(actor, taking, parts, mode)
-        self._memory.take(character, taking, parts, mode)
+        possession = (actor.next_performer(present) if mode == "join" else None) or present[0]
+        self._log.possess(actor, possession, parts, mode)
+        self._memory.take(character, possession, parts, mode)
 
     def idle(self, character: str) -> Body | None:
         """Returns the performer in view that would take a character next and holds none.
@@ -220,7 +220,7 @@ class Stage:
             body = next((hold.body for hold in actor.holds if hold.body in present), body)
         return (body if body in present else None), parts
 
-    def takings(self, mode: Mode = "alone", body: int | None = None) -> list[PendingPossession]:
+    def pending_possessions(self, mode: Mode = "alone", body: int | None = None) -> list[PendingPossession]:
         """Returns the pairs of performer and character for a command that names no character.
 
         The cues show the same.
@@ -239,15 +239,18 @@ class Stage:
             return [PendingPossession(name, first if body is None else body, parts)]
         if mode == "extend":
             paired = [(name, hold.body) for name, actor in self.actors.items() for hold in actor.holds]
-            paired = [(name, who) for name, who in paired if body in (None, who)]
+            paired = [(name, performer_id) for name, performer_id in paired if body in (None, performer_id)]
         else:
             performers = [performer for performer in self._bodies if body in (performer.id, None)]
-            paired = pairs(performers, self.actors, self._places, anyhow=body is not None)
-        return [PendingPossession(name, who, self.actors[name].candidate[1]) for name, who in paired]
+            paired = pair_nearest(performers, self.actors, self._places, includes_busy=body is not None)
+        return [
+            PendingPossession(name, performer_id, self.actors[name].candidate[1])
+            for name, performer_id in paired
+        ]
 
     def preview(self, character: str | None = None, body: int | None = None, parts: str = "all") -> None:
         """Makes the cues show what this performer (None: the next one) would hold with these parts."""
-        for actor in self._meant(character):
+        for actor in self._select_actors(character):
             actor.preview(body, parts)
 
     def release(self, character: str | None = None, body: int | None = None) -> None:
@@ -256,13 +259,13 @@ class Stage:
         Args:
             character: the character's id. None: every character that the performer holds.
         """
-        meant = self._meant(character)
-        if len(meant) > 1 and body is not None:
-            meant = [actor for actor in meant if body in {hold.body for hold in actor.holds}]
-            if not meant:
+        targets = self._select_actors(character)
+        if len(targets) > 1 and body is not None:
+            targets = [actor for actor in targets if body in {hold.body for hold in actor.holds}]
+            if not targets:
                 mend = f"Holding: {', '.join(map(str, sorted(self.holders))) or 'nobody'}."
                 raise InputError(f"performer {body} holds no character", where="stage", mend=mend)
-        for actor in meant:
+        for actor in targets:
             self._log.release(actor, body)
             self._memory.release(actor.character.id, body)
 
@@ -281,10 +284,10 @@ class Stage:
         Raises:
             InputError: if the character does not exist, or it is not rigged.
         """
-        meant = self._meant(character)
-        rigs = [actor for actor in meant if isinstance(actor, ChosenActor)]
+        targets = self._select_actors(character)
+        rigs = [actor for actor in targets if isinstance(actor, ChosenActor)]
         if not rigs:
-            where = f"character {meant[0].character.id!r}"
+            where = f"character {targets[0].character.id!r}"
             mend = "Give the edge a rigged model and --drive skeleton."
             raise InputError("its parts cannot be chosen", where=where, mend=mend)
         for actor in rigs:
@@ -308,7 +311,7 @@ class Stage:
         actor.busy = frozenset(hold.body for other in others for hold in other.holds)
         return actor
 
-    def _meant(self, character: str | None) -> list[Actor]:
+    def _select_actors(self, character: str | None) -> list[Actor]:
         """Returns the actor with this id, or all. An empty stage is refused."""
         if character is not None or not self.actors:
             return [self._actor(character or "")]
@@ -318,9 +321,9 @@ class Stage:
         """Returns the bodies in the order in which the stage offers them a character."""
         if len(self.actors) < 2:
             return self._bodies
-        return in_order(self._bodies, self._actor(character).busy, self._places.get(character))
+        return order_performers(self._bodies, self._actor(character).busy, self._places.get(character))
 
-    def _free_place(self) -> float:
+    def _find_free_place(self) -> float:
         """Returns the sideways offset in metres for one more character next to those that are there."""
         wide = [np.ptp(actor.character.vertices[:, 0]) for actor in self.actors.values()]
         aside = [actor.aside for actor in self.actors.values()]

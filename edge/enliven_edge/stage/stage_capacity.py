@@ -64,7 +64,7 @@ class StageCapacity:
         """Registers a function that returns characters that are being uploaded."""
         self._sources.append(coming)
 
-    def settle(self, character: str, owner: Peer | None) -> None:
+    def set_owner(self, character: str, owner: Peer | None) -> None:
         """Remembers the viewer that put a character on the stage. None: the edge itself."""
         self.forget(character)
         if owner is not None:
@@ -90,10 +90,12 @@ class StageCapacity:
         if peer is None:
             return
         owners = [self._owners.get(name) for name in self._standing] + list(coming.values())
-        own = sum(owner is not None and _counts_for(owner, peer) for owner in owners)
-        if own >= self._settings.per_viewer:
+        viewer_count = sum(owner is not None and _counts_for(owner, peer) for owner in owners)
+        if viewer_count >= self._settings.per_viewer:
             mend = "Remove one first, or raise per_viewer under [stage] in the edge's settings."
-            raise InputError(f"this viewer has {own} characters on the stage", where=where, mend=mend)
+            raise InputError(
+                f"this viewer has {viewer_count} characters on the stage", where=where, mend=mend
+            )
 
 
 def _counts_for(owner: Peer, peer: Peer) -> bool:

@@ -28,21 +28,23 @@ _MAX_WIDTH_PX = 480
 """Maximum width in pixels of an image that the terminal draws itself."""
 
 
-def encoded_picture(picture: UInt8, way: ImageProtocol, columns: int = 80) -> str:
+def encode_image(picture: UInt8, protocol: ImageProtocol, columns: int = 80) -> str:
     """Returns an image encoded for a terminal.
 
     Args:
         picture: (H, W, 3) sRGB.
         columns: width of the terminal. An image is never wider.
     """
-    makers: dict[ImageProtocol, Callable[[UInt8], str]] = {
+    encoders: dict[ImageProtocol, Callable[[UInt8], str]] = {
         "kitty": kitty,
         "iterm": iterm,
         "sixel": sixel,
         "blocks": half_blocks,
         "blocks256": lambda each: half_blocks(each, exact=False),
     }
-    return makers[way](_fitting(picture, columns if way.startswith("blocks") else _MAX_WIDTH_PX))
+    return encoders[protocol](
+        _downscale(picture, columns if protocol.startswith("blocks") else _MAX_WIDTH_PX)
+    )
 
 
 def kitty(picture: UInt8) -> str:
@@ -116,7 +118,7 @@ def _sixel_band(rows: UInt8) -> str:
     drawn = []
     for colour in np.unique(rows):
         bits = (rows == colour).T @ weights
-        drawn.append(f"#{colour}" + "".join(_repeated(chr(63 + bit), n) for bit, n in _runs(bits.tolist())))
+        drawn.append(f"#{colour}" + "".join(_repeat(chr(63 + bit), n) for bit, n in _runs(bits.tolist())))
     return "$".join(drawn) + "-"
 
 
@@ -126,12 +128,12 @@ def _runs(values: list[int]) -> list[tuple[int, int]]:
     return runs[:-1] if runs and runs[-1][0] == 0 else runs
 
 
-def _repeated(character: str, count: int) -> str:
+def _repeat(character: str, count: int) -> str:
     """Returns a sixel ``count`` times, in the fewest characters."""
     return character * count if count < 4 else f"!{count}{character}"
 
 
-def _fitting(picture: UInt8, width: int) -> UInt8:
+def _downscale(picture: UInt8, width: int) -> UInt8:
     """Returns the image, downscaled if it is too wide. Nearest-neighbour sampling keeps holes in depth."""
     height, across = picture.shape[:2]
     if across <= width:

@@ -12,7 +12,7 @@ from typing import TextIO
 
 from enliven_edge.terminal.image_encoding import ImageProtocol
 
-PATIENCE = 1.0
+ANSWER_TIMEOUT_S = 1.0
 """Seconds to wait for a terminal's answer, also behind a slow network line. Nearly all answer immediately."""
 _QUERY = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c"
 """Queries kitty's graphics, then the device attributes (DA1). Every terminal answers the second query, and
@@ -29,7 +29,7 @@ _MAX_ANSWER_BYTES = 4096
 
 
 def image_protocol(
-    out: TextIO, keys: TextIO, environment: Mapping[str, str] = os.environ, patience: float = PATIENCE
+    out: TextIO, keys: TextIO, environment: Mapping[str, str] = os.environ, patience: float = ANSWER_TIMEOUT_S
 ) -> ImageProtocol | None:
     """Returns the image protocol of ``out``. None if it is not a terminal, or cannot draw images.
 
@@ -39,11 +39,11 @@ def image_protocol(
     """
     if not out.isatty() or environment.get("TERM", "dumb") == "dumb":
         return None
-    if named := _named(environment):
-        return named
+    if from_environment := _protocol_from_environment(environment):
+        return from_environment
     named_so = {environment.get("TERM"), environment.get("TERM_PROGRAM")}
-    able = patience > 0 and keys.isatty() and not named_so.intersection(_PRINTS_QUERY)
-    if able and (answer := _asked(out.fileno(), keys.fileno(), patience)):
+    supported = patience > 0 and keys.isatty() and not named_so.intersection(_PRINTS_QUERY)
+    if supported and (answer := _query_terminal(out.fileno(), keys.fileno(), patience)):
         if b"_Gi=31;OK" in answer:
             return "kitty"
         attributes = _ATTRIBUTES.search(answer)
@@ -54,7 +54,7 @@ def image_protocol(
     return "blocks" if environment.get("COLORTERM") in ("truecolor", "24bit") else "blocks256"
 
 
-def _named(environment: Mapping[str, str]) -> ImageProtocol | None:
+def _protocol_from_environment(environment: Mapping[str, str]) -> ImageProtocol | None:
     """Returns the protocol that the environment names. None in a multiplexer, which may not pass it on."""
     if environment.get("TMUX") or environment.get("TERM", "").startswith(("screen", "tmux")):
         return None
@@ -64,10 +64,10 @@ def _named(environment: Mapping[str, str]) -> ImageProtocol | None:
     return "iterm" if program in ("iTerm.app", "iTerm2", "WezTerm") else None
 
 
-def _asked(out: int, keys: int, patience: float) -> bytes:
+def _query_terminal(out: int, keys: int, patience: float) -> bytes:
     """Returns the terminal's answer in time. Empty if it cannot be queried."""
-    with _unechoed(keys) as able:
-        if not able:
+    with _disable_echo(keys) as is_possible:
+        if not is_possible:
             return b""
         os.write(out, _QUERY)
         answer, until = b"", time.monotonic() + patience
@@ -82,19 +82,19 @@ def _asked(out: int, keys: int, patience: float) -> bytes:
 
 
 @contextlib.contextmanager
-def _unechoed(keys: int) -> Iterator[bool]:
+def _disable_echo(keys: int) -> Iterator[bool]:
     """Turns off echo and line buffering temporarily. Yields False if that is not possible."""
     try:
         import termios
         import tty
 
-        before = termios.tcgetattr(keys)
+        old_attributes = termios.tcgetattr(keys)
         # If a background program reads from the terminal, the system stops it. So do not read in that case.
-        able = os.tcgetpgrp(keys) == os.getpgrp()
+        is_possible = os.tcgetpgrp(keys) == os.getpgrp()
     except (ImportError, OSError, termios.error):
         yield False
         return
-    if not able:
+    if not is_possible:
         yield False
         return
     tty.setcbreak(keys, termios.TCSANOW)
@@ -102,4 +102,4 @@ def _unechoed(keys: int) -> Iterator[bool]:
         yield True
     finally:
         # Discard the rest of a late answer, so that it does not appear at the user's prompt.
-        termios.tcsetattr(keys, termios.TCSAFLUSH, before)
+        termios.tcsetattr(keys, termios.TCSAFLUSH, old_attributes)

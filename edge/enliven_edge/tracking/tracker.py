@@ -16,10 +16,10 @@ from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.health import TrackerState
-from enliven_edge.tracking.output import Output, mirror_of, mirrored_surfaces, seen_surfaces
+from enliven_edge.tracking.output import Output, mirror_plane, mirror_surfaces, visible_surfaces
 from enliven_edge.tracking.people import GuessedFloor, MultiPersonTracker, Person
 from enliven_edge.tracking.scene import UNSEEN, BackgroundModel, Mounting
-from enliven_edge.tracking.segment import furniture_beside, lying_on
+from enliven_edge.tracking.segment import find_furniture, pixels_near_bodies
 from enliven_edge.tracking.settings import TrackerSettings
 
 _YOUNG_AGE_S = 1.0
@@ -128,9 +128,9 @@ class Tracker:
         """
         if self._view is None or self._owner is None or not self._by_depth:
             return {}
-        surfaces = seen_surfaces(self._view, self._owner, self._people.segment_ids())
+        surfaces = visible_surfaces(self._view, self._owner, self._people.segment_ids())
         if self.settings.output.mirror:
-            return mirrored_surfaces(surfaces, *mirror_of(self.world_from_camera))
+            return mirror_surfaces(surfaces, *mirror_plane(self.world_from_camera))
         return surfaces
 
     def lock(self, ids: Iterable[int] | None = None) -> None:
@@ -181,7 +181,7 @@ class Tracker:
     def _track_depth(self, frame: DepthFrame) -> list[Body]:
         """Returns the bodies in a depth image."""
         view = self._mounting.view(frame, no_people=not self._people.people)
-        room = self._room_of(view)
+        room = self._background_for(view)
         if self._mounting.falling:
             self._view = None
             return []
@@ -198,8 +198,8 @@ class Tracker:
         room.guard(segments.owner, self._people.travelled_ids(), view.z)
         people = (segments.owner >= 0) | self._people.finder.searched_pixels(view)
         agreement = room.learn(view.z, people, view.time_ns, hold)
-        self._take_back(room, view)
-        self._give_up(room, view, kind)
+        self._remove_learnt_people(room, view)
+        self._absorb_furniture(room, view, kind)
         self._mounting.watch(view, agreement, people)
         return self._bodies(frame)
 
@@ -213,16 +213,16 @@ class Tracker:
             person.lift(step)
         return self._mounting.raise_guess(view, step)
 
-    def _take_back(self, room: BackgroundModel, view: FrameView) -> None:
+    def _remove_learnt_people(self, room: BackgroundModel, view: FrameView) -> None:
         """Removes parts of people from the background model that it learnt in the first frames.
 
         An example is a leg below a hole in the depth.
         """
         people = [p.follower.posture for p in self._people.people if not p.travelled]
         if people and room.age < _YOUNG_AGE_S:
-            room.forget(lying_on(view, people, self.settings.scene.floor_band, _SURFACE_DISTANCE_M))
+            room.forget(pixels_near_bodies(view, people, self.settings.scene.floor_band, _SURFACE_DISTANCE_M))
 
-    def _give_up(self, room: BackgroundModel, view: FrameView, kind: UInt8) -> None:
+    def _absorb_furniture(self, room: BackgroundModel, view: FrameView, kind: UInt8) -> None:
         """Adds pixels that touch people and never move to the background model.
 
         They are furniture that was there when the people were first seen.
@@ -232,9 +232,9 @@ class Tracker:
             self._gave_up = round(room.age * _FURNITURE_RATE_HZ)
             floor = self.settings.scene.floor_band
             still = room.still_pixels(view.z) & (kind == UNSEEN)
-            room.absorb(furniture_beside(view, still, self._owner, people, floor))
+            room.absorb(find_furniture(view, still, self._owner, people, floor))
 
-    def _room_of(self, view: FrameView) -> BackgroundModel:
+    def _background_for(self, view: FrameView) -> BackgroundModel:
         """Returns the background model: a new one if the sensor was moved or exchanged."""
         mounting = self._mounting
         if mounting.new_camera or mounting.levelled or (mounting.new_place and mounting.far_away):
@@ -243,7 +243,7 @@ class Tracker:
             self._room = BackgroundModel(view.z.shape, self.settings.room)
         return self._room
 
-    def _bounded(self, sure: Float, age_ns: int) -> Float:
+    def _limit_confidence(self, sure: Float, age_ns: int) -> Float:
         """Returns (20,) the confidence of a person's joints, with limits.
 
         It is limited while the person is new, and for legs while the floor is unknown.
@@ -267,7 +267,7 @@ class Tracker:
         for person in self.performers:
             posture, sure = person.follower.posture, person.follower.confidence
             age = frame.time_ns - person.found_ns if person.plain else 0
-            sure = self._bounded(sure, age)
+            sure = self._limit_confidence(sure, age)
             turns, stature = posture.orientations(), person.looks.stature
             fits.append(Body(person.id, posture.joints(), sure, turns, stature=stature))
         if self.colour is not None and self.world_from_camera is not None:

@@ -13,7 +13,7 @@ T = TypeVar("T")
 """The type of a task's result."""
 Steps = Generator[float, Any, T]
 """A task as a generator: it yields the cost of each step, in coarse fits, and returns its result."""
-LOOK = 2
+NETWORK_COST = 2
 """Cost of evaluating the network on one blob of pixels, in coarse fits."""
 _REFERENCE_FPS = 30.0
 """Frames per second at which a frame's budget equals the setting."""
@@ -75,7 +75,7 @@ class BudgetedTask(Generic[T]):
         return self.done
 
 
-def whole(steps: Steps[T]) -> T:
+def run_to_end(steps: Steps[T]) -> T:
     """Runs a task to its end without a limit and returns its result."""
     task = BudgetedTask(steps)
     task.go_on(Budget(float("inf")))

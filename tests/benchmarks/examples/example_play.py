@@ -24,7 +24,7 @@ from enliven.person.body import Body
 from enliven.person.joints import J
 from enliven.rotation import from_rotation_vector, multiply, rotate
 from enliven.takes.capture_roles import find_roles
-from enliven_edge.importing.motion_capture import bodies_of
+from enliven_edge.importing.motion_capture import bodies_from_capture
 
 _STEADY = 0.6
 """Time over which the camera path is smoothed, seconds."""
@@ -74,7 +74,7 @@ class Play:
         puppets do."""
         path = DATA / self.act.take
         capture = read_expmap(path) if path.suffix == ".txt" else read_bvh(path)
-        joints, turns = bodies_of(capture, find_roles(capture))
+        joints, turns = bodies_from_capture(capture, find_roles(capture))
         joints = joints - [0.0, np.percentile(joints[..., 1].min(1), 2), 0.0]
         begun = -yaw_of(self.project.takes[self.puppet.layers[0].take].turns[0, 0])
         whole = from_rotation_vector([0.0, float(begun), 0.0])

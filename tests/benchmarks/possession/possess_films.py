@@ -31,9 +31,9 @@ from enliven.deformation.constraints.floor_contact import FloorSettings
 from enliven.frames import BodyFrame
 from enliven.meshes.mesh import Mesh
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven_edge.importing.mirror import mirrored
+from enliven_edge.importing.mirror import mirror_frames
 from enliven_edge.importing.registry import find_files, find_reader
-from enliven_edge.stage.character_setup import cast, cast_mesh
+from enliven_edge.stage.character_setup import create_actor, create_mesh_actor
 
 DATA = Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[4] / "shared" / "data"))
 OUT = Path(__file__).parents[3] / "out" / "possess"
@@ -124,7 +124,7 @@ def _of(
     def made() -> tuple[list[BodyFrame], EmbeddedActor]:
         frames = read(recording)
         spec = mesh if "/" not in mesh else str(DATA / mesh)
-        return cut(frames, piece or (0.0, 1e9)), cast(spec, settings=settings)
+        return cut(frames, piece or (0.0, 1e9)), create_actor(spec, settings=settings)
 
     return made
 
@@ -135,14 +135,14 @@ def _stepped_into(recording: str, meets: bool = True) -> Callable[[], tuple[list
 
     def made() -> tuple[list[BodyFrame], EmbeddedActor]:
         mesh = BODIES["t woman"]().mesh
-        return read(recording), cast_mesh(mesh, "woman", settings=replace(RAISED, meets=meets))
+        return read(recording), create_mesh_actor(mesh, "woman", settings=replace(RAISED, meets=meets))
 
     return made
 
 
 def _made(mesh: str, moves: str) -> Callable[[], tuple[list[BodyFrame], EmbeddedActor]]:
     """Returns a function that creates one of the project's own meshes, and its own performer."""
-    return lambda: (danced(moves), cast(mesh, settings=RAISED))
+    return lambda: (danced(moves), create_actor(mesh, settings=RAISED))
 
 
 def _scan() -> tuple[list[BodyFrame], EmbeddedActor]:
@@ -151,7 +151,7 @@ def _scan() -> tuple[list[BodyFrame], EmbeddedActor]:
     frames = held_still(own, 1.2)
     for other in (
         read(WING),
-        [frame for frame in mirrored(iter(read(WAVE))) if isinstance(frame, BodyFrame)],
+        [frame for frame in mirror_frames(iter(read(WAVE))) if isinstance(frame, BodyFrame)],
     ):
         frames += as_if_by(own, other, frames[-1].time_ns + 33_333_333)
     mesh = scan_in_world(DATA / f"{SCAN}.pcd", DATA / f"{SCAN}.csv", own)

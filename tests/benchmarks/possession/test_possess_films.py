@@ -16,7 +16,7 @@ from possess_take import Act, Shot, Take, perform
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession.highlights import Cues
-from enliven_edge.stage.character_setup import cast
+from enliven_edge.stage.character_setup import create_actor
 
 NOBODY = Cues("possessed", np.empty(0, np.int64), np.empty(0), -1)
 SECOND = 1_000_000_000
@@ -89,7 +89,7 @@ def test_inverted_box_is_detected() -> None:
 def driven() -> dict[str, Measures]:
     acts = {"chair": ("chair", Act(1.0)), "lamp": ("overhead", Act(1.65, "hip and right arm"))}
     return {
-        mesh: measure(perform(danced(moves, 15.0), cast(mesh), [act]), 2)
+        mesh: measure(perform(danced(moves, 15.0), create_actor(mesh), [act]), 2)
         for mesh, (moves, act) in acts.items()
     }
 

@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.meshes import Mesh
 from enliven.person import Joint
 from enliven.possession import ActorSettings
-from enliven_edge.stage.character_setup import cast_mesh
+from enliven_edge.stage.character_setup import create_mesh_actor
 
 _HELD_FROM_S = 2.5
 """Time at which the performer is attached, seconds. By then they have turned since they were first
@@ -37,7 +37,7 @@ class Turning:
 def measure_turning(mesh: Mesh, how: str, seed: int, noise_m: float = _NOISE_M) -> Turning:
     """Lets a simulated person spin before, and while, possessing a human-like mesh."""
     settings = ActorSettings(how=how, travel=1.0)
-    actor = cast_mesh(mesh, "it", 128, settings)
+    actor = create_mesh_actor(mesh, "it", 128, settings)
     film = spinning_people(seed, noise_m=noise_m)
     gaps, places = headings_on_stage(actor, film, round(_HELD_FROM_S * FRAME_RATE_HZ))
     apart = (places[0] - film[0].joints[Joint.HIP_CENTER])[[0, 2]]

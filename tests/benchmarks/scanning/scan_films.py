@@ -48,8 +48,8 @@ from enliven.scanning import (
 from enliven.scanning.objects import MovedScanner
 from enliven_edge.importing.depth_images import OpenCvDepthReader
 from enliven_edge.importing.placed_images import PosedDepthReader
-from enliven_edge.scanning import Keep, PersonScanner, ScannedMesh, SurfacePreview, finished
-from enliven_edge.stage.character_setup import cast_mesh
+from enliven_edge.scanning import Keep, PersonScanner, ScannedMesh, SurfacePreview, finish_scan
+from enliven_edge.stage.character_setup import create_mesh_actor
 from enliven_synthesis.sensor import (
     FollowingPath,
     HandheldPath,
@@ -116,7 +116,7 @@ def chair() -> Film:
 def _sat_in(made: ScannedMesh) -> tuple[list[BodyFrame], EmbeddedActor]:
     """Returns a recorded person that lifts something, or a motion of the project's own performer."""
     bodies = read(LIFT) if DATA.is_dir() else danced("chair")
-    return bodies, cast_mesh(made.mesh, "thing", settings=RAISED)
+    return bodies, create_mesh_actor(made.mesh, "thing", settings=RAISED)
 
 
 def laid() -> Film:
@@ -231,8 +231,8 @@ class Filming:
         """Yields the frames of a film."""
         scanner = film.scanner(film.settings)
         yield from self._scanned(film, scanner)
-        scan = finished(scanner, film.keep, 50_000, "thing")
-        print(f"  {len(scan.mesh.faces)} triangles; {scan.said}", flush=True)
+        scan = finish_scan(scanner, film.keep, 50_000, "thing")
+        print(f"  {len(scan.mesh.faces)} triangles; {scan.cut_note}", flush=True)
         yield from self._turned(scan.mesh, film.title)
         if film.bodies is not None:
             take = perform(*film.bodies(scan), (film.act,))

@@ -161,8 +161,8 @@ def _sole_below(named: dict[str, np.ndarray], tilt: float) -> float:
 def js6450(name: str, file: str) -> Real:
     """Returns every frame of a take, drawn from the samples around the joints."""
     path = DATA / "skeletons" / "js6450_kinect2_json" / file
-    cleaned = [[flow_room._cleaned(s) for s in frame] for frame in flow_room._frames(path)]
-    distance = flow_room._distance([uvz for frame in cleaned for uvz, _ in frame], path)
+    cleaned = [[flow_room._clean_joints(s) for s in frame] for frame in flow_room._read_frames(path)]
+    distance = flow_room._estimate_distance([uvz for frame in cleaned for uvz, _ in frame], path)
     recorded = _json(path)
     people = sorted({s["trackingId"] for frame in recorded for s in frame})
     people = [i for i in people if sum(i == s["trackingId"] for f in recorded for s in f) > 20]

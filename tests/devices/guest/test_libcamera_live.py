@@ -18,9 +18,9 @@ from frames import bind, lost, read
 from image_log import ImageLog
 
 from enliven import cli
-from enliven_edge.sensors.drivers.libcamera_library import listed_cameras
+from enliven_edge.sensors.drivers.libcamera_library import list_cameras
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
-from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.sensors.reopening import open_reopening
 
 MODULE = Path("/opt/vimc.ko")
 VIRTUAL = Path("/usr/share/libcamera/pipeline/virtual/virtual.yaml")
@@ -47,7 +47,7 @@ def vimc():
         subprocess.run(["modprobe", needed], check=True)
     subprocess.run(["insmod", str(MODULE)], check=True)
     subprocess.run(["udevadm", "settle", "--timeout=30"], check=True)
-    yield [camera.name for camera in listed_cameras()]
+    yield [camera.name for camera in list_cameras()]
     subprocess.run(["rmmod", "vimc"], check=False)
 
 
@@ -81,7 +81,9 @@ def test_colour_arrives_through_the_helper_process_after_each_reopening(vimc, se
 
 
 def test_removed_camera_is_lost_and_returns(vimc, seen):
-    with kept_open(sensor_opener("libcamera", left=vimc[0], width=640, height=480, source=seen)) as sensor:
+    with open_reopening(
+        sensor_opener("libcamera", left=vimc[0], width=640, height=480, source=seen)
+    ) as sensor:
         last = read(sensor, 5)[-1]
         bind("vimc", "vimc.0", there=False)
         seconds, error = lost(sensor)
@@ -123,7 +125,7 @@ def pair(tmp_path_factory):
 
 def test_two_libcamera_cameras_measure_depth(pair):
     calibration, truth = pair
-    print(listed_cameras())
+    print(list_cameras())
     # Virtual cameras are not synchronised, but the room does not move.
     options = {
         "calibration": str(calibration),

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from as_user import SLOW, Listener
 from usb_device import HIGH, Kind, UsbDevice
 
-from enliven_edge.controls.panel_protocol import ASK, VERSION, Decoder, encode
+from enliven_edge.controls.panel_protocol import GREETING_REQUEST, VERSION, Decoder, encode
 
 BY_ID = Path("/dev/serial/by-id")
 PORT = Kind(
@@ -68,7 +68,7 @@ class Panel:
 
     def _hear(self, endpoint: int, data: bytes) -> None:
         for body in self._decoder.feed(data):
-            if body == ASK:
+            if body == GREETING_REQUEST:
                 self._say(f"H{VERSION}P")
             self.lamps = body if body.startswith("L") else self.lamps
 

@@ -20,7 +20,7 @@ from image_log import ImageLog
 
 from enliven.errors import ResourceError
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
-from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.sensors.reopening import open_reopening
 
 CAMERA = "/dev/video0"
 TIMES = 5
@@ -75,7 +75,7 @@ def test_camera_in_use_is_refused(seen):
 
 def test_unplugged_webcam_is_lost_and_returns(seen):
     files, threads = [], []
-    with kept_open(sensor_opener("webcam", device=CAMERA, source=seen)) as sensor:
+    with open_reopening(sensor_opener("webcam", device=CAMERA, source=seen)) as sensor:
         for _ in range(TIMES):
             last = read(sensor, 10)[-1]
             bind("vivid", "vivid.0", there=False)

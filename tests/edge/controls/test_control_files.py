@@ -7,7 +7,7 @@ import pytest
 from enliven.errors import InputError, ResourceError
 from enliven.settings import load_settings
 from enliven_edge.controls.base import Device
-from enliven_edge.controls.control_set import device_of, words_of
+from enliven_edge.controls.control_set import commands_by_key, create_device
 from enliven_edge.settings import EdgeSettings
 
 FILES = sorted((Path(__file__).resolve().parents[3] / "firmware_configs" / "controls").glob("*.toml"))
@@ -34,9 +34,9 @@ def test_a_shipped_file_makes_its_controls(path):
     controls = load_settings(EdgeSettings, path).controls
     assert controls
     for name, settings in controls.items():
-        assert words_of(name, settings)
+        assert commands_by_key(name, settings)
         try:
-            assert isinstance(device_of(name, settings), Device)
+            assert isinstance(create_device(name, settings), Device)
         except ResourceError as error:
             pytest.skip(str(error))
 

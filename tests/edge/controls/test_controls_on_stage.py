@@ -14,7 +14,7 @@ import pytest
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.wire import CALLS
-from enliven_edge.controls.base import WORDS, Press, checked_map
+from enliven_edge.controls.base import WORDS, Press, check_map
 from enliven_edge.controls.control_set import Controls, open_controls
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.controls.settings import ControlSettings
@@ -81,7 +81,7 @@ class House:
 
     def step(self) -> None:
         self.edge.step(self.sensor.read())
-        self.edge._listen()
+        self.edge._poll_requests()
 
     def until(self, done) -> None:
         deadline = time.monotonic() + PATIENCE
@@ -137,7 +137,7 @@ def test_every_control_word_equals_a_viewers_request(outlet, caplog):
 
     def said(*words: str) -> None:
         say.words = list(words)
-        house.edge._listen()
+        house.edge._poll_requests()
         house.step()
 
     house.sensor.bodies = []
@@ -178,7 +178,7 @@ def test_parts_are_named_by_a_word(outlet):
 
     def said(*words: str) -> list[str]:
         say.words = list(words)
-        house.edge._listen()
+        house.edge._poll_requests()
         house.step()
         return [limb for _, limbs in house.driven for limb in limbs]
 
@@ -203,7 +203,7 @@ def test_parts_are_named_by_a_word(outlet):
 )
 def test_a_command_that_cannot_be_meant_is_refused(said, mend):
     with pytest.raises(InputError) as refused:
-        checked_map({"A": said}, "controls.pedal.map")
+        check_map({"A": said}, "controls.pedal.map")
     assert mend in refused.value.mend
 
 
@@ -222,10 +222,10 @@ def test_a_locked_cast_is_the_trackers(outlet):
     say = Say()
     edge = Edge(People(), Tracker(), Stage([]), outlet, controls=Controls([say]))
     say.words = ["lock"]
-    edge._listen()
+    edge._poll_requests()
     assert edge.tracker._people.track_manager.lock.ids is not None
     say.words = ["unlock"]
-    edge._listen()
+    edge._poll_requests()
     assert edge.tracker._people.track_manager.lock.ids is None
 
 
@@ -243,12 +243,12 @@ def test_lamps_show_the_stage_and_its_health(outlet):
     assert say.lamps == Lamps(possess="steady")
     house.edge.tracker = Tracker()  # no frame has been read yet
     house.edge.tracker.lock()
-    house.edge._listen()
+    house.edge._poll_requests()
     assert say.lamps == Lamps(possess="steady", locked="steady")
     house.edge.tracker.unlock()
     house.edge.health.failed(SensorFault("the cable is out", where="people"))
     house.edge._wait()
-    house.edge._listen()
+    house.edge._poll_requests()
     assert say.lamps == Lamps(possess="steady", ill="flashing")
     house.step()
     assert say.lamps == Lamps(possess="steady"), "the sensor is back"

@@ -10,7 +10,14 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from enliven.health import Severity
-from enliven_edge.controls.panel_protocol import Decoder, Lamps, PanelKeys, encode, lamps_body, lamps_of
+from enliven_edge.controls.panel_protocol import (
+    Decoder,
+    Lamps,
+    PanelKeys,
+    encode,
+    lamps_body,
+    lamps_from_state,
+)
 
 letters = st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclude_characters="$*")
 bodies = st.lists(st.text(letters, min_size=1, max_size=20), min_size=1, max_size=6)
@@ -121,19 +128,24 @@ def test_message_of_another_protocol_is_ignored(body):
 def test_greeting_contains_protocol_and_cause():
     keys = PanelKeys()
     keys.feed(encode("H02W"))
-    assert (keys.version, keys.cause, keys.heard) == ("02", "W", 1)
+    assert (keys.version, keys.cause, keys.received) == ("02", "W", 1)
     keys.feed(b"")
     assert (keys.version, keys.cause) == ("02", ""), "it is said once"
 
 
 def test_lamps_of_each_state_of_the_stage():
-    quiet = {"present": False, "held": False, "locked": False, "worst": Severity.NOTE}
+    quiet = {
+        "is_performer_present": False,
+        "is_character_held": False,
+        "locked": False,
+        "highest_severity": Severity.NOTE,
+    }
     for state, lamps in (
         ({}, Lamps(attract="breathing")),
-        ({"present": True}, Lamps(possess="breathing")),
-        ({"present": True, "held": True}, Lamps(possess="steady")),
+        ({"is_performer_present": True}, Lamps(possess="breathing")),
+        ({"is_performer_present": True, "is_character_held": True}, Lamps(possess="steady")),
         ({"locked": True}, Lamps(attract="breathing", locked="steady")),
-        ({"worst": Severity.WARNING}, Lamps(attract="breathing", ill="steady")),
-        ({"worst": Severity.ERROR}, Lamps(attract="breathing", ill="flashing")),
+        ({"highest_severity": Severity.WARNING}, Lamps(attract="breathing", ill="steady")),
+        ({"highest_severity": Severity.ERROR}, Lamps(attract="breathing", ill="flashing")),
     ):
-        assert lamps_of(**{**quiet, **state}) == lamps
+        assert lamps_from_state(**{**quiet, **state}) == lamps

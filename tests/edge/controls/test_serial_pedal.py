@@ -10,7 +10,7 @@ import pytest
 
 from enliven.errors import InputError, ResourceError
 from enliven_edge.controls.base import Debouncer
-from enliven_edge.controls.control_set import device_of, open_controls
+from enliven_edge.controls.control_set import create_device, open_controls
 from enliven_edge.controls.serial_pedal import ByteKeys, LineKeys
 from enliven_edge.controls.settings import ControlSettings
 from enliven_edge.extras import need
@@ -144,7 +144,7 @@ def test_noise_without_an_end_is_no_press_and_takes_no_room():
 )
 def test_invalid_settings_are_refused(settings, message):
     with pytest.raises(InputError, match=message):
-        device_of("pedal", settings)
+        create_device("pedal", settings)
 
 
 def test_missing_serial_library_is_reported_with_the_install_command():

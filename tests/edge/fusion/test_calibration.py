@@ -12,8 +12,14 @@ from walkers import Walker, stand, told
 from enliven.errors import InputError
 from enliven_edge.fusion.calibration.calibration import calibrate
 from enliven_edge.fusion.calibration.quality import Verdict
-from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack, stream_of
-from enliven_edge.fusion.placement.rigid_transform import angle_between, inverse, moved, rigid, turn
+from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack, stream_from_frames
+from enliven_edge.fusion.placement.rigid_transform import (
+    angle_between,
+    compose_transform,
+    invert,
+    rotation_from_vector,
+    transform_points,
+)
 from enliven_edge.fusion.settings import CalibrationSettings
 from enliven_synthesis.motion.wander import WalkPath
 
@@ -26,7 +32,9 @@ def streams(walkers, places, times=TIMES, clocks=None, names="abcdef", **more):
     """Returns one stream per sensor; their frames have different times."""
     clocks = clocks or [10.0] * len(places)
     return [
-        stream_of(name, told(walkers, place, times + 0.011 * i, clock=clock, sensor=name, seed=i, **more))
+        stream_from_frames(
+            name, told(walkers, place, times + 0.011 * i, clock=clock, sensor=name, seed=i, **more)
+        )
         for i, (name, place, clock) in enumerate(zip(names, places, clocks, strict=False))
     ]
 
@@ -47,7 +55,7 @@ def errors(calibration, places, names="abcdef"):
     """Returns the error of each sensor's pose relative to the first, in metres and degrees."""
     rows = []
     for name, place in zip(names, places, strict=False):
-        true = inverse(places[0]) @ place
+        true = invert(places[0]) @ place
         pose = calibration.world_from_sensor[name]
         rows.append((np.linalg.norm(pose[:3, 3] - true[:3, 3]), np.degrees(angle_between(pose, true))))
     return np.array(rows)
@@ -55,13 +63,15 @@ def errors(calibration, places, names="abcdef"):
 
 def changed(stream: BodyStream, transform: np.ndarray) -> BodyStream:
     """Returns the stream as a sensor at another position would report it."""
-    tracks = tuple(dataclasses.replace(t, joints=moved(transform, t.joints)) for t in stream.tracks)
+    tracks = tuple(
+        dataclasses.replace(t, joints=transform_points(transform, t.joints)) for t in stream.tracks
+    )
     return dataclasses.replace(stream, tracks=tracks)
 
 
 def test_exact_bodies_give_exact_places_and_clocks():
     calibration = calibrate(streams([Walker()], [A, B], clocks=[10.0, 13.25]))
-    assert calibration.good and calibration.advice == []
+    assert calibration.is_good and calibration.advice == []
     # The remaining error comes from linear interpolation of a curved motion between two frames.
     metres, degrees = errors(calibration, [A, B]).max(0)
     assert metres < 1e-4 and degrees < 1e-3
@@ -75,10 +85,10 @@ def test_exact_bodies_give_exact_places_and_clocks():
 def test_moving_either_sensor_moves_the_answer_along(which, angle, x, z):
     """Equivariance: a_from_b becomes M a_from_b or a_from_b M^-1."""
     told_by, before = list(seen_by_both()), b_of_both()
-    motion = rigid(turn(np.array([0.0, angle, 0.0])), np.array([x, 0.0, z]))
+    motion = compose_transform(rotation_from_vector(np.array([0.0, angle, 0.0])), np.array([x, 0.0, z]))
     told_by[which] = changed(told_by[which], motion)
     after = calibrate(told_by).world_from_sensor["b"]
-    expected = motion @ before if which == 0 else before @ inverse(motion)
+    expected = motion @ before if which == 0 else before @ invert(motion)
     assert np.allclose(after, expected, atol=2e-4)
 
 
@@ -86,9 +96,9 @@ def test_moving_either_sensor_moves_the_answer_along(which, angle, x, z):
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 def test_without_gravity_any_motion_is_found(pitch, roll):
     a, b = seen_by_both()
-    motion = rigid(turn(np.array([pitch, 0.3, roll])), np.array([0.4, 0.9, -2.0]))
+    motion = compose_transform(rotation_from_vector(np.array([pitch, 0.3, roll])), np.array([0.4, 0.9, -2.0]))
     calibration = calibrate([a, changed(b, motion)], CalibrationSettings(floor_known=False))
-    expected = inverse(A) @ B @ inverse(motion)
+    expected = invert(A) @ B @ invert(motion)
     assert np.allclose(calibration.world_from_sensor["b"], expected, atol=1e-3)
 
 
@@ -115,8 +125,8 @@ def test_person_matching_is_independent_of_ids_and_order(order):
         Walker(WalkPath(12, 1.5, 1.5, (1, 1), 1.57), 1.6, (0.4, 0.2)),
         Walker(WalkPath(9, 1, 0.6), 1.9),
     ]
-    a = stream_of("a", told(people, A, SHORT, sensor="a"))
-    b = stream_of("b", told([people[i] for i in order], B, SHORT + 0.013, sensor="b", ids=[5, 3, 9]))
+    a = stream_from_frames("a", told(people, A, SHORT, sensor="a"))
+    b = stream_from_frames("b", told([people[i] for i in order], B, SHORT + 0.013, sensor="b", ids=[5, 3, 9]))
     assert errors(calibrate([a, b]), [A, B]).max() < 1e-3
 
 
@@ -124,10 +134,10 @@ def test_a_back_with_sides_exchanged():
     """A sensor opposite the first one swaps left and right, always or sometimes."""
     opposite = stand(0.0, -5.0, 180.0)
     for swapped, part in ((lambda t: True, 1.0), (lambda t: t % 4 < 1.5, 0.38)):
-        a = stream_of("a", told([Walker()], A, TIMES, sensor="a"))
-        b = stream_of("b", told([Walker()], opposite, TIMES + 0.01, sensor="b", swapped=swapped))
+        a = stream_from_frames("a", told([Walker()], A, TIMES, sensor="a"))
+        b = stream_from_frames("b", told([Walker()], opposite, TIMES + 0.01, sensor="b", swapped=swapped))
         calibration = calibrate([a, b])
-        assert calibration.good
+        assert calibration.is_good
         assert errors(calibration, [A, opposite]).max() < 2e-3
         assert calibration.pairs[0].quality.swapped == pytest.approx(part, abs=0.03)
 
@@ -144,7 +154,7 @@ def test_joints_that_lie_do_not_matter():
 
 def test_straight_walk_is_not_enough_and_gives_advice():
     calibration = calibrate(streams([Walker(WalkPath(16, 1.6, 0.0))], [A, B], noise=0.01))
-    assert not calibration.good
+    assert not calibration.is_good
     assert calibration.pairs[0].quality.verdict is Verdict.WALK_ON
     assert "walk on, to the " in calibration.advice[0] and "of sensor b" in calibration.advice[0]
     # Sensor b sees the line walked in depth only; there are no data to its left or right yet.
@@ -154,16 +164,16 @@ def test_straight_walk_is_not_enough_and_gives_advice():
 
 def test_a_short_look_is_not_enough():
     calibration = calibrate(streams([Walker()], [A, B], times=np.arange(0, 3, 1 / 30)))
-    assert not calibration.good
+    assert not calibration.is_good
 
 
 def test_different_people_fail_calibration():
     """Each sensor sees another person on another path: calibration must fail with an error."""
-    a = stream_of("a", told([Walker()], A, TIMES, sensor="a", noise=0.01))
+    a = stream_from_frames("a", told([Walker()], A, TIMES, sensor="a", noise=0.01))
     other = Walker(WalkPath(11.0, 1.2, 1.7, (2, 1), 0.7), 1.55)
-    b = stream_of("b", told([other], B, TIMES, sensor="b", noise=0.01))
+    b = stream_from_frames("b", told([other], B, TIMES, sensor="b", noise=0.01))
     calibration = calibrate([a, b])
-    assert not calibration.good and calibration.advice
+    assert not calibration.is_good and calibration.advice
 
 
 def test_a_chain_of_sensors_that_do_not_all_overlap():
@@ -181,16 +191,16 @@ def test_a_chain_of_sensors_that_do_not_all_overlap():
         )
 
     calibration = calibrate([cut(a, 0, 14), b, cut(c, 15, 30)])
-    assert calibration.good
+    assert calibration.is_good
     assert errors(calibration, [A, B, far]).max(0) == pytest.approx([0, 0], abs=0.3)
     assert errors(calibration, [A, B, far])[:, 0].max() < 0.02
-    assert [pair.good for pair in calibration.pairs] == [True, False, True]
+    assert [pair.is_good for pair in calibration.pairs] == [True, False, True]
 
 
 def test_a_loop_is_closed_with_less_error_than_its_worst_pair():
     places = [A, B, stand(-2.0, -2.0, -60.0)]
     calibration = calibrate(streams([Walker()], places, noise=0.03))
-    assert calibration.good and 0 < calibration.loop_cm < 1.0
+    assert calibration.is_good and 0 < calibration.loop_cm < 1.0
     assert errors(calibration, places)[:, 0].max() < 0.01
 
 
@@ -204,16 +214,16 @@ def test_one_sensor_or_one_name_twice_is_refused():
 
 def test_sensor_that_saw_nobody_is_reported():
     a, _ = seen_by_both()
-    calibration = calibrate([a, stream_of("b", [])])
-    assert calibration.pairs[0].fit is None and not calibration.good
+    calibration = calibrate([a, stream_from_frames("b", [])])
+    assert calibration.pairs[0].fit is None and not calibration.is_good
     assert "b never saw a performer" in calibration.advice[0]
     assert "b" not in calibration.world_from_sensor
 
 
 def test_a_slow_sensor_is_placed_too():
     """Five frames per second against thirty."""
-    a = stream_of("a", told([Walker()], A, TIMES, sensor="a"))
-    b = stream_of("b", told([Walker()], B, np.arange(0.02, 16.0, 0.2), sensor="b"))
+    a = stream_from_frames("a", told([Walker()], A, TIMES, sensor="a"))
+    b = stream_from_frames("b", told([Walker()], B, np.arange(0.02, 16.0, 0.2), sensor="b"))
     calibration = calibrate([a, b])
-    assert calibration.good
+    assert calibration.is_good
     assert errors(calibration, [A, B])[1, 0] < 0.03

@@ -16,15 +16,15 @@ from enliven.health import HealthKind
 from enliven_edge.fusion.calibration.tracks import Collector
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.merge import ArrivalClocks, eyes, settings_before_fusion
+from enliven_edge.fusion.live.merge import ArrivalClocks, sensor_positions, settings_before_fusion
 from enliven_edge.fusion.live.sensor_view import SensorState
-from enliven_edge.fusion.placement.space import Place, Space, rows
+from enliven_edge.fusion.placement.space import Place, Space, nested_tuples
 from enliven_edge.tracking.settings import SceneSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
 A, B = stand(0.0, 0.0, 0.0), stand(2.4, -1.8, 70.0)
 TIMES = np.arange(0.0, 3.0, 1 / 30)
-SPACE = Space({"a": Place(rows(A)), "b": Place(rows(B), None, -7_000_000_000)})
+SPACE = Space({"a": Place(nested_tuples(A)), "b": Place(nested_tuples(B), None, -7_000_000_000)})
 """Sensor b's clock is 7 s ahead."""
 
 
@@ -85,7 +85,7 @@ def test_recordings_run_side_by_side_whatever_their_threads_do():
     """The result equals the same streams merged without threads, frame by frame and bit by bit."""
     streams = seen()
     frames, sensor = watched({name: Reel(name, stream) for name, stream in streams.items()})
-    expected = list(fused(streams, SPACE, Fuser(eyes(SPACE))))
+    expected = list(fused(streams, SPACE, Fuser(sensor_positions(SPACE))))
     assert [f.time_ns for f in frames] == [f.time_ns for f in expected]
     for frame, wanted in zip(frames, expected, strict=True):
         assert [b.id for b in frame.bodies] == [b.id for b in wanted.bodies]
@@ -162,7 +162,7 @@ def test_clocks_that_drift_are_kept_together():
         for moment in np.arange(0, 25, 0.1) + 3600 * hour:
             for name, latency, drift in (("a", 0.02, 0.0), ("b", 0.05, 4e-5)):
                 late = latency + random.exponential(0.005) + 0.2 * (random.uniform() < 0.05)
-                clocks.note(name, round((moment * (1 + drift)) * 1e9), round((moment + late) * 1e9))
+                clocks.record_arrival(name, round((moment * (1 + drift)) * 1e9), round((moment + late) * 1e9))
         if hour > 0:
             assert clocks.shift("a") == 0
             assert abs(clocks.shift("b") * 1e-9 + 3600 * hour * 4e-5) < 0.008

@@ -12,9 +12,9 @@ from enliven.person.body import Body
 from enliven.rotation import from_rotation_vector, multiply, rotate
 from enliven_edge.fusion.live import blending
 from enliven_edge.fusion.live.fuser import Fuser, standing_person, warm_up_fusion
-from enliven_edge.fusion.live.grouping import plausible
+from enliven_edge.fusion.live.grouping import is_plausible
 from enliven_edge.fusion.live.sensor_view import SensorState
-from enliven_edge.fusion.live.side_assignment import exchanged
+from enliven_edge.fusion.live.side_assignment import swap_sides
 from enliven_edge.fusion.settings import FusionSettings
 from enliven_synthesis.motion.wander import WalkPath
 
@@ -170,7 +170,7 @@ def test_one_sensor_exchanges_the_sides_for_a_while(sensors):
 
     def told(name, time):
         seen = body(walker.joints(time))
-        return [exchanged(seen) if name == "b" and 1.0 <= time < 4.0 else seen]
+        return [swap_sides(seen) if name == "b" and 1.0 <= time < 4.0 else seen]
 
     for time, bodies, _ in run(told, 6.0, sensors):
         if bodies:
@@ -180,7 +180,7 @@ def test_one_sensor_exchanges_the_sides_for_a_while(sensors):
 def test_left_right_swap_is_corrected_by_majority():
     walker = Walker()
     for time, bodies, _ in run(
-        lambda n, t: [exchanged(body(walker.joints(t))) if n == "a" else body(walker.joints(t))], 4.0, "abc"
+        lambda n, t: [swap_sides(body(walker.joints(t))) if n == "a" else body(walker.joints(t))], 4.0, "abc"
     ):
         if time > 0.3:
             assert np.abs(bodies[0].joints - walker.joints(time)).max() < 1e-6
@@ -190,7 +190,7 @@ def test_walking_direction_decides_between_swapped_sides():
     """Sensor a swaps left and right from the start; the person walks forward, so b is believed."""
     walker = Walker()
     fused, _ = last(
-        run(lambda n, t: [exchanged(body(walker.joints(t))) if n == "a" else body(walker.joints(t))], 6.0)
+        run(lambda n, t: [swap_sides(body(walker.joints(t))) if n == "a" else body(walker.joints(t))], 6.0)
     )
     assert np.abs(fused[0].joints - walker.joints(6.0 - STEP)).max() < 0.02
 
@@ -200,7 +200,7 @@ def test_lasting_agreement_of_all_sensors_swaps_the_sides():
     wrong = [
         np.abs(b[0].joints - walker.joints(t)).max() > 0.05
         for t, b, _ in run(
-            lambda n, t: [exchanged(body(walker.joints(t))) if t < 0.5 else body(walker.joints(t))], 5.0
+            lambda n, t: [swap_sides(body(walker.joints(t))) if t < 0.5 else body(walker.joints(t))], 5.0
         )
         if b
     ]
@@ -397,7 +397,7 @@ def test_an_orientation_that_one_sensor_has_is_kept():
 def test_swapping_sides_twice_is_identity_and_once_turns_the_front():
     turns = from_rotation_vector(np.random.default_rng(2).normal(size=(20, 3)))
     whole = body(STANDING, orientations=turns, contacts=np.array([0.2, 0.9]))
-    once, twice = exchanged(whole), exchanged(exchanged(whole))
+    once, twice = swap_sides(whole), swap_sides(swap_sides(whole))
     assert np.allclose(twice.joints, whole.joints) and np.allclose(twice.contacts, whole.contacts)
     assert np.allclose(np.abs((twice.orientations * turns).sum(1)), 1.0)
     ahead = np.array([0.0, 0.0, 1.0])
@@ -419,7 +419,7 @@ def test_many_people_before_two_sensors_keep_apart():
 
 
 def test_warm_up_leaves_no_kernel_to_compile():
-    assert plausible(body(standing_person()))
+    assert is_plausible(body(standing_person()))
     warm_up_fusion()
     kernels = (blending.blend, blending.doubt_outliers, blending.fuse_confidence, blending.side_costs)
     before = [len(kernel.signatures) for kernel in kernels]

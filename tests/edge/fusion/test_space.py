@@ -7,12 +7,12 @@ import pytest
 from walkers import stand
 
 from enliven.errors import InputError, ResourceError
-from enliven_edge.fusion.placement.space import Place, Space, load_space, rows, save_space
+from enliven_edge.fusion.placement.space import Place, Space, load_space, nested_tuples, save_space
 
 SPACE = Space(
     {
-        "oak-1844": Place(rows(np.eye(4)), rows(stand(0.1, 1 / 3, 33.0)), 0),
-        'kinect2-138.251 "left"': Place(rows(stand(2.0, -1.0, 91.7, 1.3)), None, -123456789012345),
+        "oak-1844": Place(nested_tuples(np.eye(4)), nested_tuples(stand(0.1, 1 / 3, 33.0)), 0),
+        'kinect2-138.251 "left"': Place(nested_tuples(stand(2.0, -1.0, 91.7, 1.3)), None, -123456789012345),
     }
 )
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from enliven.frames import DepthFrame
-from enliven_edge.fusion.placement.rigid_transform import inverse
+from enliven_edge.fusion.placement.rigid_transform import invert
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.dance import HOME_Z
 from enliven_synthesis.motion.motion import DanceMotion
@@ -59,4 +59,4 @@ class View:
 def left_from_right_camera() -> np.ndarray:
     """Returns the (4, 4) pose that calibration should find: right's camera in left's camera frame."""
     left, right = (View(name, ()) for name in PLACES)
-    return inverse(left.world_from_camera) @ right.world_from_camera
+    return invert(left.world_from_camera) @ right.world_from_camera

@@ -4,8 +4,13 @@ import numpy as np
 
 from enliven.frames import BodyFrame
 from enliven.person.body import Body
-from enliven_edge.fusion.live.side_assignment import exchanged
-from enliven_edge.fusion.placement.rigid_transform import inverse, moved, rigid, turn
+from enliven_edge.fusion.live.side_assignment import swap_sides
+from enliven_edge.fusion.placement.rigid_transform import (
+    compose_transform,
+    invert,
+    rotation_from_vector,
+    transform_points,
+)
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.wander import WalkPath
 
@@ -14,8 +19,10 @@ FORWARD = np.array([0.0, 0.0, 1.0])
 
 def stand(x: float, z: float, degrees: float, tilt: float = 0.0) -> np.ndarray:
     """Returns (4, 4) world_from_sensor of a level frame at (x, z), rotated about +Y (0 looks along -Z)."""
-    yaw = turn(np.deg2rad(degrees) * np.array([0.0, 1.0, 0.0]))
-    return rigid(yaw @ turn(np.deg2rad(tilt) * np.array([1.0, 0.0, 0.0])), np.array([x, 0.0, z]))
+    yaw = rotation_from_vector(np.deg2rad(degrees) * np.array([0.0, 1.0, 0.0]))
+    return compose_transform(
+        yaw @ rotation_from_vector(np.deg2rad(tilt) * np.array([1.0, 0.0, 0.0])), np.array([x, 0.0, z])
+    )
 
 
 class Walker:
@@ -46,14 +53,14 @@ def told(
     world's.
     """
     random = np.random.default_rng(seed)
-    sensor_from_world = inverse(world_from_sensor)
+    sensor_from_world = invert(world_from_sensor)
     frames = []
     for time in times:
         bodies = []
         for number, walker in enumerate(walkers):
-            joints = moved(sensor_from_world, walker.joints(float(time)))
+            joints = transform_points(sensor_from_world, walker.joints(float(time)))
             joints = joints + noise * random.standard_normal((20, 3))
             body = Body(number if ids is None else ids[number], joints, np.ones(20))
-            bodies.append(exchanged(body) if swapped(time) else body)
+            bodies.append(swap_sides(body) if swapped(time) else body)
         frames.append(BodyFrame(bodies, round((time + clock) * 1e9), sensor))
     return frames

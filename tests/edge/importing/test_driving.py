@@ -17,7 +17,7 @@ from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.character_setup import cast, parts_for
+from enliven_edge.stage.character_setup import create_actor, parts_for
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.take_feed import TakeFeed
@@ -48,7 +48,7 @@ def performed(tmp_path_factory) -> Document:
 
 def play(recording: Path, performance: Path) -> None:
     """Plays a recording as `enliven edge --recording ... --mesh lamp --possess-at ... --record ...` does."""
-    actor = cast("lamp")
+    actor = create_actor("lamp")
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
     with (
         ReplaySensor(recording, speed=0.0) as sensor,

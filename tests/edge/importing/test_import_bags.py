@@ -17,7 +17,7 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.recording import Recorder, Recording
-from enliven_edge.importing.bags.images import rational_places
+from enliven_edge.importing.bags.images import undistortion_map
 from enliven_edge.importing.bags.reader import BagReader
 from enliven_edge.sensors.drivers import playback
 from enliven_edge.sensors.drivers.playback import write_playback
@@ -204,7 +204,7 @@ def test_images_of_a_rational_lens_are_straightened():
     """A straight image, distorted by a slow copy of OpenCV's model, is straight to within a pixel again."""
     camera = Intrinsics(48, 40, 40.0, 41.0, 23.5, 19.25)
     k1, k2, p1, p2, k3, k4, k5, k6 = bent = (0.3, 0.1, 0.002, -0.001, 0.01, 0.4, 0.05, 0.02)
-    places = rational_places(camera, bent)
+    places = undistortion_map(camera, bent)
     for row in range(40):
         for column in range(48):
             x, y = (column - 23.5) / 40.0, (row - 19.25) / 41.0

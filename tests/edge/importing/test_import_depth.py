@@ -9,7 +9,7 @@ from PIL import Image
 from enliven.camera import project, rays, unproject
 from enliven.errors import InputError
 from enliven_edge.importing.base import ImportOptions, natural_order
-from enliven_edge.importing.mirror import mirrored
+from enliven_edge.importing.mirror import mirror_frames
 from enliven_edge.importing.registry import find_files, find_reader, readers
 
 XML = """<?xml version="1.0"?>
@@ -170,11 +170,11 @@ def test_mirroring_keeps_every_point_in_its_place_across(tmp_path):
     save(tmp_path / "0_depth.png", depth_image(0))
     (tmp_path / "0_camera.xml").write_text(XML)
     (frame,) = read(tmp_path)[1]
-    (mirror,) = mirrored(iter([frame]))
+    (mirror,) = mirror_frames(iter([frame]))
     points = unproject(frame.depth, rays(frame.intrinsics))
     reflected = unproject(mirror.depth, rays(mirror.intrinsics))[:, ::-1] * [-1, 1, 1]
     assert np.allclose(points, reflected)
-    (again,) = mirrored(iter([mirror]))
+    (again,) = mirror_frames(iter([mirror]))
     assert again.intrinsics == frame.intrinsics
     seen = frame.depth > 0
     assert np.allclose(project(points[seen], frame.intrinsics)[:, 0], np.nonzero(seen)[1])

@@ -11,7 +11,7 @@ from enliven.person.body import ANKLE_ABOVE_SOLE
 from enliven.person.joints import Joint
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.kinect_texts import MSR_FOCAL, MSR_ORDER, level_from_tilted
-from enliven_edge.importing.mirror import OTHER_SIDE, mirrored
+from enliven_edge.importing.mirror import OTHER_SIDE, mirror_frames
 from enliven_edge.importing.registry import find_reader
 from enliven_edge.importing.skeletons import KINECT2_NAMES, KINECT2_ORDER
 from enliven_edge.tracking.output.output import Output
@@ -287,7 +287,7 @@ def test_a_jump_does_not_move_the_floor(tmp_path):
 def test_mirroring_swaps_sides(tmp_path):
     path = tmp_path / "a01.txt"
     path.write_text(msr_rows(person(raised=0.5), False))
-    (frame,) = mirrored(iter(read(path)[1]))
+    (frame,) = mirror_frames(iter(read(path)[1]))
     joints = frame.bodies[0].joints
     assert joints[Joint.HAND_LEFT, 1] > joints[Joint.HAND_RIGHT, 1] + 0.4
     assert joints[Joint.SHOULDER_LEFT, 0] > joints[Joint.SHOULDER_RIGHT, 0]

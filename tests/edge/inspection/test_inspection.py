@@ -24,7 +24,7 @@ from enliven_edge.inspection.picture import (
     depth_picture,
     depth_span,
     draw_bodies,
-    tinted,
+    tint_people,
 )  # fmt: skip
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.body.performer import Performer
@@ -75,7 +75,7 @@ def test_the_persons_pixels_are_tinted() -> None:
     depth[0] = 0
     owner = np.full((4, 4), -1)
     owner[:, 2:] = 0
-    out = tinted(picture, owner, depth)
+    out = tint_people(picture, owner, depth)
     assert (out[:, :4] == 200).all() and (out[0] == 200).all()
     assert (out[1:, 4:] != 200).any(2).all()
 

@@ -7,7 +7,7 @@ import pytest
 
 from enliven.errors import InputError
 from enliven.person.joints import Joint
-from enliven_edge.landmarks.lifting import WEIGHTS, Lifter, LiftSettings, visibility_of
+from enliven_edge.landmarks.lifting import WEIGHTS, Lifter, LiftSettings, joint_visibility
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 LIMBS = [j for j in Joint if j not in (Joint.HIP_CENTER, Joint.SPINE)]
@@ -25,7 +25,7 @@ def seen(choreography="walk", frames=20, every=5):
 
 def test_a_joint_s_shares_of_the_landmarks_are_one():
     np.testing.assert_allclose(WEIGHTS.sum(1), 1.0)
-    assert visibility_of(np.ones(33)).min() == 1.0
+    assert joint_visibility(np.ones(33)).min() == 1.0
 
 
 @pytest.mark.parametrize("choreography", ["walk", "wave"])

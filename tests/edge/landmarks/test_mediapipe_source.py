@@ -67,5 +67,5 @@ def test_the_worker_needs_nothing_of_this_program():
 
 
 def test_both_sides_agree_on_the_layout():
-    assert worker.HEAD.format == source._HEAD.format
-    assert len(worker._packed([([], [])], 1, 1)) == 4
+    assert worker.HEADER.format == source._HEADER.format
+    assert len(worker._pack_people([([], [])], 1, 1)) == 4

@@ -25,7 +25,7 @@ from enliven.wire.envelope import pack_control, unpack_control
 from enliven_edge.network.name_lock import NameLock
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.network.publisher import Publisher
-from enliven_edge.orders import handlers_of
+from enliven_edge.orders import create_handlers
 from enliven_edge.settings import WireSettings
 
 PATIENCE = 60.0
@@ -57,7 +57,7 @@ class Stage:
 
     def __init__(self, outlet: Outlet) -> None:
         self.outlet, self.done, self.seconds = outlet, [], 0.0
-        self.handlers = {kind: replace(how, do=self.do) for kind, how in handlers_of(self).items()}
+        self.handlers = {kind: replace(how, do=self.do) for kind, how in create_handlers(self).items()}
 
     def hear(self) -> None:
         """Reads and executes commands for one frame."""
@@ -272,7 +272,7 @@ def test_a_newcomer_finds_a_place_among_idle_connections(publisher: Publisher, p
     subscriber = context.socket(zmq.SUB)
     subscriber.setsockopt(zmq.SUBSCRIBE, b"status")
     subscriber.connect(publisher.endpoint.stream_address)
-    until(lambda: subscriber.poll(0), publisher.beat)
+    until(lambda: subscriber.poll(0), publisher.send_heartbeat)
     context.destroy(linger=0)
     good = peers(publisher)
     good.send(requests.Ping("good", 1))
@@ -287,7 +287,7 @@ def test_a_subscriber_gets_what_it_subscribed_to(publisher: Publisher) -> None:
     for topic in (b"status", b"bodies", b"nothing like it"):
         subscriber.setsockopt(zmq.SUBSCRIBE, topic)
     subscriber.connect(publisher.endpoint.stream_address)
-    until(lambda: subscriber.poll(0), publisher.beat)
+    until(lambda: subscriber.poll(0), publisher.send_heartbeat)
     publisher.publish(streams.CuesMessage("lamp", "possessed", bytes(4), bytes(2), 1))
     publisher.publish(streams.BodiesMessage(7, 0, []))
     heard: set[bytes] = set()
@@ -303,7 +303,7 @@ def test_a_subscriber_gets_what_it_subscribed_to(publisher: Publisher) -> None:
 
     def publish() -> None:
         publisher.publish(streams.CuesMessage("lamp", "free"))
-        publisher.beat()
+        publisher.send_heartbeat()
 
     until(lambda: b"cues" in heard, publish, take)
     heard.clear()

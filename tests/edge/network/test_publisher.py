@@ -82,7 +82,7 @@ class Peer:
     def listen(self) -> None:
         """Waits until the streams arrive."""
         for _ in range(ROUNDS):
-            self.publisher.beat()
+            self.publisher.send_heartbeat()
             if self.sub.poll(5):
                 return
         raise AssertionError("no heartbeat")

@@ -20,7 +20,7 @@ from .conftest import FRAME, UNBOUND, person
 
 pytest.importorskip("mujoco", reason="the physics engine is an extra: pip install ./edge[physics]")
 
-from enliven_edge.physics.games import clear_places, tower_places, tower_props
+from enliven_edge.physics.games import find_clear_places, tower_places, tower_props
 from enliven_edge.physics.ground import WorldGround, body_spheres, ground_under
 from enliven_edge.physics.playground import Playground
 from enliven_edge.physics.settings import BoxesSettings, DodgeballSettings, PhysicsSettings
@@ -111,7 +111,7 @@ def test_tower_moves_only_if_its_place_is_occupied(seed, count, wide):
     settings = BoxesSettings(wide=wide)
     spheres, radii = rng.uniform((-1.2, 0, -1.2), (1.2, 2, 1.2), (count, 3)), rng.uniform(0.01, 0.2, count)
     meant, boxes = (each.reshape(2, -1, 3) for each in (
-        tower_places(settings), clear_places(settings, spheres, radii)
+        tower_places(settings), find_clear_places(settings, spheres, radii)
     ))  # fmt: skip
     half = settings.side / 2
     for tower, wanted in zip(boxes, meant, strict=True):

@@ -119,7 +119,7 @@ def test_teleported_sphere_does_not_push_the_box_at_its_speed():
     world.put(slice(None), np.array([[0.0, 0.1, 0.0]]))
     for k in range(12):
         world.move(np.array([[min(-0.4 + 6.0 * k * FRAME, 0.3), 0.12, 0.0]]), np.array([0.06]))
-        world.appear(slice(0, 1))  # teleported in every frame, so it has no velocity
+        world.mark_as_new(slice(0, 1))  # teleported in every frame, so it has no velocity
         world.advance(FRAME)
     assert world.velocities[0, 0] < 0.5 * 6.0
 

@@ -132,7 +132,7 @@ def test_a_foot_that_stands_stays_where_it_is_while_the_puppet_is_drawn_back() -
 def test_fixed_root_stays_and_footless_puppet_follows() -> None:
     still = Locomotion(REST, (), STEP, LocomotionSettings())
     still.begin(np.array([1.0, 0.0, 2.0]), 0j)
-    assert not still.goes
+    assert not still.can_step
     at, root = still.go(REST + 1.0, 2.0, Footing(False, 1.0), 1.0, 3.0 + 0.0j)
     np.testing.assert_array_equal(root, [1.0, 0.0, 2.0])
     np.testing.assert_array_equal(at, REST + 1.0)
@@ -146,27 +146,27 @@ def test_fixed_root_stays_and_footless_puppet_follows() -> None:
 
 def test_only_visibly_lifted_feet_count_as_airborne() -> None:
     feet = Feet()
-    assert feet.see(person(), 0.0).touches
-    assert feet.see(person(up=0.02), STEP).touches
-    up = feet.see(person(up=0.25), STEP)
+    assert feet.update(person(), 0.0).touches
+    assert feet.update(person(up=0.02), STEP).touches
+    up = feet.update(person(up=0.25), STEP)
     assert not up.touches
     assert 0.08 < up.lift < 0.25 / 1.75
     body = person(up=0.25, knees=(0.0, 0.9))
-    assert not feet.see(body, STEP).touches
+    assert not feet.update(body, STEP).touches
     body.confidence[[Joint.FOOT_LEFT, Joint.ANKLE_LEFT]] = 0.0
-    assert feet.see(body, STEP).touches
+    assert feet.update(body, STEP).touches
     sure = replace(person(up=0.25), contacts=np.array([0.9, 0.0]))
-    assert feet.see(sure, STEP).touches
-    assert feet.see(person(knees=(1.2, 0.0)), STEP).touches
+    assert feet.update(sure, STEP).touches
+    assert feet.update(person(knees=(1.2, 0.0)), STEP).touches
 
 
 def test_small_floor_error_does_not_lift_the_puppet() -> None:
     feet = Feet()
-    assert all(feet.see(person(up=0.12), STEP).touches for _ in range(30))
+    assert all(feet.update(person(up=0.12), STEP).touches for _ in range(30))
     lost = person()
     lost.joints[:] = np.nan
     lost.confidence[:] = 0.0
-    assert feet.see(lost, STEP).touches
+    assert feet.update(lost, STEP).touches
 
 
 def jumped(jump: float = 1.0) -> np.ndarray:
@@ -218,4 +218,4 @@ def test_the_cactus_waddles_and_its_standing_foot_does_not_slide() -> None:
 def test_tracker_contacts_alone_never_lift_the_puppet(contact: tuple[float, float]) -> None:
     feet = Feet()
     body = replace(person(), contacts=np.array(contact))
-    assert all(feet.see(body, STEP).touches for _ in range(10))
+    assert all(feet.update(body, STEP).touches for _ in range(10))

@@ -16,7 +16,7 @@ from enliven.errors import InputError
 from enliven.example_sessions.text import write_session
 from enliven.formats.project.file import write_project
 from enliven.meshes.mesh import Mesh
-from enliven_edge.stage.puppet.puppet_setup import cast_puppet
+from enliven_edge.stage.puppet.puppet_setup import create_puppet_actor
 from enliven_edge.stage.puppet.spec import is_puppet
 
 CACTUS = cactus_project(0.05)
@@ -42,7 +42,10 @@ def test_puppet_names_are_recognised() -> None:
 def test_the_made_cactus_a_session_and_a_project_are_the_same_puppet(tmp_path: Path) -> None:
     session = tmp_path / "show.toml"
     write_session(session, CACTUS, "cactus")
-    actors = [cast_puppet(spec) for spec in ("cactus", str(session), written(tmp_path / "p.enliven", CACTUS))]
+    actors = [
+        create_puppet_actor(spec)
+        for spec in ("cactus", str(session), written(tmp_path / "p.enliven", CACTUS))
+    ]
     assert {len(actor.character.pivots) for actor in actors} == {1 + len(PUPPET.points)}
     assert {actor.character.id for actor in actors} >= {"cactus"}
     for actor in actors[1:]:
@@ -55,11 +58,11 @@ def test_one_of_several_puppets_must_be_named(tmp_path: Path) -> None:
     both = CACTUS.with_characters(PUPPET.with_changes(id="Bob"))
     spec = written(tmp_path / "two.enliven", both)
     with pytest.raises(InputError, match="2 puppets") as caught:
-        cast_puppet(spec)
+        create_puppet_actor(spec)
     assert "#cactus" in str(caught.value)
-    assert cast_puppet(f"{spec}#Bob").character.id == "Bob"
+    assert create_puppet_actor(f"{spec}#Bob").character.id == "Bob"
     with pytest.raises(InputError, match="no puppet 'Eve'"):
-        cast_puppet(f"{spec}#Eve")
+        create_puppet_actor(f"{spec}#Eve")
 
 
 @pytest.mark.parametrize(
@@ -77,17 +80,17 @@ def test_incomplete_puppet_reports_missing_parts(
     tmp_path: Path, changes: dict[str, object], words: str
 ) -> None:
     with pytest.raises(InputError, match=words):
-        cast_puppet(written(tmp_path / "p.enliven", with_puppet(**changes)))
+        create_puppet_actor(written(tmp_path / "p.enliven", with_puppet(**changes)))
 
 
 def test_a_project_without_a_puppet_and_a_file_that_is_none(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="it has no puppet"):
-        cast_puppet(written(tmp_path / "p.enliven", Project().with_takes(CACTUS.takes[TAKE])))
+        create_puppet_actor(written(tmp_path / "p.enliven", Project().with_takes(CACTUS.takes[TAKE])))
     with pytest.raises(InputError, match="no such file"):
-        cast_puppet(str(tmp_path / "gone.toml"))
+        create_puppet_actor(str(tmp_path / "gone.toml"))
     (tmp_path / "odd.toml").write_text("[mesh\n")
     with pytest.raises(InputError, match="TOML"):
-        cast_puppet(str(tmp_path / "odd.toml"))
+        create_puppet_actor(str(tmp_path / "odd.toml"))
 
 
 def test_mesh_too_large_for_viewers_is_reported_at_once(tmp_path: Path) -> None:
@@ -100,7 +103,7 @@ def test_mesh_too_large_for_viewers_is_reported_at_once(tmp_path: Path) -> None:
     poses = tuple(replace(pose, places=pose.places[:3]) for pose in (PUPPET.poses[0], PUPPET.poses[-1]))
     huge = PUPPET.with_changes(mesh=mesh, points=points, poses=poses, symmetry=None)
     with pytest.raises(InputError, match="Simplify the mesh"):
-        cast_puppet(written(tmp_path / "p.enliven", CACTUS.with_characters(huge)))
+        create_puppet_actor(written(tmp_path / "p.enliven", CACTUS.with_characters(huge)))
 
 
 def test_edge_reports_missing_key_pose_before_listening(tmp_path: Path, capfd) -> None:

@@ -8,7 +8,7 @@ from sample_meshes.cactus_puppet import cactus_project
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.document.character import Pose
 from enliven.document.puppet import character_of_puppet
-from enliven_edge.physics.playground import roughly_skinned
+from enliven_edge.physics.playground import skin_to_control_points
 
 PUPPET = cactus_project(0.05).puppet("cactus")
 CHARACTER = character_of_puppet(PUPPET)
@@ -21,7 +21,7 @@ def skinned(character, pose: Pose) -> np.ndarray:
 
 
 def test_arms_are_nearly_where_they_are_solved_to_be() -> None:
-    rough = roughly_skinned(CHARACTER)
+    rough = skin_to_control_points(CHARACTER)
     assert rough.kind == "bones"
     rigid = near = 0.0
     for key in PUPPET.poses[1:5]:
@@ -37,5 +37,5 @@ def test_arms_are_nearly_where_they_are_solved_to_be() -> None:
 
 
 def test_other_characters_stay_unchanged() -> None:
-    bones = roughly_skinned(CHARACTER)
-    assert roughly_skinned(bones) is bones
+    bones = skin_to_control_points(CHARACTER)
+    assert skin_to_control_points(bones) is bones

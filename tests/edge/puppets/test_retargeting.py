@@ -66,7 +66,7 @@ OTHER = other_skeleton()
 def seen(retargeting: Retargeting, *bodies: Body) -> np.ndarray:
     bones = Bones(0.3)
     for body in bodies:
-        pose = retargeting.pose(bones.see(body, 1 / 30))
+        pose = retargeting.pose(bones.update(body, 1 / 30))
     return pose
 
 
@@ -121,15 +121,15 @@ def test_other_bones_go_where_the_persons_go() -> None:
 def test_a_joint_that_is_not_seen_keeps_its_direction_and_comes_back_softly() -> None:
     retargeting = Retargeting(own_skeleton(), PAIRED)
     bones = Bones(0.3)
-    before = retargeting.pose(bones.see(person(arm=1.5), 0.0))
+    before = retargeting.pose(bones.update(person(arm=1.5), 0.0))
     lost = person(arm=1.5, yaw=1.0, x=2.0)
     lost.joints[Joint.WRIST_LEFT] = (9.0, 9.0, 9.0)
     lost.confidence[Joint.WRIST_LEFT] = 0.0
-    np.testing.assert_allclose(retargeting.pose(bones.see(lost, 1 / 30)), before, atol=1e-6)
+    np.testing.assert_allclose(retargeting.pose(bones.update(lost, 1 / 30)), before, atol=1e-6)
     lost.joints[Joint.WRIST_LEFT] = np.nan
-    np.testing.assert_allclose(retargeting.pose(bones.see(lost, 1 / 30)), before, atol=1e-6)
+    np.testing.assert_allclose(retargeting.pose(bones.update(lost, 1 / 30)), before, atol=1e-6)
     back = person(arm=-0.5)
-    steps = [retargeting.pose(bones.see(back, 1 / 30))[1] for _ in range(30)]
+    steps = [retargeting.pose(bones.update(back, 1 / 30))[1] for _ in range(30)]
     forearm = np.linalg.norm(np.diff([before[1], *steps], axis=0), axis=1)
     assert 0.0 < forearm[0] < 0.6
     np.testing.assert_allclose(steps[-1], seen(retargeting, back)[1], atol=1e-6)
@@ -147,7 +147,7 @@ def test_never_tracked_performer_stands_with_hanging_arms() -> None:
 
 def test_repeated_turns_give_a_continuous_yaw() -> None:
     bones = Bones(0.3)
-    yaws = [bones.see(person(yaw=yaw), 1 / 30).yaw for yaw in np.linspace(0.0, 4 * np.pi, 90)]
+    yaws = [bones.update(person(yaw=yaw), 1 / 30).yaw for yaw in np.linspace(0.0, 4 * np.pi, 90)]
     np.testing.assert_allclose(np.diff(yaws), 4 * np.pi / 89, atol=0.02)
 
 
@@ -156,7 +156,7 @@ def test_facing_comes_from_the_chest_if_legs_are_hidden() -> None:
     for joint in Joint:
         if joint.name.split("_")[0] in ("HIP", "KNEE", "ANKLE", "FOOT"):
             near.confidence[joint] = 0.0 if joint is not Joint.HIP_CENTER else 1.0
-    assert Bones(0.3).see(near, 0.0).yaw == pytest.approx(0.8, abs=0.02)
+    assert Bones(0.3).update(near, 0.0).yaw == pytest.approx(0.8, abs=0.02)
 
 
 def test_unmappable_joints_are_reported_by_name() -> None:

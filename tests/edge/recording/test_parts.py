@@ -67,7 +67,7 @@ def test_a_full_disk_pauses_and_room_resumes(tmp_path, monkeypatch) -> None:
     filler.write_bytes(bytes(600 << 10))
     try:
         with PartedRecorder(disk / "take.mcap") as recorder:
-            recorder.begun = lambda: begun.append(recorder.path.name)
+            recorder.on_part_started = lambda: begun.append(recorder.path.name)
             recorder.add_metadata("place", {"room": "1"})
 
             def write_until(done) -> None:

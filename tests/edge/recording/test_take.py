@@ -17,7 +17,7 @@ from enliven_edge.network.outlet import Outlet
 from enliven_edge.recording.disk_sync import DiskSync
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.character_setup import cast
+from enliven_edge.stage.character_setup import create_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.stage.tick import Tick
 from enliven_edge.tracking.tracker import Tracker
@@ -27,7 +27,7 @@ STEP = 33_333_333
 
 @pytest.fixture(scope="module")
 def character():
-    return cast("chair", nodes=16).character
+    return create_actor("chair", nodes=16).character
 
 
 def made(path) -> Outlet:

@@ -18,7 +18,7 @@ from enliven.scanning import Scanner, ScanSettings, VolumeSettings
 from enliven.wire import Scan, ScanMessage
 from enliven_edge.scanning import LiveScan, scan_placement
 from enliven_edge.scanning.scan_placement import ScanPlacement
-from enliven_edge.scanning.scan_view import shown_of
+from enliven_edge.scanning.scan_view import create_scan_view
 from enliven_synthesis.sensor import HandheldPath
 
 PATIENCE = 60.0
@@ -34,11 +34,11 @@ def busy(monkeypatch):
     """Blocks a scan in its surface step; returns the event that reports it and the one that ends it."""
     looks, free = threading.Event(), threading.Event()
 
-    def look(place, scanner):
+    def update(place, scanner):
         looks.set()
         assert free.wait(PATIENCE)
 
-    monkeypatch.setattr(ScanPlacement, "look", look)
+    monkeypatch.setattr(ScanPlacement, "update", update)
     scan = LiveScan(1, Scan("start", name="box", voxel=0.016), lambda mesh, name, ends: name)
     scan.start()
     yield scan, looks, free
@@ -138,15 +138,15 @@ def test_the_placement_stays_when_nearly_all_images_are_undone(monkeypatch):
     first = copy.deepcopy(scanner)
     for index in range(5, 60, 5):
         scanner.add(take.frame(index))
-    place.look(shown_of(scanner))
+    place.update(create_scan_view(scanner))
     stage_from_scan = place.stage_from_scan.copy()
-    place.look(shown_of(first))
+    place.update(create_scan_view(first))
     turn, height = place.stage_from_scan[:3, :3], place.stage_from_scan[1, 3]
     assert np.array_equal(turn, stage_from_scan[:3, :3]) and height == stage_from_scan[1, 3], (
         "the floor is still known"
     )
     alone = ScanPlacement()
-    alone.look(shown_of(first))
+    alone.update(create_scan_view(first))
     assert abs(alone.stage_from_scan[1, 3] - stage_from_scan[1, 3]) > 0.05, (
         "one image does not show the floor"
     )

@@ -21,7 +21,7 @@ from enliven.scanning.decimation import distances
 from enliven.scanning.objects import MovedScanner, ObjectState, sampled
 from enliven.scanning.rigid import apart, inverse
 from enliven_edge.commands.scan import scan
-from enliven_edge.scanning import said_of_things
+from enliven_edge.scanning import describe_objects
 from enliven_synthesis.sensor import (
     HandheldPath,
     MovedObjectPath,
@@ -150,7 +150,7 @@ def test_incremental_surface_has_the_objects_final_pose(scanned):
 
 
 def test_summary_reports_places_and_losses_of_the_object(scanned):
-    summary = " ".join(said_of_things(scanned.scanner))
+    summary = " ".join(describe_objects(scanned.scanner))
     assert f"It was found in {len(scanned.scanner.rests)} places" in summary
     lost = [step.told.state is ScanState.LOST for step in scanned.steps]
     assert lost == [step.state is ObjectState.LOST for step in scanned.steps] and any(lost)

@@ -18,7 +18,7 @@ from enliven.person import Body, Joint
 from enliven.possession import ActorSettings
 from enliven.scanning import ScanSettings, ScanState, VolumeSettings
 from enliven_edge.scanning import PersonScanner
-from enliven_edge.stage import cast_mesh
+from enliven_edge.stage import create_mesh_actor
 
 STILL, IMAGES = 5, 24
 """Images before the turn, and in all: 5.8 degrees from one to the next, 104 in all."""
@@ -91,7 +91,7 @@ def test_still_person_with_hidden_feet_reaches_the_floor(half):
 @pytest.mark.parametrize("one_side", [False, True], ids=["turned", "half"])
 def test_the_mesh_is_possessed_at_once_by_the_bones_of_the_scan(scanned, half, one_side):
     person = (half if one_side else scanned[0]).person()
-    actor = cast_mesh(person.mesh, "me", settings=ActorSettings(how="mapped"), joints=person.bones)
+    actor = create_mesh_actor(person.mesh, "me", settings=ActorSettings(how="mapped"), joints=person.bones)
     # The mesh is life-size and centred on the stage, and so are its bones.
     grown = 1.75 / np.ptp(person.mesh.vertices[:, 1])
     arms = [np.diff(of[[4, 5, 6]], axis=0) for of in (actor.likeness.joints, grown * person.joints)]
@@ -119,7 +119,9 @@ def test_partial_scan_of_a_person_keeps_its_size(scanned):
     person = scanned[0].person()
     high = person.mesh.vertices[person.mesh.faces, 1].min(1) > 0.8
     upper = submesh(person.mesh, high)
-    actor = cast_mesh(upper, "me", settings=ActorSettings(how="mapped"), fit=False, joints=person.bones)
+    actor = create_mesh_actor(
+        upper, "me", settings=ActorSettings(how="mapped"), fit=False, joints=person.bones
+    )
     body = Body(1, person.bones, np.ones(20))
     actor.perform([body], 0)
     actor.possess(body)
@@ -165,7 +167,7 @@ def test_leaving_the_view_and_moving_an_arm_are_reported(scene):
         person_scanner.add(scene.frame(n))
     for n in range(8, 16):
         person_scanner.add(scene.frame(n, left_arm=0.35 + 0.14 * (n - 7)))
-    moved = person_scanner.limbs_moved()
+    moved = person_scanner.measure_limb_motion()
     assert list(moved) == ["left arm"] and 0.12 < moved["left arm"] < 0.9
     for n in range(16, 20):
         person_scanner.add(scene.frame(n, seen=False))

@@ -14,7 +14,7 @@ from enliven.frames import BodyFrame
 from enliven.meshes import Mesh, load_mesh
 from enliven.recording import Recorder
 from enliven.scanning import Alignment, ScanState, ScanStep
-from enliven_edge.scanning import ScanLog, sheet_of
+from enliven_edge.scanning import ScanLog, draw_contact_sheet
 
 sys.path.insert(0, str(Path(__file__).parent))
 from box_scans import THING, recorded, run
@@ -108,9 +108,9 @@ def test_scan_log_measures_the_path_and_gives_advice():
 
 def test_the_sheet_shows_the_colours_and_where_a_mesh_is_open():
     mesh = Mesh(THING.vertices, THING.faces, colours=np.tile(np.array([[40, 200, 60]], np.uint8), (8, 1)))
-    sheet = sheet_of(mesh).astype(int)
+    sheet = draw_contact_sheet(mesh).astype(int)
     green = (sheet[..., 1] > sheet[..., 0] + 30) & (sheet[..., 1] > sheet[..., 2] + 30)
     red = (sheet[..., 0] > 100) & (sheet[..., 1] < 60)
     assert green.mean() > 0.45 and not red.any()
-    opened = sheet_of(mesh.with_faces(np.arange(2, 12))).astype(int)
+    opened = draw_contact_sheet(mesh.with_faces(np.arange(2, 12))).astype(int)
     assert ((opened[..., 0] > 100) & (opened[..., 1] < 60)).any()

@@ -9,7 +9,7 @@ from chair_on_turntable import HELD, ROOM, STILL, THING, WAY
 from enliven.scanning.objects import MovedScanner, ObjectState, following
 from enliven.scanning.rigid import apart, inverse
 from enliven.scanning.settings import ScanSettings, VolumeSettings
-from enliven_edge.scanning import said_of_things
+from enliven_edge.scanning import describe_objects
 from enliven_synthesis.sensor import HandTurnedPath, MovedObjectScan, TurntablePath, load_profile
 
 IMAGES, TURNING = 85, 70
@@ -34,7 +34,7 @@ def test_spun_object_is_tracked_and_room_stays_still():
     room = [apart(steps[index].scan.world_from_camera, take.pose(index))[0] for index in range(IMAGES)]
     # Surfaces that may start moving are ignored in camera tracking, so the camera does not follow them.
     assert max(room) < 0.015, "the room does not turn with it"
-    assert not any("objects stand there" in sentence for sentence in said_of_things(scanner)), (
+    assert not any("objects stand there" in sentence for sentence in describe_objects(scanner)), (
         "what moved is the thing"
     )
 
@@ -63,4 +63,4 @@ def test_unmoved_object_is_reported_with_advice():
     steps = [scanner.add(take.frame(index)) for index in range(4)]
     assert all(step.state is ObjectState.RESTING for step in steps)
     assert scanner.settings.volume.voxel == 0.004, "coarser voxels know too little of a thing to follow it"
-    assert said_of_things(scanner)[-1].startswith("It was not seen to move")
+    assert describe_objects(scanner)[-1].startswith("It was not seen to move")

@@ -15,8 +15,8 @@ from enliven.meshes import Mesh
 from enliven.samples import load_sample
 from enliven.scanning import GroundPlane, TsdfVolume, piece_of, piece_sums, surface_of
 from enliven.wire import pack_stream, unpack_stream
-from enliven_edge.scanning import Checkpoints, SurfacePreview, next_view
-from enliven_edge.scanning.surface_preview import as_message
+from enliven_edge.scanning import Checkpoints, SurfacePreview, find_next_view
+from enliven_edge.scanning.surface_preview import message_from_piece
 
 RADIUS = 0.25
 ALL = 10**9
@@ -88,7 +88,7 @@ def test_only_changed_chunks_are_sent_within_the_budget(sphere):
 
 def test_a_piece_goes_over_the_wire(sphere):
     piece = pieces(sphere)[0]
-    topic, back = unpack_stream(pack_stream(as_message(piece, 7)))
+    topic, back = unpack_stream(pack_stream(message_from_piece(piece, 7)))
     assert topic.name == "scan piece" and topic.key(back) == " ".join(map(str, piece.place))
     steps = np.frombuffer(back.vertices, "<u2").reshape(-1, 3)
     own = (steps + np.array(back.place) * float(back.side)) * back.step
@@ -105,20 +105,20 @@ def test_checkpoints_step_back_through_distinct_earlier_states(steps):
         states.append(now)
     before = len(steps)
     while (seconds := kept.seconds(now)) > 0:
-        (n,) = kept.back(now)
+        (n,) = kept.restore(now)
         assert n < before and states[n] == pytest.approx(now - seconds * 1e9, abs=2)
         before = n
-    assert kept.back(now) is None
+    assert kept.restore(now) is None
 
 
 def test_a_state_that_is_kept_does_not_change_with_the_scan_and_large_ones_are_few():
     kept, state = Checkpoints(), {"n": 1}
     kept.offer(state, 0, 1.0)
     state["n"] = 2
-    assert kept.back(5_000_000_000) == {"n": 1}
+    assert kept.restore(5_000_000_000) == {"n": 1}
     for n in range(5):
         kept.offer({"n": n}, n * 3_000_000_000, 700.0)
-    assert kept.back(20_000_000_000) == {"n": 4} and kept.back(20_000_000_000) is None
+    assert kept.restore(20_000_000_000) == {"n": 4} and kept.restore(20_000_000_000) is None
     kept.offer(state, 0, 5000.0)
     assert kept.seconds(10**10) == 0, "a scan that fills the memory keeps no copies"
 
@@ -136,8 +136,8 @@ def test_the_next_view_is_of_the_side_that_was_not_seen():
     floor = GroundPlane(np.array([0.0, 1.0, 0.0]), -0.5, 1.0)
     mesh = half_seen()
     assert mesh.vertices[:, 2].mean() > 0.05, "the camera stood on the side of +z"
-    view = next_view(mesh, floor, np.zeros(3), 1.0)
+    view = find_next_view(mesh, floor, np.zeros(3), 1.0)
     assert view.eye is not None and view.missing > 0.1
     assert np.linalg.norm(view.eye) == pytest.approx(1.0) and view.eye[2] < 0.3
-    complete = next_view(load_sample("chair"), floor, np.zeros(3), 1.0)
+    complete = find_next_view(load_sample("chair"), floor, np.zeros(3), 1.0)
     assert complete.eye is None and complete.missing == 0.0

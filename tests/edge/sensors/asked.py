@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from enliven.errors import EnlivenError
-from enliven_edge.sensors.attached_cameras import attached
+from enliven_edge.sensors.attached_cameras import list_attached
 from enliven_edge.sensors.drivers import refusals
 from enliven_edge.sensors.drivers.oak import OakSensor
 from enliven_edge.sensors.drivers.orbbec import OrbbecSensor
@@ -28,7 +28,7 @@ def say(ask: Callable[[], object]) -> list[str]:
 
 def on_usb(folder: Path, name: str) -> None:
     """Makes the system list the cameras of this USB tree."""
-    refusals.attached = lambda: attached(folder / name / "devices", folder / name / "nodes")
+    refusals.list_attached = lambda: list_attached(folder / name / "devices", folder / name / "nodes")
 
 
 def opened_twice() -> object:

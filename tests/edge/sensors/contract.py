@@ -24,7 +24,7 @@ from enliven.frames import DepthFrame
 from enliven.recording import Recorder
 from enliven_edge.sensors.base import Sensor, SensorFault
 from enliven_edge.sensors.isolation import IsolatedOpener
-from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.sensors.reopening import open_reopening
 
 FULL = os.environ.get("ENLIVEN_CONTRACT") == "full"
 """make test-devices tests every driver completely; make test runs a shorter version."""
@@ -148,7 +148,7 @@ class Live:
         self.driver, self.take, self.path = driver, take, folder / "rehearsal.mcap"
         self._aside = folder / "aside.mcap"
         shutil.copy(take, self.path)
-        self.sensor = kept_open(driver.opener(self.path))
+        self.sensor = open_reopening(driver.opener(self.path))
         self.last = next_frame(self.sensor)
 
     def frame(self, errors: list[Exception] | None = None) -> DepthFrame:
@@ -171,7 +171,7 @@ class Live:
         if frame is None or number_of(frame.depth) > LONG // 4 or frame.depth.shape[::-1] != SIZE:
             self.close()
             shutil.copy(self.take, self.path)
-            self.sensor = kept_open(self.driver.opener(self.path))
+            self.sensor = open_reopening(self.driver.opener(self.path))
             frame = next_frame(self.sensor)
         self.last = frame
         return self

@@ -8,7 +8,7 @@ import pytest
 
 from enliven_edge import doctor
 from enliven_edge.sensors import attached_cameras as module
-from enliven_edge.sensors.attached_cameras import KINDS, attached
+from enliven_edge.sensors.attached_cameras import KINDS, list_attached
 
 RULES = Path(__file__).parents[3] / "firmware_configs" / "udev" / "60-enliven-cameras.rules"
 
@@ -34,7 +34,7 @@ def usb(tmp_path):
         else:
             node.unlink()
 
-    plug.found = lambda: attached(devices, nodes)
+    plug.found = lambda: list_attached(devices, nodes)
     return plug
 
 
@@ -60,21 +60,21 @@ def test_missing_parts_of_a_camera_are_reported_with_the_command(usb, monkeypatc
 
     monkeypatch.setattr(module, "version", version)
     usb("03e7", "f63b", "Luxonis Device")
-    assert usb.found()[0].troubles() == []
+    assert usb.found()[0].find_problems() == []
     usb("8086", "0b07", "Intel(R) RealSense(TM) Depth Camera 435", speed="480", mode=0)
-    troubles = dict(usb.found()[1].troubles())
+    troubles = dict(usb.found()[1].find_problems())
     assert set(troubles) == {"pyrealsense2 is not installed", "your user may not open it", "it is on USB 2"}
     mends = " ".join(troubles.values())
     assert 'pip install "enliven-edge[realsense]"' in mends and "60-enliven-cameras.rules" in mends
     versions["depthai"] = "3.8.0"
-    assert "3.8.0" in usb.found()[0].troubles()[0][0]
+    assert "3.8.0" in usb.found()[0].find_problems()[0][0]
     usb("03e7", "2485", "Movidius MyriadX", speed="480")
-    assert len(usb.found()) == 3 and "USB 2" not in str(usb.found()[1].troubles()[1:])
+    assert len(usb.found()) == 3 and "USB 2" not in str(usb.found()[1].find_problems()[1:])
 
 
 def test_the_doctor_shows_each(usb, monkeypatch):
     usb("045e", "02c4", "Xbox NUI Sensor")
-    monkeypatch.setattr(doctor, "attached", usb.found)
+    monkeypatch.setattr(doctor, "list_attached", usb.found)
     check = next(check for check in doctor.checks() if check.name == "Kinect v2")
     assert not check.ok and "NUI" in check.detail and "add-a-sensor" in check.mend
 
@@ -85,7 +85,7 @@ def test_a_library_that_no_extra_can_have_has_its_own_line(usb, monkeypatch):
 
     monkeypatch.setattr(module, "version", nothing)
     usb("2bc5", "0670", "Orbbec Gemini 335")
-    (trouble,) = usb.found()[0].troubles()
+    (trouble,) = usb.found()[0].find_problems()
     assert trouble == ("pyorbbecsdk2 is not installed", "Type: pip install --no-deps pyorbbecsdk2")
 
 

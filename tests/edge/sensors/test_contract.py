@@ -38,7 +38,7 @@ from enliven.recording import Recorder
 from enliven_edge.sensors.base import SensorFault
 from enliven_edge.sensors.isolation import isolated
 from enliven_edge.sensors.registry import open_sensor
-from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.sensors.reopening import open_reopening
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.studio import SyntheticSettings, SyntheticStudio
@@ -109,7 +109,7 @@ def test_a_call_that_hangs_is_noticed_by_the_edge_s_own_timer(live):
                 before, at, last = time.process_time(), time.monotonic(), live.last.time_ns
             except TimeoutError:
                 waits += 1
-    assert waits <= isolated.SILENT / TURN + 1
+    assert waits <= isolated.SILENCE_TIMEOUT_S / TURN + 1
     assert time.process_time() - before < LOAD * (time.monotonic() - at)
     assert live.frame().time_ns - last > 0.5e9, "the sensor's clock knows of the silence"
 
@@ -153,7 +153,7 @@ def test_garbage_and_closing_of_one_sensor_do_not_affect_another(live, takes, mo
 
     Finally its library hangs for ever: neither closing nor the reader waits for it.
     """
-    other = kept_open(live.driver.opener(takes[0], live.driver.garbled))
+    other = open_reopening(live.driver.opener(takes[0], live.driver.garbled))
     request.addfinalizer(other.close)
     errors: list[Exception] = []
     numbers = []
@@ -166,7 +166,7 @@ def test_garbage_and_closing_of_one_sensor_do_not_affect_another(live, takes, mo
     assert all(type(error) is InputError for error in errors), errors
     assert not any(is_garbage(number) for number in numbers)
     assert numbers == sorted(set(numbers)), "it is the same device"
-    monkeypatch.setattr(isolated, "SILENT", 1e6)
+    monkeypatch.setattr(isolated, "SILENCE_TIMEOUT_S", 1e6)
     next_frame(other)
     os.kill(helper_of(other), signal.SIGSTOP)
     reader = threading.Thread(target=read_to_the_end, args=(other,), daemon=True)

@@ -10,7 +10,7 @@ from isolated_sensors import none_left, opener  # noqa: F401 (a fixture)
 from enliven_edge import doctor
 from enliven_edge.sensors import crash_reports
 from enliven_edge.sensors.base import SensorFault
-from enliven_edge.sensors.drivers.oak import keep_dump_of
+from enliven_edge.sensors.drivers.oak import store_crash_dump
 
 
 @pytest.fixture(autouse=True)
@@ -31,7 +31,7 @@ def crashed(folder) -> None:
 
 
 def test_library_crash_is_located_and_repeats_are_counted(tmp_path):
-    assert doctor._crashes().detail == "none kept"
+    assert doctor._list_crash_reports().detail == "none kept"
     for name in ("first", "second"):
         crashed(tmp_path / name)
     (report,) = crash_reports.reports()
@@ -63,26 +63,26 @@ def test_crash_dump_of_an_oak_is_kept_unchanged(state):
         callable(getattr(dai.Device, name)) for name in ("hasCrashDump", "getCrashDump", "getDeviceId")
     )
     for _ in range(2):
-        keep_dump_of(device)
+        store_crash_dump(device)
     (report,) = crash_reports.reports()
     assert report.path.parent == state
     assert dai.CrashDump.load(str(report.path)).deviceId == "18443010/../x"
     assert re.search(
         r"oak-firmware-18443010_.._x-.*gz, \d{4}-\d\d-\d\d \d\d:\d\d: .* https://discuss\.luxonis\.com",
-        doctor._crashes().detail,
+        doctor._list_crash_reports().detail,
     )
-    assert doctor._crashes().ok, "a report is no lack of the machine"
+    assert doctor._list_crash_reports().ok, "a report is no lack of the machine"
 
 
 def test_the_newest_are_kept_within_a_number_and_a_size(monkeypatch, state):
-    for number in range(crash_reports.MOST_KEPT + 5):
+    for number in range(crash_reports.MAX_REPORTS + 5):
         crash_reports.keep_dump(f"{number:03}", lambda path: path.write_bytes(b"x" * 1000))
     names = [report.path.name for report in crash_reports.reports()]
-    assert len(names) == crash_reports.MOST_KEPT and names[0].startswith("oak-firmware-024")
-    monkeypatch.setattr(crash_reports, "MOST_BYTES", 5000)
+    assert len(names) == crash_reports.MAX_REPORTS and names[0].startswith("oak-firmware-024")
+    monkeypatch.setattr(crash_reports, "MAX_TOTAL_BYTES", 5000)
     (state / "of_the_library").mkdir()
     (state / "of_the_library" / "crash_dump_7.tar.gz").write_bytes(b"y" * 4500)
-    crash_reports.tidy()
+    crash_reports.remove_old_reports()
     assert [report.path.name for report in crash_reports.reports()] == ["crash_dump_7.tar.gz"]
 
 

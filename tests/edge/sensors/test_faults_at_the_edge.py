@@ -13,7 +13,7 @@ from enliven.recording import Recording
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.placement.space import Place, Space
 from enliven_edge.network.outlet import Outlet
-from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.sensors.reopening import open_reopening
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.stage import Stage
@@ -45,20 +45,20 @@ def outlet(tmp_path):
 def serve(edge: Edge) -> list[dict[str, str]]:
     """Runs the edge; yields the problems in its heartbeat after each step, by kind."""
     reported: list[dict[str, str]] = []
-    listen = edge._listen
+    listen = edge._poll_requests
 
     def heard() -> None:
         reported.append({state.kind: state.what for state in edge.outlet.publisher.status.health})
         listen()
 
-    edge._listen = heard
+    edge._poll_requests = heard
     edge.run()
     return reported
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_edge_continues_with_the_next_good_frame(outlet, tmp_path, fault):
-    with kept_open(lambda: Troubled(FRAMES, fault, every=20)) as sensor:
+    with open_reopening(lambda: Troubled(FRAMES, fault, every=20)) as sensor:
         edge = Edge(sensor, Tracker(), Stage([]), outlet, health=HealthMonitor(fps=30.0))
         reported = serve(edge)
     kind = SAID.get(fault, HealthKind.BAD_FRAME)
@@ -71,7 +71,7 @@ def test_edge_continues_with_the_next_good_frame(outlet, tmp_path, fault):
 
 @pytest.mark.parametrize("fault", ["OSError", "another size", "focal length nan", "endless time"])
 def test_once_option_ends_edge_at_first_fault(outlet, fault):
-    with kept_open(lambda: Troubled(FRAMES, fault, every=20)) as sensor:
+    with open_reopening(lambda: Troubled(FRAMES, fault, every=20)) as sensor:
         edge = Edge(sensor, Tracker(), Stage([]), outlet, health=HealthMonitor(fps=30.0), once=True)
         with pytest.raises(ResourceError, match=r"troubled: .*without --once"):
             edge.run()
@@ -87,7 +87,7 @@ def test_another_size_that_stays_is_a_new_mode_of_the_sensor(outlet):
             return frame
 
     tracker = Tracker()
-    with kept_open(lambda: Mode(FRAMES)) as sensor:
+    with open_reopening(lambda: Mode(FRAMES)) as sensor:
         edge = Edge(sensor, tracker, Stage([]), outlet, health=HealthMonitor(fps=30.0))
         reported = serve(edge)
     assert "96x72 pixels instead of 64x48" in reported[21][HealthKind.RESIZED]
@@ -119,8 +119,8 @@ def fused(once: bool) -> FusedSensors:
     """Fuses two sensors; the first fails once after ten frames."""
     outages = ["No such device"]
     sensors = {
-        "a": kept_open(lambda: Plugged("a", outages)),
-        "b": kept_open(lambda: Plugged("b", [])),
+        "a": open_reopening(lambda: Plugged("a", outages)),
+        "b": open_reopening(lambda: Plugged("b", [])),
     }
     rows = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     space = Space({name: Place(rows, rows) for name in sensors})
@@ -131,11 +131,11 @@ def test_one_of_several_sensors_breaks_and_comes_back(outlet):
     with fused(once=False) as sensor:
         edge = Edge(sensor, Tracker(), Stage([]), outlet)
         reported = serve(edge)
-        newest_times = {w.name: w._health._rhythm._newest for w in sensor._watchers}
+        newest_times = {w.name: w._health._timing._newest for w in sensor._threads}
     assert any(HealthKind.SENSOR_LOST in states for states in reported)
     assert HealthKind.SENSOR_LOST not in reported[-1]
     assert edge.frames > 60 and set(newest_times) == {"a", "b"}
-    assert not any(watcher.failure for watcher in sensor._watchers)
+    assert not any(watcher.failure for watcher in sensor._threads)
 
 
 def test_one_of_several_sensors_ends_all_where_asked_for(outlet):

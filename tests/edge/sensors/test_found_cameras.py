@@ -8,7 +8,7 @@ from enliven import cli
 from enliven_edge.sensors import attached_cameras
 from enliven_edge.sensors import camera_list as module
 from enliven_edge.sensors.attached_cameras import KINDS, AttachedCamera
-from enliven_edge.sensors.camera_list import found_cameras, video_cameras
+from enliven_edge.sensors.camera_list import find_cameras, video_cameras
 
 
 @pytest.fixture
@@ -71,17 +71,17 @@ def test_several_of_one_make_are_chosen_by_serial_and_a_slow_link_is_no_obstacle
     monkeypatch.setattr(
         attached_cameras, "version", lambda package: "3.6.1" if package == "depthai" else "2.57"
     )
-    monkeypatch.setattr(module, "attached", lambda: plugged)
-    monkeypatch.setattr(module, "listed_cameras", list)
+    monkeypatch.setattr(module, "list_attached", lambda: plugged)
+    monkeypatch.setattr(module, "list_cameras", list)
     monkeypatch.setattr(module, "video_cameras", list)
-    first, second, oak, kinect = found_cameras()
+    first, second, oak, kinect = find_cameras()
     assert first.options == {"serial": "S1"} and second.options == {"serial": "S2"} and not oak.options
     assert not first.trouble and "USB 3" in first.hint and not second.hint
     assert kinect.trouble == "no driver ships for it" and kinect.mend and not kinect.sensor
 
 
 def test_the_command_prints_the_cameras_as_json(capsys, monkeypatch):
-    monkeypatch.setattr(module, "attached", list)
+    monkeypatch.setattr(module, "list_attached", list)
     assert cli.run(["sensors", "--json"]) == 0
     for listed in json.loads(capsys.readouterr().out.splitlines()[-1]):
         assert listed["title"]

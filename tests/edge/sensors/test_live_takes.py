@@ -312,7 +312,7 @@ def test_each_depth_gets_the_colour_of_its_moment_or_none(tmp_path):
             sensor._send(frames[depth], depth)
             there, image = sensor._images.try_wait_for_frame(10_000)
             assert there
-            colour = eye.over(image.as_depth_frame())
+            colour = eye.align_to(image.as_depth_frame())
             seen[depth] = None if colour is None else int(colour[0, 0, 2])
     finally:
         sensor.close()

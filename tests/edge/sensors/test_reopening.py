@@ -15,7 +15,7 @@ from enliven.frames import DepthFrame
 from enliven.recording import Recorder
 from enliven_edge.sensors import reopening
 from enliven_edge.sensors.base import SensorFault
-from enliven_edge.sensors.reopening import ReopeningSensor, kept_open
+from enliven_edge.sensors.reopening import ReopeningSensor, open_reopening
 from enliven_edge.sensors.replay import ReplaySensor
 
 DEADLINE = 60.0
@@ -126,7 +126,7 @@ def test_times_rise_whenever_frames_arrive_and_whatever_a_fresh_clock_says(arriv
             if fresh is not None:
                 sensor._fresh, own = True, own + fresh if fresh else 0
             patch.setattr(reopening.time, "monotonic_ns", lambda: now)  # noqa: B023
-            times.append(sensor._received(DepthFrame(picture(0), camera(), own, "t")).time_ns)
+            times.append(sensor._adjust_time(DepthFrame(picture(0), camera(), own, "t")).time_ns)
             patch.undo()
     assert times == sorted(set(times))
 
@@ -142,7 +142,7 @@ def test_attempts_become_rarer_and_never_stop():
 
     with ReopeningSensor(open_device) as sensor:
         frames, errors = stream(sensor)
-        assert sensor._wait == reopening.FIRST_WAIT, "a second's worth of good frames, and all is forgotten"
+        assert sensor._wait == reopening.FIRST_WAIT_S, "a second's worth of good frames, and all is forgotten"
     waits = [b - a for a, b in itertools.pairwise(opened)]
     assert len(frames) == 40 and len(errors) == 7
     assert "busy" in str(errors[-1])
@@ -220,12 +220,12 @@ def test_the_first_opening_fails_as_the_device_says():
         raise ResourceError("there is none", where="oak", mend="Plug it in.")
 
     with pytest.raises(ResourceError, match=r"oak: there is none\. Plug it in"):
-        kept_open(missing)
+        open_reopening(missing)
 
 
 def test_recording_is_read_unchanged_and_ends(tmp_path):
     with Recorder(tmp_path / "a.mcap") as recorder:
         recorder.write_frame(Troubled(3).read())
-    with kept_open(lambda: ReplaySensor(tmp_path / "a.mcap", speed=0)) as sensor:
+    with open_reopening(lambda: ReplaySensor(tmp_path / "a.mcap", speed=0)) as sensor:
         assert isinstance(sensor, ReplaySensor)
         assert sensor.read() is not None and sensor.read() is None

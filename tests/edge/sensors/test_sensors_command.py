@@ -29,7 +29,7 @@ def test_connected_cameras_are_listed_with_install_commands(capsys, monkeypatch)
     camera = attached_cameras.AttachedCamera(
         replace(kind, package="no-such-package"), "[OAK] 1", 5000.0, Path("/")
     )
-    monkeypatch.setattr("enliven_edge.sensors.attached", lambda: [camera])
+    monkeypatch.setattr("enliven_edge.sensors.list_attached", lambda: [camera])
     _, out, _ = said(capsys)
     assert "[OAK] 1" in out and '"enliven-edge[oak]"' in " ".join(out.split())
 
@@ -73,7 +73,7 @@ def test_cameras_at_camera_ports_are_listed_whatever_libcamera_does(
 
 
 def test_only_raspberry_pi_gets_libcamera_advice(capsys, monkeypatch, tmp_path):
-    if libcamera_library._installed():
+    if libcamera_library._is_installed():
         pytest.skip("libcamera is installed")
     monkeypatch.setattr(libcamera_library, "_BOARD", tmp_path / "model")
     assert "libcamera is not" not in said(capsys)[1]
@@ -94,11 +94,11 @@ def test_view_of_one_sensor_is_described_and_drawn(capsys, tmp_path):
 
 
 def test_accelerometer_is_shown_next_to_the_floor():
-    from enliven_edge.commands.sensors import _condition_facts
+    from enliven_edge.commands.sensors import _describe_condition
     from enliven_edge.sensors.base import Condition
 
     tilted = np.array([0.0, np.cos(0.3), np.sin(0.3)])
-    facts = dict(_condition_facts(Condition("USB 2", True, 61.0, 90.0, (0.0, 9.8, 0.0)), tilted))
+    facts = dict(_describe_condition(Condition("USB 2", True, 61.0, 90.0, (0.0, 9.8, 0.0)), tilted))
     assert facts["gravity"] == "0 degrees down by the accelerometer, 17 degrees from the floor's normal"
     assert "slow" in facts["link"] and facts["temperature"] == "61 degrees"
 

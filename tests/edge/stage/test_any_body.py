@@ -16,7 +16,7 @@ from enliven.possession import ActorSettings, prepared, turn_about_y
 from enliven.possession.likeness import find_body_in_mesh
 from enliven.possession.placement import yaw_between
 from enliven.possession.standing_placement import standing_figure
-from enliven_edge.stage.character_setup import cast_mesh
+from enliven_edge.stage.character_setup import create_mesh_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
@@ -90,7 +90,7 @@ def test_known_bones_follow_the_fitted_mesh():
     groups = [np.argsort(np.linalg.norm(vertices - joint, axis=1))[:30] for joint in joints]
     middles = np.array([vertices[group].mean(0) for group in groups])
     settings = ActorSettings(how="mapped", stand="fitted")
-    actor = cast_mesh(replace(turned.mesh, vertices=vertices), "me", 32, settings, joints=middles)
+    actor = create_mesh_actor(replace(turned.mesh, vertices=vertices), "me", 32, settings, joints=middles)
     moved = actor.character.vertices[: len(vertices)].astype(float)
     there = np.array([moved[group].mean(0) for group in groups])
     assert np.ptp(moved[:, 1]) == pytest.approx(1.75, abs=0.01) and np.abs(there - middles).max() > 1.0
@@ -104,7 +104,7 @@ def test_known_bones_follow_the_fitted_mesh():
 def test_mesh_waves_with_its_performer(known, how, side):
     """The mesh reaches its performer's pose without a jump, with hanging arms, and then waves."""
     own = ActorSettings(how=how, stand="modelled")
-    actor = cast_mesh(known.mesh, "it", 128, own)
+    actor = create_mesh_actor(known.mesh, "it", 128, own)
     joints = at_origin(known)
     house = Stage([actor])
     still = house.perform([waving(side, 0.0)], 0)[0]
@@ -139,7 +139,7 @@ def test_t_pose_lowers_its_arms_before_attachment(how, ahead):
     """It approaches the performer in view without a jump, and does not move on attachment."""
     woman = t_woman()
     own = ActorSettings(how=how, stand="modelled", ahead=ahead)
-    actor = cast_mesh(woman.mesh, "it", 128, own)
+    actor = create_mesh_actor(woman.mesh, "it", 128, own)
     joints, house = at_origin(woman), Stage([actor])
     hands = [
         np.argsort(np.linalg.norm(actor.graph.positions - joints[hand], axis=1))[:3]

@@ -19,7 +19,7 @@ from enliven.possession.likeness import BodyInMesh
 from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.placement import turn_about_y
 from enliven.possession.standing_placement import standing_figure
-from enliven_edge.stage.character_setup import cast, cast_mesh
+from enliven_edge.stage.character_setup import create_actor, create_mesh_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model.posture import rotation
 
@@ -75,14 +75,14 @@ def test_carried_hips_differ_from_the_performers_by_a_constant(seed, noise_m, fr
 @settings(max_examples=6, deadline=None)
 def test_hips_of_the_mesh_keep_their_performers_heading(woman, how, seed, noise_m, held_from):
     """On the stage: before, during and after attachment, at any moment."""
-    actor = cast_mesh(woman, "it", 128, ActorSettings(how=how))
+    actor = create_mesh_actor(woman, "it", 128, ActorSettings(how=how))
     gaps, _ = headings_on_stage(actor, spinning_people(seed, 6.0, noise_m), held_from)
     assert deviations_deg(gaps).max() < MAX_DEVIATION_DEG
 
 
 @pytest.mark.parametrize("name", ["sitting", "robot", "teddy", "holed scan"])
 def test_other_bodies_keep_their_performers_heading(name):
-    actor = cast_mesh(BODIES[name]().mesh, "it", 128, ActorSettings(how="mapped"))
+    actor = create_mesh_actor(BODIES[name]().mesh, "it", 128, ActorSettings(how="mapped"))
     gaps, _ = headings_on_stage(actor, spinning_people(7, 6.0, 0.004), 60)
     assert deviations_deg(gaps).max() < MAX_DEVIATION_DEG
 
@@ -90,7 +90,7 @@ def test_other_bodies_keep_their_performers_heading(name):
 @pytest.mark.parametrize("how", ["mapped", "inside"])
 def test_holding_again_does_not_turn_the_mesh(woman, how):
     """A performer that is repeatedly attached while spinning keeps the same heading."""
-    film, actor = spinning_people(3, 6.0), cast_mesh(woman, "it", 128, ActorSettings(how=how))
+    film, actor = spinning_people(3, 6.0), create_mesh_actor(woman, "it", 128, ActorSettings(how=how))
     stage, facing = Stage([actor]), []
     for n, body in enumerate(film):
         pose = stage.perform([body], n * FRAME_NS)[0]
@@ -105,7 +105,7 @@ def test_holding_again_does_not_turn_the_mesh(woman, how):
 
 def test_mesh_without_legs_turns_with_its_performer():
     """It has no hip line that could define a heading: a lamp lagged by 29 degrees."""
-    actor = cast("lamp", 128, ActorSettings(how="mapped"))
+    actor = create_actor("lamp", 128, ActorSettings(how="mapped"))
     assert actor.likeness is not None and np.isnan(actor.likeness.joints[Joint.HIP_LEFT]).all()
     gaps, _ = headings_on_stage(actor, [facing(0.05 * n) for n in range(240)], 0)
     assert deviations_deg(gaps[1:]).max() < 3.0
@@ -117,7 +117,7 @@ def test_holding_again_holds_the_same_limbs():
     lifting = [facing(1.5, x=0.6, lift=min(0.04 * n, 0.8)) for n in range(60)]
     poses = []
     for again in (False, True):
-        stage = Stage([cast("chair", 128, ActorSettings(how="mapped"))])
+        stage = Stage([create_actor("chair", 128, ActorSettings(how="mapped"))])
         for n, body in enumerate([*still, *lifting]):
             pose = stage.perform([body], n * FRAME_NS)[0]
             if n == 0 or (again and n == len(still) - 1):
@@ -131,7 +131,7 @@ def test_holding_again_holds_the_same_limbs():
 def test_a_human_mesh_appears_at_its_performer_at_once(woman, how, held_from):
     """Before anybody is in view the mesh stands at the sensor; it does not glide from there."""
     own = ActorSettings(how=how)
-    actor = cast_mesh(woman, "it", 128, own)
+    actor = create_mesh_actor(woman, "it", 128, own)
     film = [facing(0.4)] * 60
     _, places = headings_on_stage(actor, film, held_from)
     apart = np.linalg.norm((places - film[0].joints[Joint.HIP_CENTER])[:, [0, 2]], axis=1)
@@ -142,7 +142,7 @@ def test_a_human_mesh_appears_at_its_performer_at_once(woman, how, held_from):
 def test_mesh_turns_to_a_returning_performer_without_a_jump(woman, held):
     """The performer is lost, turns unseen, and returns: the mesh turns no faster than a fade allows."""
     own = ActorSettings(how="mapped")
-    stage = Stage([cast_mesh(woman, "it", 128, own)])
+    stage = Stage([create_mesh_actor(woman, "it", 128, own)])
     stage.perform([facing(0.0)], 0)
     if held:
         stage.possess("it")

@@ -31,11 +31,11 @@ from enliven.wire import (
     pack_control,
     unpack_control,
 )
-from enliven_edge.commands.preparation import prepared
+from enliven_edge.commands.preparation import prepare_actors
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
-from enliven_edge.settings import CharacterSettings, EdgeSettings, WireSettings, characters_of
-from enliven_edge.stage.choice import pairs
+from enliven_edge.settings import CharacterSettings, EdgeSettings, WireSettings, characters_from_options
+from enliven_edge.stage.choice import pair_nearest
 from enliven_edge.stage.initial_possession import InitialPossession
 from enliven_edge.stage.puppet.puppet_actor import PuppetActor
 from enliven_edge.stage.rig.rig_actor import RigActor
@@ -146,7 +146,7 @@ def test_pairs_are_the_nearest_first_by_trying_all(performers, places):
 
     bodies = [person(x=x, z=z, id=k) for k, (x, z) in enumerate(performers)]
     names = {f"c{k}": np.array(place) for k, place in enumerate(places)}
-    links = pairs(bodies, dict.fromkeys(names, Free()), names, anyhow=False)
+    links = pair_nearest(bodies, dict.fromkeys(names, Free()), names, includes_busy=False)
     assert len(links) == min(len(performers), len(places)) == len(dict(links)) == len({w for _, w in links})
     remaining = {(name, body.id) for name in names for body in bodies}
     hips = {body.id: body.joints[0][[0, 2]] for body in bodies}
@@ -206,21 +206,21 @@ def test_characters_come_change_and_go_while_others_continue(graph):
 
 
 def test_the_command_line_names_any_number_and_ids_are_unique():
-    wanted = characters_of(["chair", "chair", "cactus"], ["graph"], ["all", "legs", "arms"], {})
-    actors, parts = prepared(wanted, EdgeSettings(nodes=16))
+    wanted = characters_from_options(["chair", "chair", "cactus"], ["graph"], ["all", "legs", "arms"], {})
+    actors, parts = prepare_actors(wanted, EdgeSettings(nodes=16))
     assert [actor.character.id for actor in actors] == ["chair", "chair 2", "cactus"]
     assert parts == {"chair": "all", "chair 2": "legs", "cactus": "arms"}
     named = {"left": CharacterSettings("lamp", parts="arms"), "right": CharacterSettings()}
-    assert characters_of([], [], [], named) == list(named.items())
-    assert characters_of([], [], [], {}) == [("", CharacterSettings("chair"))]
-    assert characters_of(["x.glb", "y.obj"], ["skeleton", "graph"], [], named) == [
+    assert characters_from_options([], [], [], named) == list(named.items())
+    assert characters_from_options([], [], [], {}) == [("", CharacterSettings("chair"))]
+    assert characters_from_options(["x.glb", "y.obj"], ["skeleton", "graph"], [], named) == [
         ("", CharacterSettings("x.glb", "skeleton")),
         ("", CharacterSettings("y.obj", "graph")),
     ]
     with pytest.raises(InputError, match="--parts is given 2 times"):
-        characters_of(["a", "b", "c"], [], ["all", "legs"], {})
+        characters_from_options(["a", "b", "c"], [], ["all", "legs"], {})
     with pytest.raises(InputError, match="skelton"):
-        characters_of(["a"], ["skelton"], [], {})
+        characters_from_options(["a"], ["skelton"], [], {})
 
 
 def test_possession_requests_round_trip_without_names():

@@ -19,7 +19,7 @@ from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.likeness import find_body_in_mesh
 from enliven.possession.limb_retargeting import LimbRetargeting
 from enliven.possession.placement import turn_about_y
-from enliven_edge.stage.character_setup import cast
+from enliven_edge.stage.character_setup import create_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
@@ -207,7 +207,7 @@ SIZES = {"smaller than a hand": 0.08, "chair": 0.9, "tall as a tower": 100.0}
 def test_any_size_is_possessed_alike(tmp_path, size, scaled, how):
     """The mesh is scaled to the performer, or keeps its size and the motion is scaled."""
     own = ActorSettings(scaled=scaled, how=how, fade=0.0)
-    house = Stage([cast(saved(tmp_path / "m.obj", SIZES[size]), 32, own)])
+    house = Stage([create_actor(saved(tmp_path / "m.obj", SIZES[size]), 32, own)])
     house.perform([person()], 0)
     house.possess("m")
     still = house.perform([person()], FRAME)[0]
@@ -222,11 +222,11 @@ def test_any_size_is_possessed_alike(tmp_path, size, scaled, how):
 
 def test_metre_for_metre_a_tower_is_out_of_reach_and_a_toy_hangs_on_a_limb(tmp_path):
     own = ActorSettings(scaled="nobody", fade=0.0)
-    tower = Stage([cast(saved(tmp_path / "tower.obj", 100.0), 32, own)])
+    tower = Stage([create_actor(saved(tmp_path / "tower.obj", 100.0), 32, own)])
     tower.perform([person()], 0)
     with pytest.raises(InputError, match="no part of the mesh is within"):
         tower.possess("tower")
-    toy = Stage([cast(saved(tmp_path / "toy.obj", 0.08), 32, own)])
+    toy = Stage([create_actor(saved(tmp_path / "toy.obj", 0.08), 32, own)])
     toy.perform([person()], 0)
     toy.possess("toy")
     still = toy.perform([person()], FRAME)[0]
@@ -307,7 +307,7 @@ def test_an_animal_that_lies_elsewhere_is_driven_limb_by_limb_where_it_waits(ani
 
 def test_unreachable_part_is_refused_with_advice(tmp_path):
     own = ActorSettings(scaled="nobody", fade=0.0)
-    low = Stage([cast(saved(tmp_path / "low.obj", 0.15), 32, own)])
+    low = Stage([create_actor(saved(tmp_path / "low.obj", 0.15), 32, own)])
     low.perform([person()], 0)
     with pytest.raises(InputError, match="Hold it with the whole body"):
         low.possess("low", None, "head")

@@ -15,7 +15,7 @@ from enliven.person import Body, Joint
 from enliven.possession import Actor, ActorSettings, EmbeddedActor, standing_figure
 from enliven.possession.placement import Placement
 from enliven.wire import MAX_GROWTH, Resize
-from enliven_edge.controls.base import orders
+from enliven_edge.controls.base import orders_from_command
 from enliven_edge.stage.sizing import _DEAD_BAND, _DISTANCE_OFFSET_M, HandSizing
 from enliven_edge.stage.stage import Stage
 
@@ -163,7 +163,7 @@ def test_rigid_mesh_refuses_follow_through():
 
 def test_word_scale_starts_and_ends_scaling_and_refusals_are_reported():
     play = Play()
-    assert orders("scale", play.stage) == [Resize("hands")]
+    assert orders_from_command("scale", play.stage) == [Resize("hands")]
     with pytest.raises(InputError, match="nobody is in view"):
         play.sizing.ask(Resize("hands", "chair"))
     with pytest.raises(InputError, match="no character 'ghost'"):

@@ -16,7 +16,7 @@ from screen import drawn_by_iterm, drawn_by_kitty, drawn_by_sixel, drawn_in_half
 
 from enliven import cli
 from enliven_edge.doctor import shipped_recording
-from enliven_edge.terminal import encoded_picture, image_protocol
+from enliven_edge.terminal import encode_image, image_protocol
 from enliven_edge.terminal.image_encoding import half_blocks
 
 PATIENCE = 60.0
@@ -36,20 +36,20 @@ def pictures(draw) -> np.ndarray:
 @given(pictures())
 @settings(deadline=None, max_examples=60)
 def test_each_protocol_draws_the_picture(picture):
-    np.testing.assert_array_equal(drawn_by_kitty(encoded_picture(picture, "kitty")), picture)
-    np.testing.assert_array_equal(drawn_by_iterm(encoded_picture(picture, "iterm")), picture)
+    np.testing.assert_array_equal(drawn_by_kitty(encode_image(picture, "kitty")), picture)
+    np.testing.assert_array_equal(drawn_by_iterm(encode_image(picture, "iterm")), picture)
     # Sixels have a hundred levels per colour channel.
-    sixel = drawn_by_sixel(encoded_picture(picture, "sixel"))
+    sixel = drawn_by_sixel(encode_image(picture, "sixel"))
     assert sixel.shape == picture.shape and np.abs(sixel.astype(int) - picture).max() <= 2
-    blocks = drawn_in_half_blocks(encoded_picture(picture, "blocks"))
+    blocks = drawn_in_half_blocks(encode_image(picture, "blocks"))
     np.testing.assert_array_equal(blocks[: len(picture)], picture)
 
 
 def test_a_large_picture_is_sent_in_pieces_and_made_to_fit():
     picture = np.random.default_rng(0).integers(0, 256, (300, 400, 3)).astype(np.uint8)
-    np.testing.assert_array_equal(drawn_by_kitty(encoded_picture(picture, "kitty")), picture)
-    assert drawn_in_half_blocks(encoded_picture(picture, "blocks", 40)).shape == (30, 40, 3)
-    wide = drawn_by_sixel(encoded_picture(np.zeros((300, 1200, 3), np.uint8), "sixel"))
+    np.testing.assert_array_equal(drawn_by_kitty(encode_image(picture, "kitty")), picture)
+    assert drawn_in_half_blocks(encode_image(picture, "blocks", 40)).shape == (30, 40, 3)
+    wide = drawn_by_sixel(encode_image(np.zeros((300, 1200, 3), np.uint8), "sixel"))
     assert wide.shape == (120, 480, 3)
 
 

@@ -14,7 +14,7 @@ from enliven_edge.tracking.detect.appearance import EstimateAtPoints, estimate_a
 from enliven_edge.tracking.detect.detection import estimates_by_facing
 from enliven_edge.tracking.estimator.estimator import Estimate, shipped_estimator
 from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe, world_points
-from enliven_edge.tracking.work_budget import whole
+from enliven_edge.tracking.work_budget import run_to_end
 from enliven_synthesis.body.performer import Figure, Performer
 from enliven_synthesis.training.body_poses import random_figure
 from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson, random_build
@@ -64,6 +64,6 @@ def seen_in(observation: Observation, facing: float | None = None) -> tuple[Esti
     """Returns the shipped network's estimate of an observation, and its estimates by facing."""
     z, mask, _, camera, pose = observation.view
     estimate = shipped_estimator().estimate(z, mask, camera, pose, facing)
-    return estimate_at_points(observation, estimate), whole(
+    return estimate_at_points(observation, estimate), run_to_end(
         estimates_by_facing(shipped_estimator(), estimate, pose)
     )

@@ -16,7 +16,7 @@ from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.people import follower
 from enliven_edge.tracking.settings import SearchSettings, TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
-from enliven_edge.tracking.work_budget import Budget, BudgetedTask, frame_budget, whole
+from enliven_edge.tracking.work_budget import Budget, BudgetedTask, frame_budget, run_to_end
 
 FITS = 12
 """Coarse fits per frame, fewer than the default, so that a search takes more frames."""
@@ -48,7 +48,7 @@ def test_no_frame_costs_more_than_its_budget_and_one_part(costs, fits):
         spent += fits - budget.left
         if done:
             break
-    assert spread.result == whole(parts(costs)) == len(costs)
+    assert spread.result == run_to_end(parts(costs)) == len(costs)
     assert spent == pytest.approx(sum(costs))
 
 
@@ -87,7 +87,7 @@ def counted(frames, settings, monkeypatch):
 def test_the_fits_of_every_frame_are_bounded(film, monkeypatch):
     """Searches for new people, and repeated searches for known ones; here all people are doubtful."""
     monkeypatch.setattr(follower, "_DOUBTFUL_COST", -np.inf)
-    monkeypatch.setattr(follower, "_is_borne_out", lambda *_: False)
+    monkeypatch.setattr(follower, "_is_confirmed", lambda *_: False)
     spread = counted(film, SPREAD, monkeypatch)
     appeared = next(n for n, (_, bodies) in enumerate(spread) if bodies)
     assert max(work for work, _ in spread[:appeared]) <= FITS + PART

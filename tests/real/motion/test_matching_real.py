@@ -21,7 +21,7 @@ from enliven_edge.importing.registry import find_files, find_reader
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage.rig.rig_actor import cast_rig
+from enliven_edge.stage.rig.rig_actor import create_rig_actor
 from enliven_edge.stage.rig.settings import MatchingSettings
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.tracker import Tracker
@@ -54,7 +54,7 @@ def tips(row):
 
 
 def stage_of(**settings):
-    actor = cast_rig(str(SPIDER), MatchingSettings(**settings))
+    actor = create_rig_actor(str(SPIDER), MatchingSettings(**settings))
     actor.preview(None, "arms")
     actor.view = ScreenView(np.array([0.0, -0.3, -1.0]))
     return Stage([actor]), actor

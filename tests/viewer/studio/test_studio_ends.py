@@ -15,7 +15,7 @@ from enliven.modeling.edits import mirror_character, scale_character
 from enliven.person import Joint
 from enliven.wire import PutCharacter
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.uploaded_actor import cast_sent
+from enliven_edge.uploaded_actor import create_uploaded_actor
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
@@ -139,7 +139,7 @@ def test_ends_are_kept_in_a_file_and_taken_by_an_edge(tmp_path):
     data = character_bytes(project.with_characters(character), "man")
     for fit in (False, True):
         order = PutCharacter("man", 1, b"\0" * 32, len(data), fit)
-        actor = cast_sent(data, order, EdgeSettings())
+        actor = create_uploaded_actor(data, order, EdgeSettings())
         assert actor.likeness is not None and actor.likeness.human
         placed = actor.likeness.joints
         front = np.sign(placed[Joint.HAND_LEFT, 0] - placed[Joint.HAND_RIGHT, 0])

@@ -12,7 +12,7 @@ from enliven.formats.project import character_bytes, project_of_mesh, read_proje
 from enliven.person import Body, Joint
 from enliven.wire import PutCharacter
 from enliven_edge.settings import EdgeSettings
-from enliven_edge.uploaded_actor import cast_sent
+from enliven_edge.uploaded_actor import create_uploaded_actor
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.stage_sender import _differs_in_motion_only
@@ -129,7 +129,7 @@ def test_painted_stiffness_is_saved_and_softens_on_stage(workspace, tmp_path):
     shown = {}
     for name, variant in (("soft", project), ("plain", project.with_characters(before))):
         data = character_bytes(variant, "man")
-        actor = cast_sent(data, PutCharacter("man", 1, b"x" * 32, len(data), True), settings)
+        actor = create_uploaded_actor(data, PutCharacter("man", 1, b"x" * 32, len(data), True), settings)
         shown[name] = wave(actor)
         factors = painted_stiffness(actor.character)
         assert (factors is None) == (name == "plain")

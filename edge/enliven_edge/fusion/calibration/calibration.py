@@ -14,17 +14,17 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven_edge.fusion.calibration.matching import BodyMatch, guesses, matched
-from enliven_edge.fusion.calibration.pose_graph import SensorPlacement, network
-from enliven_edge.fusion.calibration.quality import Quality, Verdict, judged, no_match_quality
-from enliven_edge.fusion.calibration.refinement import Fit, differ, refine
+from enliven_edge.fusion.calibration.matching import BodyMatch, generate_guesses, match_bodies
+from enliven_edge.fusion.calibration.pose_graph import SensorPlacement, solve_pose_graph
+from enliven_edge.fusion.calibration.quality import Quality, Verdict, evaluate_fit, no_match_quality
+from enliven_edge.fusion.calibration.refinement import Fit, are_different, refine
 from enliven_edge.fusion.calibration.tracks import BodyStream
-from enliven_edge.fusion.placement import Place, Space, rows
+from enliven_edge.fusion.placement import Place, Space, nested_tuples
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _MISSED_BODY_COST_M = 0.5
 """Cost in metres of a body that only one sensor saw although the other saw people at that time."""
-_FINALISTS = 4
+_MAX_REFINED_PLACEMENTS = 4
 """Number of placements that are refined fully. The best guess after a quick fit is not always the best in the
 end."""
 _EQUAL_COST_RATIO = 1.25
@@ -41,8 +41,8 @@ class SensorPair:
     quality: Quality
 
     @property
-    def good(self) -> bool:
-        """Returns True if it may be used."""
+    def is_good(self) -> bool:
+        """True if the result may be used."""
         return self.quality.verdict is Verdict.GOOD
 
 
@@ -67,18 +67,18 @@ class Calibration:
     loop_deg: float
 
     @property
-    def good(self) -> bool:
+    def is_good(self) -> bool:
         """Returns True if every sensor is connected to the first one through good pairs."""
-        return not self.loose(lambda pair: pair.good)
+        return not self.find_unconnected(lambda pair: pair.is_good)
 
-    def loose(self, usable: Callable[[SensorPair], bool]) -> tuple[str, ...]:
+    def find_unconnected(self, usable: Callable[[SensorPair], bool]) -> tuple[str, ...]:
         """Returns the sensors that no chain of usable pairs connects to the first one."""
-        tied = {self.sensors[0]}
+        connected = {self.sensors[0]}
         for _ in self.sensors:
             for pair in filter(usable, self.pairs):
-                if {pair.a, pair.b} & tied:
-                    tied |= {pair.a, pair.b}
-        return tuple(name for name in self.sensors if name not in tied)
+                if {pair.a, pair.b} & connected:
+                    connected |= {pair.a, pair.b}
+        return tuple(name for name in self.sensors if name not in connected)
 
     def space(self, level_from_camera: Mapping[str, Float] | None = None) -> Space:
         """Returns the space for the file.
@@ -89,8 +89,8 @@ class Calibration:
         cameras = level_from_camera or {}
         places = {}
         for name, level in self.world_from_sensor.items():
-            camera = rows(level @ cameras[name]) if name in cameras else None
-            places[name] = Place(rows(level), camera, self.clock_offset_ns[name])
+            camera = nested_tuples(level @ cameras[name]) if name in cameras else None
+            places[name] = Place(nested_tuples(level), camera, self.clock_offset_ns[name])
         return Space(places)
 
     @property
@@ -99,8 +99,8 @@ class Calibration:
 
         The list is empty if all is good.
         """
-        loose = self.loose(lambda pair: pair.good)
-        return [p.quality.advice for p in self.pairs if p.quality.advice and {p.a, p.b} & set(loose)]
+        unconnected = self.find_unconnected(lambda pair: pair.is_good)
+        return [p.quality.advice for p in self.pairs if p.quality.advice and {p.a, p.b} & set(unconnected)]
 
 
 def calibrate(
@@ -120,20 +120,27 @@ def calibrate(
     """
     settings = settings or CalibrationSettings()
     names = tuple(stream.sensor for stream in streams)
-    _checked(names)
+    _check_names(names)
     pairs = []
     for a, b in itertools.combinations(streams, 2):
         progress(f"{a.sensor} and {b.sensor}")
         pairs.append(calibrate_pair(a, b, settings))
-    tied: SensorPlacement = network(names, [(p.a, p.b, p.fit, p.good) for p in pairs if p.fit is not None])
+    placement: SensorPlacement = solve_pose_graph(
+        names, [(p.a, p.b, p.fit, p.is_good) for p in pairs if p.fit is not None]
+    )
     first = streams[0].first_ns
     offsets = {
-        s.sensor: first - s.first_ns + round(tied.lags.get(s.sensor, 0.0) * 1e9)
-        for s in streams
-        if s.sensor in tied.lags
+        sensor.sensor: first - sensor.first_ns + round(placement.lags.get(sensor.sensor, 0.0) * 1e9)
+        for sensor in streams
+        if sensor.sensor in placement.lags
     }
     return Calibration(
-        names, tied.world_from_sensor, offsets, tuple(pairs), 100 * tied.loop, float(np.degrees(tied.turn))
+        names,
+        placement.world_from_sensor,
+        offsets,
+        tuple(pairs),
+        100 * placement.loop_error_m,
+        float(np.degrees(placement.loop_error_rad)),
     )
 
 
@@ -141,48 +148,48 @@ def calibrate_pair(a: BodyStream, b: BodyStream, settings: CalibrationSettings) 
     """Finds the pose of sensor b relative to sensor a, from the best of all first guesses."""
     known_lag = (b.first_ns - a.first_ns) * 1e-9
     ranked: list[tuple[float, Fit]] = []
-    for guess in guesses(a, b, known_lag, settings):
-        quick = refine(guess.matches, guess.a_from_b, guess.lag, settings, steps=4, frames=120)
-        if quick is not None:
-            ranked.append((_score(a, b, quick, guess.matches, settings), quick))
+    for guess in generate_guesses(a, b, known_lag, settings):
+        quick_fit = refine(guess.matches, guess.a_from_b, guess.lag, settings, steps=4, frames=120)
+        if quick_fit is not None:
+            ranked.append((_compute_score(a, b, quick_fit, guess.matches, settings), quick_fit))
     ranked.sort(key=lambda entry: entry[0])
-    finals: list[tuple[float, Fit, tuple[BodyMatch, ...]]] = []
-    for _, quick in _distinct(ranked):
-        final = _finished(a, b, quick, settings)
+    refined: list[tuple[float, Fit, tuple[BodyMatch, ...]]] = []
+    for _, quick_fit in _select_distinct(ranked):
+        final = _refine_guess(a, b, quick_fit, settings)
         if final is not None:
-            finals.append((_score(a, b, *final, settings), *final))
-    if not finals:
-        blind = next((s.sensor for s in (a, b) if not s.tracks), None)
-        return SensorPair(a.sensor, b.sensor, None, no_match_quality(a.sensor, b.sensor, blind))
-    finals.sort(key=lambda entry: entry[0])
-    score, fit, matches = finals[0]
-    rivals = [
+            refined.append((_compute_score(a, b, *final, settings), *final))
+    if not refined:
+        blind_sensor = next((s.sensor for s in (a, b) if not s.tracks), None)
+        return SensorPair(a.sensor, b.sensor, None, no_match_quality(a.sensor, b.sensor, blind_sensor))
+    refined.sort(key=lambda entry: entry[0])
+    score, fit, matches = refined[0]
+    equal_fits = [
         other
-        for cost, other, _ in finals[1:]
-        if cost < _EQUAL_COST_RATIO * score + 1e-4 and differ(fit, other)
+        for cost, other, _ in refined[1:]
+        if cost < _EQUAL_COST_RATIO * score + 1e-4 and are_different(fit, other)
     ]
-    return SensorPair(a.sensor, b.sensor, fit, judged(fit, matches, rivals, b.sensor, settings))
+    return SensorPair(a.sensor, b.sensor, fit, evaluate_fit(fit, matches, equal_fits, b.sensor, settings))
 
 
-def _distinct(ranked: list[tuple[float, Fit]]) -> list[tuple[float, Fit]]:
+def _select_distinct(ranked: list[tuple[float, Fit]]) -> list[tuple[float, Fit]]:
     """Returns the best few guesses that differ from every better one."""
     kept: list[tuple[float, Fit]] = []
     for score, fit in ranked:
-        if all(differ(fit, other) or abs(fit.lag - other.lag) > 0.1 for _, other in kept):
+        if all(are_different(fit, other) or abs(fit.lag - other.lag) > 0.1 for _, other in kept):
             kept.append((score, fit))
-        if len(kept) == _FINALISTS:
+        if len(kept) == _MAX_REFINED_PLACEMENTS:
             break
     return kept
 
 
-def _finished(
+def _refine_guess(
     a: BodyStream, b: BodyStream, quick: Fit, settings: CalibrationSettings
 ) -> tuple[Fit, tuple[BodyMatch, ...]] | None:
     """Refines a guess with all people matched, twice, because a better placement gives better matches."""
     fit = quick
     matches: tuple[BodyMatch, ...] = ()
     for _ in range(2):
-        matches = matched(a, b, fit.a_from_b, fit.lag, settings)
+        matches = match_bodies(a, b, fit.a_from_b, fit.lag, settings)
         better = refine(matches, fit.a_from_b, fit.lag, settings)
         if better is None:
             return None
@@ -190,7 +197,7 @@ def _finished(
     return fit, matches
 
 
-def _score(
+def _compute_score(
     a: BodyStream, b: BodyStream, fit: Fit, matches: tuple[BodyMatch, ...], settings: CalibrationSettings
 ) -> float:
     """Returns the disagreement in metres per body, with a cost for bodies that only one sensor saw.
@@ -198,8 +205,8 @@ def _score(
     Short overlaps agree by chance more easily, so they must agree better.
     """
     times = np.arange(0.0, a.duration + 1e-9, 0.1)
-    both = np.minimum(_present(a, times), _present(b, times - fit.lag)).sum()
-    have = min(float(both), sum(10 * _span(m, b, fit.lag) for m in matches))
+    both = np.minimum(_count_people(a, times), _count_people(b, times - fit.lag)).sum()
+    have = min(float(both), sum(10 * _shared_duration(m, b, fit.lag) for m in matches))
     if both < 1:
         return np.inf
     cost = (have * fit.cost + (both - have) * _MISSED_BODY_COST_M) / both
@@ -207,30 +214,32 @@ def _score(
     return float(cost * (max(len(times), 1) / both) ** 0.25 * (1.0 + 0.15 * fit.swapped.mean()))
 
 
-def _present(stream: BodyStream, times: Float) -> Float:
+def _count_people(stream: BodyStream, times: Float) -> Float:
     """Returns (N,) the number of people that a sensor reports at each time."""
     count = np.zeros(len(times))
     for track in stream.tracks:
-        near = np.clip(np.searchsorted(track.times, times), 1, max(len(track.times) - 1, 1))
-        ends = np.minimum(len(track.times) - 1, near)
-        gap = np.minimum(np.abs(track.times[ends] - times), np.abs(track.times[near - 1] - times))
-        count += gap < 0.1
+        nearest_frame = np.clip(np.searchsorted(track.times, times), 1, max(len(track.times) - 1, 1))
+        interval = np.minimum(len(track.times) - 1, nearest_frame)
+        max_gap = np.minimum(
+            np.abs(track.times[interval] - times), np.abs(track.times[nearest_frame - 1] - times)
+        )
+        count += max_gap < 0.1
     return count
 
 
-def _span(match: BodyMatch, b: BodyStream, lag: float) -> float:
+def _shared_duration(match: BodyMatch, b: BodyStream, lag: float) -> float:
     """Returns the seconds in which both sensors see a match's moments."""
-    times = match.times[_present(BodyStream(b.sensor, 0, (match.b,)), match.times - lag) > 0]
+    times = match.times[_count_people(BodyStream(b.sensor, 0, (match.b,)), match.times - lag) > 0]
     return 0.1 * len(np.unique(np.floor(times / 0.1)))
 
 
-def _checked(names: Sequence[str]) -> None:
+def _check_names(names: Sequence[str]) -> None:
     if len(names) < 2:
         raise InputError("there is one sensor only", where="calibration", mend="Give two or more.")
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
+    duplicates = [name for name in names if names.count(name) > 1]
+    if duplicates:
         raise InputError(
-            f"two sensors are called {twice[0]!r}",
+            f"two sensors are called {duplicates[0]!r}",
             where="calibration",
             mend="Name them: left=FIRST right=SECOND.",
         )

@@ -17,7 +17,7 @@ from enliven_edge.fusion.settings import CalibrationSettings
 
 _SAMPLE_RATE_HZ = 50.0
 """Sampling rate of the signals in hertz: above every sensor's frame rate."""
-_CANDIDATES = 5
+_MAX_CANDIDATES = 5
 """Number of lags that are tried. A walk that repeats itself has a few peaks of equal height."""
 _MIN_PEAK_DISTANCE_S = 0.15
 """Minimum distance of two peaks in seconds. Nearer ones are the same peak."""
@@ -25,7 +25,7 @@ _SPEED_WINDOW_S = 0.12
 """Seconds over which speeds are computed, so that noise of the joints does not hide them."""
 
 
-def likely_lags(
+def find_likely_lags(
     a: BodyTrack, b: BodyTrack, settings: CalibrationSettings, known: float | None
 ) -> list[float]:
     """Returns seconds to add to times of ``b`` to get times of ``a``, the likeliest first.
@@ -36,15 +36,15 @@ def likely_lags(
         known: the lag if both clocks are synchronised. It is also tried if the tracks then overlap; None:
             unknown.
     """
-    signal_a, seen_a = _signals(a, settings)
-    signal_b, seen_b = _signals(b, settings)
-    score, together = _correlation(signal_a, seen_a, signal_b, seen_b)
+    signal_a, seen_a = _compute_signals(a, settings)
+    signal_b, seen_b = _compute_signals(b, settings)
+    score, common_samples = _correlate(signal_a, seen_a, signal_b, seen_b)
     lags = (np.arange(len(score)) - (len(signal_b) - 1)) / _SAMPLE_RATE_HZ + a.times[0] - b.times[0]
-    score = np.where(together >= settings.overlap * _SAMPLE_RATE_HZ, score, -np.inf)
+    score = np.where(common_samples >= settings.overlap * _SAMPLE_RATE_HZ, score, -np.inf)
     if settings.clock_range and known is not None:
         score = np.where(np.abs(lags - known) <= settings.clock_range, score, -np.inf)
     candidates = [] if known is None or not _overlap(a, b, known, settings) else [known]
-    while len(candidates) < _CANDIDATES and np.isfinite(score).any():
+    while len(candidates) < _MAX_CANDIDATES and np.isfinite(score).any():
         best = int(np.argmax(score))
         candidates.append(float(lags[best]))
         score = np.where(np.abs(lags - lags[best]) < _MIN_PEAK_DISTANCE_S, -np.inf, score)
@@ -56,21 +56,23 @@ def _overlap(a: BodyTrack, b: BodyTrack, lag: float, settings: CalibrationSettin
     return bool(stop - start >= settings.overlap)
 
 
-def _signals(track: BodyTrack, settings: CalibrationSettings) -> tuple[Float, Float]:
+def _compute_signals(track: BodyTrack, settings: CalibrationSettings) -> tuple[Float, Float]:
     """Returns (N, 4) standardised signals at the common rate, 0 where unseen, and (N,) whether seen."""
     times = np.arange(track.times[0], track.times[-1], 1.0 / _SAMPLE_RATE_HZ)
     joints, _, confidence = track.at(times, settings.longest_gap)
     before, _, seen_before = track.at(times - _SPEED_WINDOW_S, settings.longest_gap)
     hips = joints[:, Joint.HIP_CENTER] - before[:, Joint.HIP_CENTER]
-    apart = [
+    distances = [
         np.linalg.norm(joints[:, left] - joints[:, right], axis=1)
         for left, right in (
             (Joint.WRIST_LEFT, Joint.WRIST_RIGHT),
             (Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT),
         )
     ]
-    reach = 0.5 * (joints[:, Joint.WRIST_LEFT] + joints[:, Joint.WRIST_RIGHT]) - joints[:, Joint.HIP_CENTER]
-    values = np.stack([np.linalg.norm(hips, axis=1), *apart, np.linalg.norm(reach, axis=1)], 1)
+    arm_reach = (
+        0.5 * (joints[:, Joint.WRIST_LEFT] + joints[:, Joint.WRIST_RIGHT]) - joints[:, Joint.HIP_CENTER]
+    )
+    values = np.stack([np.linalg.norm(hips, axis=1), *distances, np.linalg.norm(arm_reach, axis=1)], 1)
     seen = (confidence.max(1) > 0) & (seen_before.max(1) > 0)
     if not seen.any():
         return np.zeros_like(values), np.zeros(len(values))
@@ -81,12 +83,12 @@ def _signals(track: BodyTrack, settings: CalibrationSettings) -> tuple[Float, Fl
     return np.asarray(np.clip(values, -4, 4) * seen[:, None]), seen.astype(float)
 
 
-def _correlation(a: Float, seen_a: Float, b: Float, seen_b: Float) -> tuple[Float, Float]:
+def _correlate(a: Float, seen_a: Float, b: Float, seen_b: Float) -> tuple[Float, Float]:
     """Returns (L,) the normalised correlation and (L,) the number of common samples at every lag."""
     if not len(a) or not len(b):
         return np.zeros(0), np.zeros(0)
     product = sum(correlate(a[:, k], b[:, k], method="fft") for k in range(a.shape[1]))
     power_a = correlate((a**2).sum(1), seen_b, method="fft")
     power_b = correlate(seen_a, (b**2).sum(1), method="fft")
-    together = np.asarray(correlate(seen_a, seen_b, method="fft"))
-    return np.asarray(product / np.sqrt(np.maximum(power_a * power_b, 1e-6))), together
+    common_samples = np.asarray(correlate(seen_a, seen_b, method="fft"))
+    return np.asarray(product / np.sqrt(np.maximum(power_a * power_b, 1e-6))), common_samples

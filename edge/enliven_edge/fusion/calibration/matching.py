@@ -9,10 +9,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from enliven.arrays import Bool, Float
-from enliven_edge.fusion.calibration.clock import likely_lags
+from enliven_edge.fusion.calibration.clock import find_likely_lags
 from enliven_edge.fusion.calibration.tracks import BodyStream, BodyTrack
 from enliven_edge.fusion.live import OTHER_SIDE, middle_weights, middles
-from enliven_edge.fusion.placement import best_rigid, moved
+from enliven_edge.fusion.placement import fit_rigid, transform_points
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _MAX_FRAMES = 240
@@ -49,7 +49,7 @@ class InitialTransform:
     matches: tuple[BodyMatch, ...]
 
 
-def guesses(
+def generate_guesses(
     a: BodyStream, b: BodyStream, known_lag: float | None, settings: CalibrationSettings
 ) -> Iterator[InitialTransform]:
     """Yields every plausible start: pairs of people, lags of their clocks, and both orders of the sides."""
@@ -58,7 +58,7 @@ def guesses(
         for track_b in b.tracks[:_MAX_TRACKS]:
             if min(len(track_a.times), len(track_b.times)) < 3:
                 continue
-            for lag in likely_lags(track_a, track_b, settings, known_lag):
+            for lag in find_likely_lags(track_a, track_b, settings, known_lag):
                 times = track_a.times[:: max(1, len(track_a.times) // _MAX_FRAMES)]
                 q, _, seen = track_b.at(times - lag, settings.longest_gap)
                 p, _, seen_a = track_a.at(times, settings.longest_gap)
@@ -67,78 +67,79 @@ def guesses(
                 if good.sum() < 3:
                     continue
                 match = (BodyMatch(track_a, track_b, track_a.times),)
-                for start in _starts(p[good], q[good], weights[good], upright):
+                for start in _estimate_transforms(p[good], q[good], weights[good], upright):
                     yield InitialTransform(start, lag, match)
 
 
-def _starts(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
+def _estimate_transforms(p: Float, q: Float, w: Float, upright: bool) -> list[Float]:
     """Returns transforms between (N, 20, 3) joints: by the midline, and by both assignments of the sides."""
-    free = _consensus(middles(p), middles(q), middle_weights(w), upright)
+    free = _ransac_transform(middles(p), middles(q), middle_weights(w), upright)
     flat = w.reshape(-1)
-    named = best_rigid(q.reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
-    swapped = best_rigid(q[:, OTHER_SIDE].reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
+    named = fit_rigid(q.reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
+    swapped = fit_rigid(q[:, OTHER_SIDE].reshape(-1, 3), p.reshape(-1, 3), flat, upright=upright)
     return [free, named, swapped]
 
 
-def _consensus(p: Float, q: Float, w: Float, upright: bool) -> Float:
+def _ransac_transform(p: Float, q: Float, w: Float, upright: bool) -> Float:
     """Returns (4, 4), the transform that fits most of (N, 12, 3) points: RANSAC, then refinement."""
     random = np.random.default_rng(0)
     best, best_cost = np.eye(4), np.inf
     for _ in range(_RANSAC_DRAWS):
-        pick = random.choice(len(p), size=min(2, len(p)), replace=False)
-        if not w[pick].any():
+        sample = random.choice(len(p), size=min(2, len(p)), replace=False)
+        if not w[sample].any():
             continue
-        guess = best_rigid(
-            q[pick].reshape(-1, 3), p[pick].reshape(-1, 3), w[pick].reshape(-1), upright=upright
+        guess = fit_rigid(
+            q[sample].reshape(-1, 3), p[sample].reshape(-1, 3), w[sample].reshape(-1), upright=upright
         )
-        apart = np.linalg.norm(moved(guess, q) - p, axis=2)
-        cost = float((w * np.minimum(apart, 0.5)).sum())
+        distances = np.linalg.norm(transform_points(guess, q) - p, axis=2)
+        cost = float((w * np.minimum(distances, 0.5)).sum())
         if cost < best_cost:
             best, best_cost = guess, cost
     for _ in range(6):
-        apart = np.linalg.norm(moved(best, q) - p, axis=2)
-        trust = w / (1.0 + (apart / 0.15) ** 2) ** 2
-        if not trust.any():
+        distances = np.linalg.norm(transform_points(best, q) - p, axis=2)
+        weights = w / (1.0 + (distances / 0.15) ** 2) ** 2
+        if not weights.any():
             break
-        best = best_rigid(q.reshape(-1, 3), p.reshape(-1, 3), trust.reshape(-1), upright=upright)
+        best = fit_rigid(q.reshape(-1, 3), p.reshape(-1, 3), weights.reshape(-1), upright=upright)
     return best
 
 
-def matched(
+def match_bodies(
     a: BodyStream, b: BodyStream, a_from_b: Float, lag: float, settings: CalibrationSettings
 ) -> tuple[BodyMatch, ...]:
     """Matches people at every moment, once the sensors are roughly placed (Hungarian algorithm, gated)."""
     times = np.unique(np.concatenate([t.times for t in a.tracks]))
-    near: list[list[Float]] = []
+    distances: list[list[Float]] = []
     for track_a in a.tracks:
         p, _, seen_a = track_a.at(times, settings.longest_gap)
-        row = []
+        track_index = []
         for track_b in b.tracks:
             q, _, seen_b = track_b.at(times - lag, settings.longest_gap)
-            row.append(_trunks_apart(p, moved(a_from_b, q), seen_a * seen_b))
-        near.append(row)
-    taken = _assigned(np.array(near))
+            track_index.append(_trunk_distances(p, transform_points(a_from_b, q), seen_a * seen_b))
+        distances.append(track_index)
+    assignment = _assign(np.array(distances))
     return tuple(
-        BodyMatch(track_a, track_b, times[taken[i, j]])
+        BodyMatch(track_a, track_b, times[assignment[i, j]])
         for i, track_a in enumerate(a.tracks)
         for j, track_b in enumerate(b.tracks)
-        if taken[i, j].sum() >= 3
+        if assignment[i, j].sum() >= 3
     )
 
 
-def _trunks_apart(p: Float, q: Float, w: Float) -> Float:
+def _trunk_distances(p: Float, q: Float, w: Float) -> Float:
     """Returns (N,) the mean distance of the midline points, inf if both see none."""
     weights = middle_weights(w)
     total = weights.sum(1)
-    apart = (weights * np.linalg.norm(middles(p) - middles(q), axis=2)).sum(1)
-    return np.where(total > 0, apart / np.where(total > 0, total, 1.0), np.inf)
+    distances = (weights * np.linalg.norm(middles(p) - middles(q), axis=2)).sum(1)
+    return np.where(total > 0, distances / np.where(total > 0, total, 1.0), np.inf)
 
 
-def _assigned(near: Float) -> Bool:
-    """Returns (A, B, N) whether two tracks are one person at a time, with at most one partner each."""
-    taken = np.zeros(near.shape, bool)
-    for n in np.flatnonzero((near < _SAME_PERSON_M).any((0, 1))):
-        cost = np.where(near[:, :, n] < _SAME_PERSON_M, near[:, :, n], 10.0)
+def _assign(distances: Float) -> Bool:
+    """Returns (A, B, N) flags: True if two tracks are one person at a time. Each track has at most one
+    partner."""
+    assignment = np.zeros(distances.shape, bool)
+    for n in np.flatnonzero((distances < _SAME_PERSON_M).any((0, 1))):
+        cost = np.where(distances[:, :, n] < _SAME_PERSON_M, distances[:, :, n], 10.0)
         for i, j in zip(*linear_sum_assignment(cost), strict=True):
-            taken[i, j, n] = near[i, j, n] < _SAME_PERSON_M
-    return taken
+            assignment[i, j, n] = distances[i, j, n] < _SAME_PERSON_M
+    return assignment

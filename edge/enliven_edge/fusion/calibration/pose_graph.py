@@ -15,7 +15,13 @@ from scipy.optimize import least_squares
 
 from enliven.arrays import Float
 from enliven_edge.fusion.calibration.refinement import Fit
-from enliven_edge.fusion.placement import inverse, moved, rigid, rotation_vector, turn
+from enliven_edge.fusion.placement import (
+    compose_transform,
+    invert,
+    rotation_from_vector,
+    rotation_vector,
+    transform_points,
+)
 
 Edge = tuple[str, str, Fit, bool]
 """Sensor a, sensor b, their measured fit, and whether it was judged good."""
@@ -25,49 +31,49 @@ Edge = tuple[str, str, Fit, bool]
 class SensorPlacement:
     """The placement (4, 4) and the lag in seconds of each sensor that is connected to the first one.
 
-    ``loop`` (metres) and ``turn`` (radians) are the maximum residuals of a measurement: the loop closure
-    error.
+    ``loop_error_m`` (metres) and ``loop_error_rad`` (radians) are the maximum residuals of a measurement: the
+    loop closure error.
     """
 
     world_from_sensor: dict[str, Float]
     lags: dict[str, float]
-    loop: float
-    turn: float
+    loop_error_m: float
+    loop_error_rad: float
 
 
-def network(names: Sequence[str], edges: list[Edge]) -> SensorPlacement:
+def solve_pose_graph(names: Sequence[str], edges: list[Edge]) -> SensorPlacement:
     """Computes the placements from all good edges. Other edges only connect sensors that were unconnected."""
-    used = _used(names, edges)
-    places, lags = _spread(names[0], used)
+    used = _select_edges(names, edges)
+    places, lags = _place_along_tree(names[0], used)
     loose = [name for name in names[1:] if name in places]
     if len(used) > len(loose):
-        places = _relaxed(names[0], loose, places, used)
-        lags = _levelled(names[0], loose, used)
+        places = _optimise_poses(names[0], loose, places, used)
+        lags = _solve_lags(names[0], loose, used)
     errors = [_error(places[a], places[b], fit) for a, b, fit, _ in used]
-    loop = max((float(np.linalg.norm(e[3:6])) for e in errors), default=0.0)
+    loop_error_m = max((float(np.linalg.norm(e[3:6])) for e in errors), default=0.0)
     return SensorPlacement(
-        places, lags, loop, max((float(np.linalg.norm(e[:3])) for e in errors), default=0.0)
+        places, lags, loop_error_m, max((float(np.linalg.norm(e[:3])) for e in errors), default=0.0)
     )
 
 
-def _strength(edge: Edge) -> tuple[bool, float]:
+def _edge_priority(edge: Edge) -> tuple[bool, float]:
     """Returns a sort key of edges: good ones first, then those with the most certain direction."""
     return edge[3], float(np.linalg.eigvalsh(edge[2].precision[:6, :6])[0])
 
 
-def _used(names: Sequence[str], edges: list[Edge]) -> list[Edge]:
+def _select_edges(names: Sequence[str], edges: list[Edge]) -> list[Edge]:
     """Returns all good edges, and of the others the fewest that connect all sensors (Kruskal's algorithm)."""
     group = {name: name for name in names}
-    kept = []
-    for edge in sorted(edges, key=_strength, reverse=True):
+    selected = []
+    for edge in sorted(edges, key=_edge_priority, reverse=True):
         a, b = group[edge[0]], group[edge[1]]
         if a != b or edge[3]:
-            kept.append(edge)
+            selected.append(edge)
         group = {name: (a if g == b else g) for name, g in group.items()}
-    return kept
+    return selected
 
 
-def _spread(root: str, edges: list[Edge]) -> tuple[dict[str, Float], dict[str, float]]:
+def _place_along_tree(root: str, edges: list[Edge]) -> tuple[dict[str, Float], dict[str, float]]:
     """Returns placements and lags along the strongest spanning tree."""
     places, lags = {root: np.eye(4)}, {root: 0.0}
     for _ in edges:
@@ -75,23 +81,27 @@ def _spread(root: str, edges: list[Edge]) -> tuple[dict[str, Float], dict[str, f
             if a in places and b not in places:
                 places[b], lags[b] = places[a] @ fit.a_from_b, lags[a] + fit.lag
             elif b in places and a not in places:
-                places[a], lags[a] = places[b] @ inverse(fit.a_from_b), lags[b] - fit.lag
+                places[a], lags[a] = places[b] @ invert(fit.a_from_b), lags[b] - fit.lag
     return places, lags
 
 
-def _relaxed(root: str, free: list[str], places: dict[str, Float], edges: list[Edge]) -> dict[str, Float]:
+def _optimise_poses(
+    root: str, free: list[str], places: dict[str, Float], edges: list[Edge]
+) -> dict[str, Float]:
     """Returns the placements with the smallest residuals, each pair weighted by its precision."""
     factors = [np.linalg.cholesky(fit.precision[:6, :6] + 1e-9 * np.eye(6)).T for _, _, fit, _ in edges]
 
-    def placed(x: Float) -> dict[str, Float]:
+    def poses_after(x: Float) -> dict[str, Float]:
         poses = {root: places[root]}
         for name, step in zip(free, x.reshape(-1, 6), strict=True):
             base = places[name]
-            poses[name] = rigid(turn(step[:3]) @ base[:3, :3], base[:3, 3] + step[3:])
+            poses[name] = compose_transform(
+                rotation_from_vector(step[:3]) @ base[:3, :3], base[:3, 3] + step[3:]
+            )
         return poses
 
-    def contradictions(x: Float) -> Float:
-        poses = placed(x)
+    def compute_residuals(x: Float) -> Float:
+        poses = poses_after(x)
         return np.concatenate(
             [
                 factor @ _error(poses[a], poses[b], fit)
@@ -100,18 +110,20 @@ def _relaxed(root: str, free: list[str], places: dict[str, Float], edges: list[E
         )
 
     start = np.zeros(6 * len(free))
-    return placed(np.asarray(least_squares(contradictions, start, x_scale="jac").x))
+    return poses_after(np.asarray(least_squares(compute_residuals, start, x_scale="jac").x))
 
 
 def _error(world_from_a: Float, world_from_b: Float, fit: Fit) -> Float:
     """Returns (6,) the difference of the placements from the fit: rotation about its centre, and shift."""
-    placed = inverse(world_from_a) @ world_from_b
-    turned = rotation_vector(placed[:3, :3] @ fit.a_from_b[:3, :3].T)
-    shift = moved(placed, moved(inverse(fit.a_from_b), fit.centre)) - fit.centre
-    return np.concatenate([turned, shift])
+    measured_from_b = invert(world_from_a) @ world_from_b
+    rotation_error = rotation_vector(measured_from_b[:3, :3] @ fit.a_from_b[:3, :3].T)
+    translation_error = (
+        transform_points(measured_from_b, transform_points(invert(fit.a_from_b), fit.centre)) - fit.centre
+    )
+    return np.concatenate([rotation_error, translation_error])
 
 
-def _levelled(root: str, free: list[str], edges: list[Edge]) -> dict[str, float]:
+def _solve_lags(root: str, free: list[str], edges: list[Edge]) -> dict[str, float]:
     """Returns the lags with the smallest residuals: linear least squares."""
     rows, values = [], []
     for a, b, fit, _ in edges:

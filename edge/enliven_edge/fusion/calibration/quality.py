@@ -11,7 +11,7 @@ from enliven.arrays import Float, Int
 from enliven.person import Joint
 from enliven_edge.fusion.calibration.matching import BodyMatch
 from enliven_edge.fusion.calibration.refinement import Fit, refine
-from enliven_edge.fusion.placement import angle_between, inverse, moved
+from enliven_edge.fusion.placement import angle_between, invert, transform_points
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _JACKKNIFE_BLOCKS = 8
@@ -62,7 +62,7 @@ class Quality:
     advice: str
 
 
-def judged(
+def evaluate_fit(
     fit: Fit, matches: tuple[BodyMatch, ...], rivals: list[Fit], name: str, settings: CalibrationSettings
 ) -> Quality:
     """Returns the quality of a fit of sensor b to sensor a.
@@ -74,9 +74,9 @@ def judged(
         name: the user's name of sensor b.
         settings: the settings.
     """
-    place, direction, clock = _doubt(fit, matches, settings)
-    length, breadth, thin = _walked(fit.feet)
-    seconds = _seconds(fit.times)
+    position_cm, direction_deg, clock_ms = _estimate_uncertainty(fit, matches, settings)
+    length, breadth, narrow_axis = _measure_walk(fit.hips)
+    seconds = _count_seconds(fit.times)
     verdict, advice = Verdict.GOOD, ""
     if fit.rms > settings.worst_residual:
         verdict = Verdict.NO_MATCH
@@ -91,18 +91,19 @@ def judged(
         )
     elif breadth < settings.narrowest:
         verdict = Verdict.WALK_ON
-        advice = f"the way was {length:.1f} m long and {breadth:.1f} m wide: {_where(fit, thin, name)}"
+        direction = _advise_walk(fit, narrow_axis, name)
+        advice = f"the walked area was {length:.1f} m long and {breadth:.1f} m wide: {direction}"
     elif rivals:
         verdict = Verdict.AMBIGUOUS
-        advice = (
-            f"{name} could also stand {_other_way(fit, rivals[0])}: walk in a curve, lift one arm, turn about"
-        )
-    elif place > settings.doubt_cm or direction > settings.doubt_deg:
+        rival = _describe_rival(fit, rivals[0])
+        advice = f"{name} could also stand {rival}: walk in a curve, lift one arm, turn about"
+    elif position_cm > settings.doubt_cm or direction_deg > settings.doubt_deg:
         verdict = Verdict.WALK_ON
-        advice = f"{name} is known to {place:.1f} cm and {direction:.1f} deg only: walk on, and turn about"
+        accuracy = f"{position_cm:.1f} cm and {direction_deg:.1f} deg"
+        advice = f"{name} is known to {accuracy} only: walk on, and turn about"
     return Quality(
-        verdict, fit.rms, place, direction, clock, seconds, length, breadth,
-        len(np.unique(np.floor(fit.feet[:, [0, 2]] / _FLOOR_CELL_M), axis=0)),
+        verdict, fit.rms, position_cm, direction_deg, clock_ms, seconds, length, breadth,
+        len(np.unique(np.floor(fit.hips[:, [0, 2]] / _FLOOR_CELL_M), axis=0)),
         float(np.mean(fit.swapped)), advice,
     )  # fmt: skip
 
@@ -121,7 +122,7 @@ def no_match_quality(a: str, b: str, blind: str | None) -> Quality:
     return Quality(Verdict.NO_MATCH, nan, nan, nan, nan, 0.0, 0.0, 0.0, 0, 0.0, advice)
 
 
-def _doubt(
+def _estimate_uncertainty(
     fit: Fit, matches: tuple[BodyMatch, ...], settings: CalibrationSettings
 ) -> tuple[float, float, float]:
     """Returns centimetres, degrees and milliseconds of one standard deviation.
@@ -132,15 +133,15 @@ def _doubt(
     """
     covariance = np.linalg.pinv(fit.precision + 1e-9 * np.eye(7))
     formal = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    radius = float(np.sqrt(((fit.feet - fit.feet.mean(0))[:, [0, 2]] ** 2).sum(1).mean()))
+    radius = float(np.sqrt(((fit.hips - fit.hips.mean(0))[:, [0, 2]] ** 2).sum(1).mean()))
     edges = np.quantile(fit.times, np.linspace(0.0, 1.0, _JACKKNIFE_BLOCKS + 1))[1:-1]
     spread = np.maximum(
         _jackknife(fit, matches, [np.digitize(m.times, edges) for m in matches], settings),
-        _jackknife(fit, matches, [_facing(m, settings) for m in matches], settings),
+        _jackknife(fit, matches, [_facing_octants(m, settings) for m in matches], settings),
     )
     direction = max(float(np.linalg.norm(formal[:3])), float(spread[1]))
-    place = float(np.hypot(max(float(np.linalg.norm(formal[3:6])), float(spread[0])), direction * radius))
-    return 100 * place, float(np.degrees(direction)), 1e3 * max(float(formal[6]), float(spread[2]))
+    position = float(np.hypot(max(float(np.linalg.norm(formal[3:6])), float(spread[0])), direction * radius))
+    return 100 * position, float(np.degrees(direction)), 1e3 * max(float(formal[6]), float(spread[2]))
 
 
 def _jackknife(
@@ -154,7 +155,7 @@ def _jackknife(
         blocks: by match, (N,) the block of each of its moments, from 0.
         settings: the settings.
     """
-    at = moved(inverse(fit.a_from_b), fit.centre)
+    block_index = transform_points(invert(fit.a_from_b), fit.centre)
     changes = []
     for block in range(_JACKKNIFE_BLOCKS):
         if not any((b == block).any() for b in blocks):
@@ -162,48 +163,51 @@ def _jackknife(
         kept = tuple(BodyMatch(m.a, m.b, m.times[b != block]) for m, b in zip(matches, blocks, strict=True))
         other = refine(kept, fit.a_from_b, fit.lag, settings, steps=4, frames=300)
         if other is not None:
-            shift = np.linalg.norm(moved(other.a_from_b, at) - fit.centre)
+            shift = np.linalg.norm(transform_points(other.a_from_b, block_index) - fit.centre)
             changes.append((shift, angle_between(fit.a_from_b, other.a_from_b), other.lag - fit.lag))
     if len(changes) < 2:
         return np.zeros(3)
-    share = (len(changes) - 1) / len(changes)
-    return np.asarray(np.sqrt(share * (np.array(changes) ** 2).sum(0)))
+    own_blocks = (len(changes) - 1) / len(changes)
+    return np.asarray(np.sqrt(own_blocks * (np.array(changes) ** 2).sum(0)))
 
 
-def _facing(match: BodyMatch, settings: CalibrationSettings) -> Int:
+def _facing_octants(match: BodyMatch, settings: CalibrationSettings) -> Int:
     """Returns (N,) the person's facing direction, one of eight, by the first sensor."""
     joints, _, _ = match.a.at(match.times, settings.longest_gap)
-    across = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
-    turns = np.arctan2(across[:, 2], across[:, 0]) / (2 * np.pi)
-    return np.asarray(np.floor(_JACKKNIFE_BLOCKS * (turns % 1.0)).clip(0, _JACKKNIFE_BLOCKS - 1), np.int64)
+    left_axis = joints[:, _LEFTS].mean(1) - joints[:, _RIGHTS].mean(1)
+    angles = np.arctan2(left_axis[:, 2], left_axis[:, 0]) / (2 * np.pi)
+    return np.asarray(np.floor(_JACKKNIFE_BLOCKS * (angles % 1.0)).clip(0, _JACKKNIFE_BLOCKS - 1), np.int64)
 
 
-def _walked(feet: Float) -> tuple[float, float, Float]:
+def _measure_walk(hips: Float) -> tuple[float, float, Float]:
     """Returns length and breadth of the walked floor in metres, and (3,) the unit vector of its breadth."""
-    flat = feet[:, [0, 2]]
+    flat = hips[:, [0, 2]]
     _, axes = np.linalg.eigh(np.cov((flat - flat.mean(0)).T) if len(flat) > 1 else np.eye(2))
     low, high = np.quantile(flat @ axes, [0.03, 0.97], axis=0)
     return float(high[1] - low[1]), float(high[0] - low[0]), np.array([axes[0, 0], 0.0, axes[1, 0]])
 
 
-def _seconds(times: Float) -> float:
-    """Returns seconds, counted in tenths that contain a moment."""
+def _count_seconds(times: Float) -> float:
+    """Returns the observed time in seconds: the number of tenths of a second that contain at least one of
+    ``times``, divided by ten."""
     return 0.1 * len(np.unique(np.floor(times / 0.1)))
 
 
-def _where(fit: Fit, thin: Float, name: str) -> str:
+def _advise_walk(fit: Fit, narrow_axis: Float, name: str) -> str:
     """Returns advice on where to walk so that the narrow direction becomes wider, from sensor b's view."""
-    back = inverse(fit.a_from_b)
-    centre, way = moved(back, fit.centre), back[:3, :3] @ thin
-    if abs(way[0]) >= abs(way[2]):
+    b_from_a = invert(fit.a_from_b)
+    centre, direction = transform_points(b_from_a, fit.centre), b_from_a[:3, :3] @ narrow_axis
+    if abs(direction[0]) >= abs(direction[2]):
         return f"walk on, to the {'left' if centre[0] > 0 else 'right'} of sensor {name}"
-    near = -centre[2] > _GOOD_DISTANCE_M
-    return f"walk on, {'nearer to' if near else 'farther from'} sensor {name}"
+    is_near = -centre[2] > _GOOD_DISTANCE_M
+    return f"walk on, {'nearer to' if is_near else 'farther from'} sensor {name}"
 
 
-def _other_way(fit: Fit, rival: Fit) -> str:
+def _describe_rival(fit: Fit, rival: Fit) -> str:
     degrees = np.degrees(angle_between(fit.a_from_b, rival.a_from_b))
     if degrees > 15.0:
         return f"turned by {degrees:.0f} degrees"
-    apart = np.linalg.norm(moved(rival.a_from_b, moved(inverse(fit.a_from_b), fit.centre)) - fit.centre)
-    return f"{apart:.1f} m elsewhere"
+    distance = np.linalg.norm(
+        transform_points(rival.a_from_b, transform_points(invert(fit.a_from_b), fit.centre)) - fit.centre
+    )
+    return f"{distance:.1f} m elsewhere"

@@ -15,7 +15,16 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven_edge.fusion.calibration.matching import BodyMatch
 from enliven_edge.fusion.live import OTHER_SIDE
-from enliven_edge.fusion.placement import UP, angle_between, cross_matrix, inverse, moved, rigid, turn, turned
+from enliven_edge.fusion.placement import (
+    UP,
+    angle_between,
+    compose_transform,
+    cross_matrix,
+    invert,
+    rotate_vectors,
+    rotation_from_vector,
+    transform_points,
+)
 from enliven_edge.fusion.settings import CalibrationSettings
 
 _MAX_FRAMES = 900
@@ -38,8 +47,8 @@ class Fit:
         lag: seconds to add to b's times to get a's.
         residuals: (N, 20) metres between the joints at each moment used.
         weights: (N, 20) confidence of both sensors, 0..1, before robust weighting.
-        doubt: (N, 20) the robust weight, 0..1.
-        times: (N,) seconds of a's stream; feet: (N, 3) the hips, in a's frame.
+        robust_weights: (N, 20) the robust weight, 0..1.
+        times: (N,) seconds of a's stream; hips: (N, 3) metres, the hip centres in a's frame.
         swapped: (N,) whether the two sensors named the sides differently.
         precision: (7, 7) inverse covariance of (rotation about the centre, shift, lag) [rad, m, s].
         centre: (3,) the centre of rotation in ``precision``, in a's frame.
@@ -49,9 +58,9 @@ class Fit:
     lag: float
     residuals: Float
     weights: Float
-    doubt: Float
+    robust_weights: Float
     times: Float
-    feet: Float
+    hips: Float
     swapped: Bool
     precision: Float
     centre: Float
@@ -65,7 +74,7 @@ class Fit:
     @property
     def rms(self) -> float:
         """Returns the robust root mean square disagreement of the joints in metres."""
-        trust = self.weights * self.doubt
+        trust = self.weights * self.robust_weights
         return float(np.sqrt((trust * self.residuals**2).sum() / max(trust.sum(), 1e-12)))
 
 
@@ -81,18 +90,18 @@ def refine(
     """Refines a first guess. Returns None if both never see the same body simultaneously."""
     stride = max(1, sum(len(m.times) for m in matches) // frames)
     thinned = [BodyMatch(m.a, m.b, m.times[::stride]) for m in matches]
-    held = [match.a.at(match.times, settings.longest_gap) for match in thinned]
+    joints_of_a = [match.a.at(match.times, settings.longest_gap) for match in thinned]
     fit = None
     for _ in range(steps):
-        look = _looked(thinned, held, a_from_b, lag, settings)
-        if look is None:
+        samples = _sample_joints(thinned, joints_of_a, a_from_b, lag, settings)
+        if samples is None:
             return fit
-        fit, step = _stepped(look, a_from_b, lag, settings)
-        a_from_b, lag = _applied(a_from_b, lag, step, fit.centre)
+        fit, step = _compute_step(samples, a_from_b, lag, settings)
+        a_from_b, lag = _apply_step(a_from_b, lag, step, fit.centre)
         if np.abs(step).max() < 1e-7:
             break
-    look = _looked(thinned, held, a_from_b, lag, settings)
-    return fit if look is None else _stepped(look, a_from_b, lag, settings)[0]
+    samples = _sample_joints(thinned, joints_of_a, a_from_b, lag, settings)
+    return fit if samples is None else _compute_step(samples, a_from_b, lag, settings)[0]
 
 
 @dataclass(frozen=True)
@@ -107,43 +116,43 @@ class _JointPairs:
     swapped: Bool
 
 
-def _looked(
+def _sample_joints(
     matches: list[BodyMatch],
-    held: list[tuple[Float, Float, Float]],
+    joints_of_a: list[tuple[Float, Float, Float]],
     a_from_b: Float,
     lag: float,
     settings: CalibrationSettings,
 ) -> _JointPairs | None:
     """Returns the joints of both sensors at the matches' moments.
 
-    ``held`` are the first sensor's, by match.
+    ``joints_of_a`` are the first sensor's, by match.
     """
-    looks = []
-    for match, (p, _, seen_a) in zip(matches, held, strict=True):
+    samples = []
+    for match, (p, _, seen_a) in zip(matches, joints_of_a, strict=True):
         q, velocity, seen_b = match.b.at(match.times - lag, settings.longest_gap)
-        swapped = _sides(match.times, p, moved(a_from_b, q), seen_a, seen_b, settings.width)
+        swapped = _find_swapped(match.times, p, transform_points(a_from_b, q), seen_a, seen_b, settings.width)
         if swapped.any():
             order = np.where(swapped[:, None], OTHER_SIDE, np.arange(20))
             q, velocity = (np.take_along_axis(x, order[..., None], 1) for x in (q, velocity))
             seen_b = np.take_along_axis(seen_b, order, 1)
         weights = seen_a * seen_b
         good = weights.sum(1) > 0
-        looks.append(
+        samples.append(
             _JointPairs(match.times[good], p[good], q[good], velocity[good], weights[good], swapped[good])
         )
-    if not looks or not sum(len(look.times) for look in looks):
+    if not samples or not sum(len(sample.times) for sample in samples):
         return None
-    columns = zip(*((x.times, x.p, x.q, x.velocity, x.weights, x.swapped) for x in looks), strict=True)
+    columns = zip(*((x.times, x.p, x.q, x.velocity, x.weights, x.swapped) for x in samples), strict=True)
     return _JointPairs(*(np.concatenate(column) for column in columns))
 
 
-def _sides(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width: float) -> Bool:
-    """Returns (N,) whether exchanged sides agree better, over a few neighbouring frames."""
-    plain, other = (
-        (seen_a * seen * np.minimum(_lengths(p - there), 2 * width)).sum(1)
+def _find_swapped(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width: float) -> Bool:
+    """Returns (N,) flags: True if exchanged sides agree better, over a few neighbouring frames."""
+    same_cost, swapped_cost = (
+        (seen_a * seen * np.minimum(_vector_lengths(p - there), 2 * width)).sum(1)
         for seen, there in ((seen_b, q), (seen_b[:, OTHER_SIDE], q[:, OTHER_SIDE]))
     )
-    gain = plain - other
+    gain = same_cost - swapped_cost
     if len(gain) < 3:
         return np.asarray(gain > 0)
     total = np.concatenate([[0.0], np.cumsum(gain)])
@@ -152,36 +161,49 @@ def _sides(times: Float, p: Float, q: Float, seen_a: Float, seen_b: Float, width
     return np.asarray(total[high] - total[low] > 1e-9)
 
 
-def _stepped(
-    look: _JointPairs, a_from_b: Float, lag: float, settings: CalibrationSettings
+def _compute_step(
+    samples: _JointPairs, a_from_b: Float, lag: float, settings: CalibrationSettings
 ) -> tuple[Fit, Float]:
     """Returns the state of the fit, and the step (7,) of rotation, shift and lag that improves it."""
-    placed = moved(a_from_b, look.q)
-    error = placed - look.p
-    residuals = _lengths(error)
-    width = _width(residuals, look.weights, settings.width)
-    doubt = 1.0 / (1.0 + (residuals / width) ** 2) ** 2
-    trust = look.weights * doubt
-    centre = np.tensordot(trust, placed, 2) / max(trust.sum(), 1e-12)
+    placed_b = transform_points(a_from_b, samples.q)
+    error = placed_b - samples.p
+    residuals = _vector_lengths(error)
+    width = _robust_width(residuals, samples.weights, settings.width)
+    robust_weights = 1.0 / (1.0 + (residuals / width) ** 2) ** 2
+    trust = samples.weights * robust_weights
+    centre = np.tensordot(trust, placed_b, 2) / max(trust.sum(), 1e-12)
     variance = float((trust * residuals**2).sum() / max(3 * trust.sum(), 1e-12)) + 1e-10
     # Count only independent observations, because the errors of neighbouring frames and of one body's joints
     # are correlated.
-    looks = max(1.0, len(np.unique(np.floor(look.times / _CORRELATION_TIME_S)))) * _INDEPENDENT_POINTS
-    scale = looks / max(trust.sum(), 1e-12) / variance
-    h, g = normal_equations(placed - centre, turned(a_from_b, look.velocity), error, scale * trust)
+    observations = (
+        max(1.0, len(np.unique(np.floor(samples.times / _CORRELATION_TIME_S)))) * _INDEPENDENT_POINTS
+    )
+    scale = observations / max(trust.sum(), 1e-12) / variance
+    h, g = normal_equations(
+        placed_b - centre, rotate_vectors(a_from_b, samples.velocity), error, scale * trust
+    )
     precision = h.copy()
     _add_priors(h, g, a_from_b, centre, settings)
-    damped = h + 1e-9 * np.diag(np.maximum(np.diag(h), 1e-9))
-    step = np.asarray(-np.linalg.solve(damped, g), np.float64)
+    damped_h = h + 1e-9 * np.diag(np.maximum(np.diag(h), 1e-9))
+    step = np.asarray(-np.linalg.solve(damped_h, g), np.float64)
     step[6] = np.clip(step[6], -0.05, 0.05)
-    feet = look.p[:, 0]
+    hips = samples.p[:, 0]
     fit = Fit(
-        a_from_b, lag, residuals, look.weights, doubt, look.times, feet, look.swapped, precision, centre
+        a_from_b,
+        lag,
+        residuals,
+        samples.weights,
+        robust_weights,
+        samples.times,
+        hips,
+        samples.swapped,
+        precision,
+        centre,
     )
     return fit, step
 
 
-def _width(residuals: Float, weights: Float, widest: float) -> float:
+def _robust_width(residuals: Float, weights: Float, widest: float) -> float:
     """Returns the robust width in metres: three times the median disagreement, within bounds."""
     seen = residuals[weights > 0]
     return float(np.clip(3.0 * np.median(seen), _NOISE_M, widest)) if len(seen) else widest
@@ -206,19 +228,19 @@ def normal_equations(arm: Float, velocity: Float, error: Float, weights: Float) 
     h, g = np.empty((7, 7)), np.empty(7)
     h[:3, :3] = np.trace(aa) * np.eye(3) - aa
     h[:3, 3:6], h[3:6, 3:6] = cross_matrix(sums[:3, 9]), sums[9, 9] * np.eye(3)
-    h[:3, 6], h[3:6, 6], h[6, 6] = -_crossed(av), -sums[3:6, 9], np.trace(vv)
+    h[:3, 6], h[3:6, 6], h[6, 6] = -_cross_sum(av), -sums[3:6, 9], np.trace(vv)
     h[3:6, :3], h[6, :6] = h[:3, 3:6].T, h[:6, 6]
-    g[:3], g[3:6], g[6] = _crossed(ae), sums[6:9, 9], -np.trace(ve)
+    g[:3], g[3:6], g[6] = _cross_sum(ae), sums[6:9, 9], -np.trace(ve)
     return h, g
 
 
-def _crossed(products: Float) -> Float:
+def _cross_sum(products: Float) -> Float:
     """Returns (3,) the sum of a x b from the sum of a b^T (3, 3)."""
     p = products
     return np.array([p[1, 2] - p[2, 1], p[2, 0] - p[0, 2], p[0, 1] - p[1, 0]])
 
 
-def _lengths(vectors: Float) -> Float:
+def _vector_lengths(vectors: Float) -> Float:
     """Returns (N, 20) the lengths of (N, 20, 3)."""
     return np.asarray(np.sqrt(np.einsum("njk,njk->nj", vectors, vectors)))
 
@@ -235,25 +257,25 @@ def _add_priors(h: Float, g: Float, a_from_b: Float, centre: Float, settings: Ca
         g[axis] += tilt * lean[axis]
     floor = 1.0 / (2 * settings.floor_height**2)
     # Compute the height of b's floor at the point below the people.
-    height = float(a_from_b[1, 3] + (a_from_b[:3, :3] @ _below(a_from_b, centre))[1])
+    height = float(a_from_b[1, 3] + (a_from_b[:3, :3] @ _floor_point_below(a_from_b, centre))[1])
     h[4, 4] += floor
     g[4] += floor * height
 
 
-def _below(a_from_b: Float, centre: Float) -> Float:
+def _floor_point_below(a_from_b: Float, centre: Float) -> Float:
     """Returns (3,) the point of b's floor below a point of a's frame, in b's frame."""
     point = a_from_b[:3, :3].T @ (centre - a_from_b[:3, 3])
     return np.array([point[0], 0.0, point[2]])
 
 
-def _applied(a_from_b: Float, lag: float, step: Float, centre: Float) -> tuple[Float, float]:
+def _apply_step(a_from_b: Float, lag: float, step: Float, centre: Float) -> tuple[Float, float]:
     """Returns the transform rotated about the centre and shifted, and the new lag."""
-    rotation = turn(step[:3])
+    rotation = rotation_from_vector(step[:3])
     translation = rotation @ (a_from_b[:3, 3] - centre) + centre + step[3:6]
-    return rigid(rotation @ a_from_b[:3, :3], translation), lag + float(step[6])
+    return compose_transform(rotation @ a_from_b[:3, :3], translation), lag + float(step[6])
 
 
-def differ(a: Fit, b: Fit) -> bool:
+def are_different(a: Fit, b: Fit) -> bool:
     """Returns True if two fits place the people differently, beyond noise."""
-    apart = moved(b.a_from_b, moved(inverse(a.a_from_b), a.centre)) - a.centre
+    apart = transform_points(b.a_from_b, transform_points(invert(a.a_from_b), a.centre)) - a.centre
     return angle_between(a.a_from_b, b.a_from_b) > np.deg2rad(15.0) or bool(np.linalg.norm(apart) > 0.4)

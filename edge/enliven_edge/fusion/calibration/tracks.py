@@ -13,8 +13,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame, DepthFrame
-from enliven_edge.fusion.live import PATIENCE, SensorThread, in_world
-from enliven_edge.fusion.placement import inverse
+from enliven_edge.fusion.live import READ_TIMEOUT_S, SensorThread, transform_bodies
+from enliven_edge.fusion.placement import invert
 from enliven_edge.sensors import Sensor, SensorFault
 from enliven_edge.tracking import Tracker
 
@@ -52,12 +52,12 @@ class BodyTrack:
         after = np.clip(np.searchsorted(self.times, times, side="right"), 1, len(self.times) - 1)
         before = after - 1
         step = self.times[after] - self.times[before]
-        share = (times - self.times[before]) / step
-        inside = (share >= -1e-9) & (share <= 1 + 1e-9) & (step <= longest_gap)
-        share = np.clip(share, 0.0, 1.0)[:, None, None]
+        fraction = (times - self.times[before]) / step
+        is_between = (fraction >= -1e-9) & (fraction <= 1 + 1e-9) & (step <= longest_gap)
+        fraction = np.clip(fraction, 0.0, 1.0)[:, None, None]
         start, change = self.joints[before], self.joints[after] - self.joints[before]
-        seen = np.minimum(self.confidence[before], self.confidence[after]) * inside[:, None]
-        return start + share * change, self._velocities[before], seen
+        seen = np.minimum(self.confidence[before], self.confidence[after]) * is_between[:, None]
+        return start + fraction * change, self._velocities[before], seen
 
     @cached_property
     def step(self) -> float:
@@ -97,23 +97,23 @@ class BodyStream:
         return max((float(t.times[-1]) for t in self.tracks), default=0.0)
 
 
-def stream_of(sensor: str, frames: Iterable[BodyFrame]) -> BodyStream:
+def stream_from_frames(sensor: str, frames: Iterable[BodyFrame]) -> BodyStream:
     """Returns the tracks of a sensor's body frames, without frames out of order or with equal times."""
-    kept: list[BodyFrame] = []
+    ordered: list[BodyFrame] = []
     for frame in frames:
-        if not kept or frame.time_ns > kept[-1].time_ns:
-            kept.append(frame)
-    first = kept[0].time_ns if kept else 0
+        if not ordered or frame.time_ns > ordered[-1].time_ns:
+            ordered.append(frame)
+    first_ns = ordered[0].time_ns if ordered else 0
     people: dict[int, list[tuple[float, AnyArray, AnyArray]]] = {}
-    for frame in kept:
-        seconds = (frame.time_ns - first) * 1e-9
+    for frame in ordered:
+        seconds = (frame.time_ns - first_ns) * 1e-9
         for body in frame.bodies:
             people.setdefault(body.id, []).append((seconds, body.joints, body.confidence))
     tracks = [
         BodyTrack(person, *(np.array(column, float) for column in zip(*rows, strict=True)))
         for person, rows in people.items()
     ]
-    return BodyStream(sensor, first, tuple(sorted(tracks, key=lambda t: -len(t.times))))
+    return BodyStream(sensor, first_ns, tuple(sorted(tracks, key=lambda t: -len(t.times))))
 
 
 log = logging.getLogger(__name__)
@@ -152,19 +152,19 @@ class Collector(SensorThread):
         A sensor may find its floor only after some frames, or know it better later. Earlier bodies are then
         corrected.
         """
-        return stream_of(self.name, self.frames_in_level())
+        return stream_from_frames(self.name, self.frames_in_level())
 
     def frames_in_level(self) -> list[BodyFrame]:
         """Returns the same bodies as frames."""
-        kept = list(self._kept)
-        final = self.level_from_camera
-        return [_put_right(frame, mount, final) for frame, mount in kept]
+        recorded = list(self._kept)
+        final_mount = self.level_from_camera
+        return [_correct_mounting(frame, mount, final_mount) for frame, mount in recorded]
 
     def _read(self) -> None:
         first: int | None = None
         while not self._stopped.is_set():
             try:
-                frame = self.sensor.read(PATIENCE)
+                frame = self.sensor.read(READ_TIMEOUT_S)
             except TimeoutError:
                 continue
             except (SensorFault, InputError) as error:
@@ -185,8 +185,8 @@ class Collector(SensorThread):
             self.frames += 1
 
 
-def _put_right(frame: BodyFrame, mount: Float | None, final: Float | None) -> BodyFrame:
+def _correct_mounting(frame: BodyFrame, mount: Float | None, final: Float | None) -> BodyFrame:
     """Returns the bodies as if the sensor's final mounting had been known from the start."""
     if mount is None or final is None or not frame.bodies or np.array_equal(mount, final):
         return frame
-    return dataclasses.replace(frame, bodies=in_world(frame.bodies, final @ inverse(mount)))
+    return dataclasses.replace(frame, bodies=transform_bodies(frame.bodies, final @ invert(mount)))

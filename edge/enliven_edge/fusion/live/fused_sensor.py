@@ -11,7 +11,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven.health import HealthKind, HealthState, Severity, worst_first
 from enliven_edge.fusion.live.fuser import Fuser
-from enliven_edge.fusion.live.merge import ArrivalClocks, OutputSchedule, eyes
+from enliven_edge.fusion.live.merge import ArrivalClocks, OutputSchedule, sensor_positions
 from enliven_edge.fusion.live.sensor_thread import SensorBodies, TrackingThread
 from enliven_edge.fusion.live.sensor_view import SensorState, SensorWarning
 from enliven_edge.fusion.placement import Space
@@ -62,20 +62,20 @@ class FusedSensors(Sensor):
         self._devices = {name for name, sensor in sensors.items() if is_device(sensor)}
         for name, monitor in health.items():
             monitor.follow_device(name in self._devices)
-        _known(sensors, space)
+        _check_space(sensors, space)
         self.name = " + ".join(sensors)
         self._once = once
         self._camera = next(iter(space.sensors[name].camera for name in sensors))
-        self.fuser = Fuser({n: e for n, e in eyes(space).items() if n in sensors}, settings)
+        self.fuser = Fuser({n: e for n, e in sensor_positions(space).items() if n in sensors}, settings)
         self.warnings: list[SensorWarning] = []
         self._changed = threading.Condition()
-        self._watchers = [
+        self._threads = [
             TrackingThread(
                 name, sensor, trackers[name], space.sensors[name], health[name], self._changed, once
             )
             for name, sensor in sensors.items()
         ]
-        self._rhythm = OutputSchedule()
+        self._schedule = OutputSchedule()
         self._clocks = ArrivalClocks()
         self._gone: set[str] = set()
         self._last: dict[str, SensorWarning] = {}
@@ -90,7 +90,7 @@ class FusedSensors(Sensor):
     @property
     def health_states(self) -> list[HealthState]:
         """Returns the health states of all sensors and of their poses, the most severe first."""
-        health_states = [state for watcher in self._watchers for state in watcher.health_states]
+        health_states = [state for thread in self._threads for state in thread.health_states]
         for warning in self._last.values():
             if warning.state in _SEVERITY:
                 kind, gravity, mend = _SEVERITY[warning.state]
@@ -102,87 +102,87 @@ class FusedSensors(Sensor):
     def read(self, timeout: float | None = None) -> BodyFrame | None:
         if not self._started:
             self._started = True
-            for watcher in self._watchers:
-                watcher.start()
+            for thread in self._threads:
+                thread.start()
         deadline = None if timeout is None else time.monotonic() + timeout
         while True:
-            seen = self._take(deadline)
-            if seen is None:
+            sensor_bodies = self._take(deadline)
+            if sensor_bodies is None:
                 self._check_all_lost()
                 return None
-            frame = self._fused(seen)
+            frame = self._fuse(sensor_bodies)
             if frame is not None:
                 return frame
 
     def close(self) -> None:
-        for watcher in self._watchers:
-            watcher.stop()
+        for thread in self._threads:
+            thread.stop()
 
     def _take(self, deadline: float | None) -> SensorBodies | None:
         """Returns the next bodies of any sensor, or None when all have ended."""
         with self._changed:
             while True:
                 self._report_ended()
-                if len(self._gone) == len(self._watchers):
+                if len(self._gone) == len(self._threads):
                     return None
-                ready = self._ready()
-                if ready is not None:
-                    seen = ready.seen.popleft()
+                thread = self._next_thread()
+                if thread is not None:
+                    sensor_bodies = thread.seen.popleft()
                     self._changed.notify_all()
-                    return seen
+                    return sensor_bodies
                 wait = None if deadline is None else deadline - time.monotonic()
                 if wait is not None and wait <= 0:
                     raise TimeoutError("no sensor had a frame in time")
                 self._changed.wait(wait)
 
-    def _ready(self) -> TrackingThread | None:
+    def _next_thread(self) -> TrackingThread | None:
         """Returns the sensor with the oldest bodies. Recordings count only when each of them has some."""
-        live = [w for w in self._watchers if w.seen and not w.recorded]
-        recordings = [w for w in self._watchers if w.recorded and w.name not in self._gone]
+        live = [w for w in self._threads if w.seen and not w.recorded]
+        recordings = [w for w in self._threads if w.recorded and w.name not in self._gone]
         turn = live + (recordings if all(w.seen for w in recordings) else [])
-        return min(turn, key=lambda w: self._common(w.seen[0]), default=None)
+        return min(turn, key=lambda w: self._to_common_clock(w.seen[0]), default=None)
 
     def _report_ended(self) -> None:
         """Reports sensors that have ended to the fuser, once all their bodies were fused."""
-        for watcher in self._watchers:
-            if watcher.ended and not watcher.seen and watcher.name not in self._gone:
-                self._gone.add(watcher.name)
-                state = SensorState.LOST if watcher.failure else SensorState.ENDED
-                self.fuser.end(watcher.name, state, self._now_ns)
-                self._tell(watcher.failure)
-                if self._once and watcher.failure:
-                    raise ResourceError(watcher.failure, where=self.name, mend="Fix it, or leave out --once.")
+        for thread in self._threads:
+            if thread.ended and not thread.seen and thread.name not in self._gone:
+                self._gone.add(thread.name)
+                state = SensorState.LOST if thread.failure else SensorState.ENDED
+                self.fuser.end(thread.name, state, self._now_ns)
+                self._log_warnings(thread.failure)
+                if self._once and thread.failure:
+                    raise ResourceError(thread.failure, where=self.name, mend="Fix it, or leave out --once.")
 
-    def _fused(self, seen: SensorBodies) -> BodyFrame | None:
+    def _fuse(self, sensor_bodies: SensorBodies) -> BodyFrame | None:
         """Passes a sensor's bodies to the fuser. Returns the fused bodies when they are due."""
-        if not next(w.recorded for w in self._watchers if w.name == seen.sensor):
-            self._clocks.note(seen.sensor, seen.time_ns, seen.read_ns)
-        time_ns = self._common(seen)
-        self.fuser.update(seen.sensor, seen.bodies, time_ns, frozen=seen.frozen)
+        if not next(w.recorded for w in self._threads if w.name == sensor_bodies.sensor):
+            self._clocks.record_arrival(sensor_bodies.sensor, sensor_bodies.time_ns, sensor_bodies.read_ns)
+        time_ns = self._to_common_clock(sensor_bodies)
+        self.fuser.update(sensor_bodies.sensor, sensor_bodies.bodies, time_ns, frozen=sensor_bodies.frozen)
         self._now_ns = max(self._now_ns, time_ns)
-        due = self._rhythm.due(seen.sensor, time_ns)
-        bodies = self.fuser.bodies(time_ns) if due else []
-        self._tell()
-        return BodyFrame(bodies, time_ns, self.name, self._camera, seen.read_ns) if due else None
+        is_due = self._schedule.due(sensor_bodies.sensor, time_ns)
+        bodies = self.fuser.bodies(time_ns) if is_due else []
+        self._log_warnings()
+        return BodyFrame(bodies, time_ns, self.name, self._camera, sensor_bodies.read_ns) if is_due else None
 
-    def _common(self, seen: SensorBodies) -> int:
-        return seen.time_ns + self._clocks.shift(seen.sensor)
+    def _to_common_clock(self, sensor_bodies: SensorBodies) -> int:
+        return sensor_bodies.time_ns + self._clocks.shift(sensor_bodies.sensor)
 
-    def _tell(self, why: str = "") -> None:
+    def _log_warnings(self, reason: str = "") -> None:
         for warning in self.fuser.take_warnings():
             self.warnings = [*self.warnings[-99:], warning]
             self._last[warning.sensor] = warning
-            quiet = warning.state in (SensorState.LIVE, SensorState.ENDED)
-            text = f"{warning.what} ({why})" if why else warning.what
-            log.log(logging.INFO if quiet else logging.WARNING, "%s", text)
+            level = warning.state in (SensorState.LIVE, SensorState.ENDED)
+            text = f"{warning.what} ({reason})" if reason else warning.what
+            log.log(logging.INFO if level else logging.WARNING, "%s", text)
 
     def _check_all_lost(self) -> None:
-        failures = [w.failure for w in self._watchers if w.failure]
-        if len(failures) == len(self._watchers):
+        failures = [w.failure for w in self._threads if w.failure]
+        if len(failures) == len(self._threads):
             raise ResourceError("every sensor was lost", where=self.name, mend=failures[0])
 
 
-def _known(sensors: Mapping[str, Sensor], space: Space) -> None:
+def _check_space(sensors: Mapping[str, Sensor], space: Space) -> None:
     """Raises InputError unless the space has a pose for each sensor."""
     for name in sensors:
         if name not in space.sensors:

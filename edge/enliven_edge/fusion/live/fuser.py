@@ -10,9 +10,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Body
 from enliven.rotation import IDENTITY
-from enliven_edge.fusion.live.grouping import NEVER, Group, assigned, distances, grouped
+from enliven_edge.fusion.live.grouping import FORBIDDEN_COST, Group, assign, distances, group_by_person
 from enliven_edge.fusion.live.person import FusedPerson
-from enliven_edge.fusion.live.sensor_view import SENTENCE, SensorState, SensorView, SensorWarning
+from enliven_edge.fusion.live.sensor_view import STATE_SENTENCES, SensorState, SensorView, SensorWarning
 from enliven_edge.fusion.settings import FusionSettings
 from enliven_edge.tracking.body_model import Posture, lengths_for_height, standing
 
@@ -50,31 +50,32 @@ class Fuser:
         self._now_ns: int | None = None
 
     def update(self, sensor: str, bodies: list[Body], time_ns: int, *, frozen: bool = False) -> bool:
-        """Takes in a sensor's bodies at a time of the common clock. Returns False if they came too late."""
+        """Takes in a sensor's bodies at a time of the common clock. Returns False if the bodies came too
+        late."""
         view = self.views[self._numbers[sensor]]
-        before = view.state
-        heard = view.update(bodies, time_ns, self.settings.silence, frozen=frozen)
-        self._say(view, before, time_ns)
-        return heard
+        old_state = view.state
+        is_new = view.update(bodies, time_ns, self.settings.silence, frozen=frozen)
+        self._add_warning(view, old_state, time_ns)
+        return is_new
 
     def end(self, sensor: str, state: SensorState, time_ns: int) -> None:
         """Marks a sensor as gone: its recording has ended, or it was lost."""
         view = self.views[self._numbers[sensor]]
-        before, view.state, view.sightings = view.state, state, {}
-        self._say(view, before, time_ns)
+        old_state, view.state, view.sightings = view.state, state, {}
+        self._add_warning(view, old_state, time_ns)
 
     def bodies(self, time_ns: int) -> list[Body]:
         """Returns all people at a time of the common clock, by identity."""
         s = self.settings
         self._drop_silent_sensors(time_ns)
-        groups = grouped(self.views, time_ns, s.patience, s.gate, s.loyalty)
+        groups = group_by_person(self.views, time_ns, s.patience, s.gate, s.loyalty)
         bodies = []
-        recognised = self._recognised(groups, time_ns)
-        for group, person in recognised:
-            self._compare(group, person, time_ns)
+        assign = self._assign_people(groups, time_ns)
+        for group, person in assign:
+            self._check_placement(group, person, time_ns)
             body = person.see(group, self.views, time_ns)
             is_sure = person.hits >= s.sure_after
-            duplicate = not is_sure and _is_duplicate(group, [other for other, _ in recognised])
+            duplicate = not is_sure and _is_duplicate(group, [other for other, _ in assign])
             person.hits = 1 if duplicate else person.hits + len(group.sightings)
             if person.hits >= s.sure_after:
                 bodies.append(body)
@@ -87,9 +88,9 @@ class Fuser:
         warnings, self.warnings = self.warnings, []
         return warnings
 
-    def _recognised(self, groups: list[Group], time_ns: int) -> list[tuple[Group, FusedPerson]]:
+    def _assign_people(self, groups: list[Group], time_ns: int) -> list[tuple[Group, FusedPerson]]:
         """Assigns each group to a known person, or to a new one (data association)."""
-        pairs = assigned(self._costs(groups, time_ns)) if groups and self.people else []
+        pairs = assign(self._compute_costs(groups, time_ns)) if groups and self.people else []
         people_by_group = {g: self.people[p] for g, p in pairs}
         recognised = []
         for number, group in enumerate(groups):
@@ -102,10 +103,10 @@ class Fuser:
 
     def _new_person(self, group: Group) -> FusedPerson:
         """Returns a new person, or one that has returned if the sensors of the group agree on an identity."""
-        claimed = [s.person for s in group.sightings.values() if s.person]
-        present = {p.id for p in self.people}
-        number = max(claimed, key=claimed.count, default=0)
-        if not number or number in present:
+        identities = [s.person for s in group.sightings.values() if s.person]
+        active = {p.id for p in self.people}
+        number = max(identities, key=identities.count, default=0)
+        if not number or number in active:
             number = self._next
             self._next += 1
         person = FusedPerson(number, len(self.views), self.settings)
@@ -116,7 +117,7 @@ class Fuser:
             person.hits = min(0, s.sure_after - s.sure_beside)
         return person
 
-    def _costs(self, groups: list[Group], time_ns: int) -> Float:
+    def _compute_costs(self, groups: list[Group], time_ns: int) -> Float:
         """Returns (G, P) metres between groups and people, less for groups with the same person before."""
         s = self.settings
         cost = distances(
@@ -129,8 +130,8 @@ class Fuser:
         votes = np.array([[g.votes(p.id) for p in self.people] for g in groups])
         # If two people turn out to be the same, keep the oldest identity.
         age = 1e-3 * np.arange(len(self.people))
-        allowed = (cost < gates) | (votes > 0.5)
-        return np.where(allowed, np.minimum(cost, 10.0) - s.loyalty * votes + age, NEVER)
+        max_distance = (cost < gates) | (votes > 0.5)
+        return np.where(max_distance, np.minimum(cost, 10.0) - s.loyalty * votes + age, FORBIDDEN_COST)
 
     def _forget(self, time_ns: int) -> None:
         """Drops people that were not seen for long, and unconfirmed ones at once."""
@@ -147,36 +148,36 @@ class Fuser:
             if view.last_ns is None or view.state in (SensorState.ENDED, SensorState.LOST):
                 continue
             if time_ns - view.last_ns > self.settings.silence * 1e9:
-                before, view.state, view.sightings = view.state, SensorState.SILENT, {}
-                self._say(view, before, time_ns)
+                old_state, view.state, view.sightings = view.state, SensorState.SILENT, {}
+                self._add_warning(view, old_state, time_ns)
 
-    def _compare(self, group: Group, person: FusedPerson, time_ns: int) -> None:
+    def _check_placement(self, group: Group, person: FusedPerson, time_ns: int) -> None:
         """Marks a sensor as moved if it sees people elsewhere than the others for a long time."""
         if len(group.joints) < 2 or self._now_ns is None:
             return
         seconds = max(0.0, (time_ns - self._now_ns) * 1e-9)
-        share = 1.0 - float(np.exp(-seconds / _MOVED_TIME_CONSTANT_S))
+        gain = 1.0 - float(np.exp(-seconds / _MOVED_TIME_CONSTANT_S))
         trunks = {n: 0.25 * (j[0] + j[1] + j[2] + j[3]) for n, j in group.joints.items()}
-        middle = np.median(list(trunks.values()), axis=0) if len(trunks) > 2 else None
+        median = np.median(list(trunks.values()), axis=0) if len(trunks) > 2 else None
         for number, trunk in trunks.items():
             # With three or more sensors, compare with the median, which is right whichever sensor was moved.
-            other = middle if middle is not None else next(t for n, t in trunks.items() if n != number)
-            apart = trunk - other
+            other = median if median is not None else next(t for n, t in trunks.items() if n != number)
+            displacement = trunk - other
             view = self.views[number]
-            view.astray = view.astray + share * (apart - view.astray)
+            view.displacement_m = view.displacement_m + gain * (displacement - view.displacement_m)
             before = view.state
-            far = float(view.astray @ view.astray) ** 0.5
+            far = float(view.displacement_m @ view.displacement_m) ** 0.5
             if before is SensorState.LIVE and far > _MOVED_SENSOR_M:
                 view.state = SensorState.MOVED
             elif before is SensorState.MOVED and far < 0.5 * _MOVED_SENSOR_M:
                 view.state = SensorState.LIVE
-            self._say(view, before, time_ns)
+            self._add_warning(view, before, time_ns)
 
-    def _say(self, view: SensorView, before: SensorState, time_ns: int) -> None:
+    def _add_warning(self, view: SensorView, old_state: SensorState, time_ns: int) -> None:
         """Adds a warning about a change of state. The first frame of a sensor gives no warning."""
-        if view.state is before or (before is SensorState.WAITING and view.state is SensorState.LIVE):
+        if view.state is old_state or (old_state is SensorState.WAITING and view.state is SensorState.LIVE):
             return
-        sentence = f"{view.name} {SENTENCE[view.state]}"
+        sentence = f"{view.name} {STATE_SENTENCES[view.state]}"
         self.warnings.append(SensorWarning(view.name, view.state, sentence, time_ns))
 
 
@@ -189,8 +190,8 @@ def _is_duplicate(group: Group, others: list[Group]) -> bool:
     hips = group.mean[0]
     for other in others:
         if other is not group and set(group.sightings) < set(other.sightings):
-            apart = (other.mean[0] - hips)[[0, 2]]
-            if float(np.hypot(apart[0], apart[1])) < _DUPLICATE_DISTANCE_M:
+            distance = (other.mean[0] - hips)[[0, 2]]
+            if float(np.hypot(distance[0], distance[1])) < _DUPLICATE_DISTANCE_M:
                 return True
     return False
 

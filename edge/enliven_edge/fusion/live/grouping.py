@@ -13,7 +13,7 @@ from enliven_edge.fusion.live.blending import bones_within, trunk_distances
 from enliven_edge.fusion.live.sensor_view import BodySighting, SensorView
 from enliven_edge.fusion.live.side_assignment import MIDDLES
 
-NEVER = 1e3
+FORBIDDEN_COST = 1e3
 """Cost in metres of a forbidden pairing: above every distance in a room."""
 _BONES = np.array([(0, 2), (2, 3), (12, 13), (16, 17), (13, 14), (17, 18)])
 """(6, 2) joints of the bones that are measured: trunk, neck and head, thighs and shanks."""
@@ -54,7 +54,7 @@ class Group:
         return sum(s.person == person for s in self.sightings.values()) / len(self.sightings)
 
 
-def plausible(body: Body) -> bool:
+def is_plausible(body: Body) -> bool:
     """Returns True if a body may be a person's. A tracker that lost a person may deliver a heap of joints."""
     return bool(bones_within(body.joints, _BONES, _MIN_BONE_LENGTHS_M, _MAX_BONE_LENGTHS_M))
 
@@ -66,7 +66,7 @@ def distances(a: Float, a_sure: Float, b: Float, b_sure: Float) -> Float:
     return out
 
 
-def grouped(
+def group_by_person(
     views: list[SensorView], time_ns: int, patience: float, gate: float, loyalty: float
 ) -> list[Group]:
     """Groups the bodies of all sensors by person, at most one body of each sensor.
@@ -84,19 +84,19 @@ def grouped(
         loyalty: advantage in metres of the previous assignment.
     """
     recent = [[s for s in view.sightings.values() if s.age(time_ns) <= patience] for view in views]
-    watched = {s.person for sightings in recent for s in sightings if s.body.confidence.any()}
+    sorted_views = {s.person for sightings in recent for s in sightings if s.body.confidence.any()}
     current = [
         [
             (s, s.joints(time_ns, patience))
             for s in sightings
-            if plausible(s.body) and (s.body.confidence.any() or s.person not in watched)
+            if is_plausible(s.body) and (s.body.confidence.any() or s.person not in sorted_views)
         ]
         for sightings in recent
     ]
     groups: list[Group] = []
     for sensor in sorted(range(len(views)), key=lambda v: (-len(current[v]), v)):
         candidates = current[sensor]
-        partners = _partners(groups, candidates, gate, loyalty) if groups and candidates else {}
+        partners = _find_partners(groups, candidates, gate, loyalty) if groups and candidates else {}
         for number, (sighting, joints) in enumerate(candidates):
             group = partners.get(number)
             if group is None:
@@ -106,7 +106,7 @@ def grouped(
     return groups
 
 
-def _partners(
+def _find_partners(
     groups: list[Group], seen: list[tuple[BodySighting, Float]], gate: float, loyalty: float
 ) -> dict[int, Group]:
     """Returns the group of each body of one sensor, if one is near enough."""
@@ -116,11 +116,14 @@ def _partners(
         np.array([joints for _, joints in seen]),
         np.array([s.body.confidence for s, _ in seen]),
     )
-    held = np.array([[g.votes(s.person) if s.person else 0.0 for s, _ in seen] for g in groups])
-    return {n: groups[g] for g, n in assigned(np.where(apart < gate, apart - loyalty * held, NEVER))}
+    previous_group = np.array([[g.votes(s.person) if s.person else 0.0 for s, _ in seen] for g in groups])
+    return {
+        n: groups[g]
+        for g, n in assign(np.where(apart < gate, apart - loyalty * previous_group, FORBIDDEN_COST))
+    }
 
 
-def assigned(cost: Float) -> list[tuple[int, int]]:
+def assign(cost: Float) -> list[tuple[int, int]]:
     """Returns the cheapest assignment of rows to columns (Hungarian algorithm).
 
     Entries of NEVER stay unassigned.
@@ -128,4 +131,4 @@ def assigned(cost: Float) -> list[tuple[int, int]]:
     if not cost.size:
         return []
     rows, columns = least_cost(cost)
-    return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if cost[r, c] < NEVER / 2]
+    return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if cost[r, c] < FORBIDDEN_COST / 2]

@@ -16,15 +16,15 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Body
 from enliven.rotation import from_matrix, multiply
-from enliven_edge.fusion.placement import Space, moved
+from enliven_edge.fusion.placement import Space, transform_points
 from enliven_edge.tracking import TrackerSettings
 
 log = logging.getLogger(__name__)
 
-_DIFFER_NS = 300_000_000
+_MAX_CLOCK_DIFFERENCE_NS = 300_000_000
 """Difference of two sensors' youngest frames in nanoseconds beyond which the clocks are not those of the
 calibration."""
-_WHILE_NS = 10_000_000_000
+_AGE_INTERVAL_NS = 10_000_000_000
 """Interval in nanoseconds for the youngest frame: some hundred frames, in which clocks drift by less than a
 millisecond."""
 
@@ -33,9 +33,9 @@ millisecond."""
 class _Ages:
     """The minimum age of a sensor's frames in nanoseconds: in this interval, and in the last complete one."""
 
-    began_ns: int
-    least: int
-    settled: int | None = None
+    started_ns: int
+    minimum: int
+    last_minimum: int | None = None
 
 
 class ArrivalClocks:
@@ -53,7 +53,7 @@ class ArrivalClocks:
         """Returns the nanoseconds to add to a sensor's time."""
         return self._shift.get(sensor, 0)
 
-    def note(self, sensor: str, time_ns: int, read_ns: int) -> None:
+    def record_arrival(self, sensor: str, time_ns: int, read_ns: int) -> None:
         """Records the arrival of a frame.
 
         Args:
@@ -63,24 +63,24 @@ class ArrivalClocks:
         """
         age = read_ns - time_ns
         ages = self._ages.setdefault(sensor, _Ages(read_ns, age))
-        ages.least = min(ages.least, age)
+        ages.minimum = min(ages.minimum, age)
         first = next(iter(self._ages))
         if sensor != first:
             self._set(sensor, ages, self._ages[first])
-        if read_ns - ages.began_ns > _WHILE_NS:
-            ages.settled, ages.began_ns, ages.least = ages.least, read_ns, age
+        if read_ns - ages.started_ns > _AGE_INTERVAL_NS:
+            ages.last_minimum, ages.started_ns, ages.minimum = ages.minimum, read_ns, age
 
     def _set(self, sensor: str, ages: _Ages, first: _Ages) -> None:
         """Sets the shift by comparing the ages with those of the first sensor."""
-        if ages.settled is None or first.settled is None:
-            apart = ages.least - first.least
-            if abs(apart - self.shift(sensor)) > _DIFFER_NS:
-                self._shift[sensor] = apart
+        if ages.last_minimum is None or first.last_minimum is None:
+            difference_ns = ages.minimum - first.minimum
+            if abs(difference_ns - self.shift(sensor)) > _MAX_CLOCK_DIFFERENCE_NS:
+                self._shift[sensor] = difference_ns
                 log.warning("the clock of %s is not that of its calibration; set by arrival", sensor)
             return
-        apart = ages.settled - first.settled
-        base = self._base.setdefault(sensor, apart - self.shift(sensor))
-        self._shift[sensor] = apart - base
+        difference_ns = ages.last_minimum - first.last_minimum
+        base = self._base.setdefault(sensor, difference_ns - self.shift(sensor))
+        self._shift[sensor] = difference_ns - base
 
 
 _MAX_LEADER_DELAY = 1.7
@@ -95,31 +95,31 @@ class OutputSchedule:
     def __init__(self) -> None:
         self._steps: dict[str, float] = {}
         self._last: dict[str, int] = {}
-        self._lead: str | None = None
-        self._told_ns: int | None = None
+        self._leader: str | None = None
+        self._last_sent_ns: int | None = None
 
     def due(self, sensor: str, time_ns: int) -> bool:
         """Returns True if fused bodies are sent with this frame of a sensor, on the common clock."""
-        before = self._last.get(sensor, time_ns)
-        if time_ns > before:
-            step = (time_ns - before) * 1e-9
+        previous_ns = self._last.get(sensor, time_ns)
+        if time_ns > previous_ns:
+            step = (time_ns - previous_ns) * 1e-9
             self._steps[sensor] = step + 0.9 * (self._steps.get(sensor, step) - step)
-        self._last[sensor] = max(time_ns, before)
-        if self._lead is None or self._leads_better(sensor, time_ns):
-            self._lead = sensor
-        if sensor != self._lead or (self._told_ns is not None and time_ns <= self._told_ns):
+        self._last[sensor] = max(time_ns, previous_ns)
+        if self._leader is None or self._leads_better(sensor, time_ns):
+            self._leader = sensor
+        if sensor != self._leader or (self._last_sent_ns is not None and time_ns <= self._last_sent_ns):
             return False
-        self._told_ns = time_ns
+        self._last_sent_ns = time_ns
         return True
 
     def _leads_better(self, sensor: str, time_ns: int) -> bool:
         """Returns True if a sensor is faster than the leading one, or the leading one is late."""
-        assert self._lead is not None
-        if self._lead not in self._steps:
-            return time_ns - self._last[self._lead] > 1e8
-        step = self._steps[self._lead]
-        late = (time_ns - self._last[self._lead]) * 1e-9 > _MAX_LEADER_DELAY * step
-        return late or self._steps.get(sensor, np.inf) < _FASTER_RATIO * step
+        assert self._leader is not None
+        if self._leader not in self._steps:
+            return time_ns - self._last[self._leader] > 1e8
+        step = self._steps[self._leader]
+        leader_delay = (time_ns - self._last[self._leader]) * 1e-9 > _MAX_LEADER_DELAY * step
+        return leader_delay or self._steps.get(sensor, np.inf) < _FASTER_RATIO * step
 
 
 _FIXED_HEIGHT_M = 1.0
@@ -140,19 +140,19 @@ def settings_before_fusion(settings: TrackerSettings) -> TrackerSettings:
     return dataclasses.replace(settings, scene=scene, smoothing=smoothing, output=output)
 
 
-def in_world(bodies: list[Body], world_from_sensor: Float) -> list[Body]:
+def transform_bodies(bodies: list[Body], world_from_sensor: Float) -> list[Body]:
     """Returns bodies of a sensor's own level frame, in the world."""
-    turn = from_matrix(world_from_sensor[:3, :3])
+    rotation = from_matrix(world_from_sensor[:3, :3])
     return [
         dataclasses.replace(
             body,
-            joints=moved(world_from_sensor, body.joints),
-            orientations=None if body.orientations is None else multiply(turn, body.orientations),
+            joints=transform_points(world_from_sensor, body.joints),
+            orientations=None if body.orientations is None else multiply(rotation, body.orientations),
         )
         for body in bodies
     ]
 
 
-def eyes(space: Space) -> dict[str, Float]:
+def sensor_positions(space: Space) -> dict[str, Float]:
     """Returns by sensor (3,) metres: its optical centre in the world."""
     return {name: place.eye for name, place in space.sensors.items()}

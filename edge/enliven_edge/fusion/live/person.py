@@ -39,12 +39,12 @@ class FusedPerson:
         self.last_ns, self.hits = 0, 0
         self.seen_by: frozenset[int] = frozenset()
         self._turns = np.zeros((20, 4))
-        self._turned_known = False
+        self._has_orientation = False
         self._sides = SideAssignment(sensors, settings.turn_over)
-        self._spoke = np.zeros((sensors, 20), bool)
+        self._had_value = np.zeros((sensors, 20), bool)
         self._sure = np.zeros((sensors, 20))
         self._surprise = np.zeros(sensors)
-        self._turn_spoke = np.zeros((sensors, 20), bool)
+        self._had_orientation = np.zeros((sensors, 20), bool)
         self._offsets, self._turn_habit = np.zeros((sensors, 20, 3)), np.zeros((sensors, 20, 4))
 
     def unseen(self, time_ns: int) -> float:
@@ -62,39 +62,39 @@ class FusedPerson:
         expected = self.expected(time_ns) if self.hits else group.mean
         if not has_prediction:
             self._reset_offsets()
-        bodies, expected = self._put_right(group, views, expected, seconds if has_prediction else 0.0)
-        x, w = self._observations(bodies, views, seconds if has_prediction else np.inf)
+        bodies, expected = self._correct_sides(group, views, expected, seconds if has_prediction else 0.0)
+        x, w = self._weigh_observations(bodies, views, seconds if has_prediction else np.inf)
         if has_prediction:
             doubt_outliers(x, w, expected)
             self._down_weight_unsteady(x, w, expected, seconds)
         step = 1.0 - np.exp(-max(seconds, 0.0) / self.settings.hand_over) if self.settings.hand_over else 1.0
-        share = float(step) if has_prediction else 1.0
+        gain = float(step) if has_prediction else 1.0
         joints = np.empty((20, 3))
-        blend(x, w, expected, has_prediction, self._spoke, self._offsets, share, joints)
-        confidence = _confidence(x, w, bodies, joints)
-        turns = self._oriented(bodies, w, has_prediction, share)
+        blend(x, w, expected, has_prediction, self._had_value, self._offsets, gain, joints)
+        confidence = _fuse_confidence(x, w, bodies, joints)
+        turns = self._fuse_orientations(bodies, w, has_prediction, gain)
         self._move(joints, time_ns, seconds, has_prediction)
         self.confidence, self.seen_by = confidence, frozenset(bodies)
         for sensor, sighting in group.sightings.items():
             views[sensor].bind(sighting, self.id, self.settings.believe_ids)
-        return Body(self.id, joints, confidence, turns, _contacts(bodies, w), _stature(bodies, w))
+        return Body(self.id, joints, confidence, turns, _fuse_contacts(bodies, w), _fuse_stature(bodies, w))
 
     def _down_weight_unsteady(self, x: Float, w: Float, expected: Float, seconds: float) -> None:
         """Lowers the weights (S, 20) of sensors with large prediction errors over the last seconds.
 
         A sensor's constant offset does not count as an error.
         """
-        sensors = np.flatnonzero(w.any(1) & self._spoke.any(1))
+        sensors = np.flatnonzero(w.any(1) & self._had_value.any(1))
         surprise = ((x[sensors] - self._offsets[sensors] - expected) ** 2).sum(2).mean(1)
-        share = 1.0 - np.exp(-seconds / _SURPRISE_TIME_CONSTANT_S)
-        self._surprise[sensors] += share * (surprise - self._surprise[sensors])
+        gain = 1.0 - np.exp(-seconds / _SURPRISE_TIME_CONSTANT_S)
+        self._surprise[sensors] += gain * (surprise - self._surprise[sensors])
         if len(sensors) > 1:
-            least = self._surprise[sensors].min()
-            w[sensors] *= ((least + _USUAL_ERROR_M2) / (self._surprise[sensors] + _USUAL_ERROR_M2))[:, None]
+            minimum = self._surprise[sensors].min()
+            w[sensors] *= ((minimum + _USUAL_ERROR_M2) / (self._surprise[sensors] + _USUAL_ERROR_M2))[:, None]
 
     def _reset_offsets(self) -> None:
-        self._spoke[:], self._turn_spoke[:] = False, False
-        self._turned_known = False
+        self._had_value[:], self._had_orientation[:] = False, False
+        self._has_orientation = False
 
     def _move(self, joints: Float, time_ns: int, seconds: float, has_prediction: bool) -> None:
         """Updates the state for the next prediction."""
@@ -105,30 +105,34 @@ class FusedPerson:
             self.velocity = np.zeros((20, 3))
         self.joints, self.last_ns = joints, time_ns
 
-    def _put_right(
+    def _correct_sides(
         self, group: Group, views: list[SensorView], expected: Float, seconds: float
     ) -> tuple[dict[int, Body], Float]:
         """Returns the bodies with the right sides, and (20, 3) their predicted joints."""
         bodies, has_prediction = group_bodies(group), bool(self.hits)
         reference = expected if has_prediction else next(iter(bodies.values())).joints
-        self._sides.compare(bodies, reference, np.asarray(self._spoke.any(1)), has_prediction)
+        self._sides.compare(bodies, reference, np.asarray(self._had_value.any(1)), has_prediction)
         weights = {
-            s: float(b.confidence.mean()) / _noise(b, views[s], self.settings) ** 2 for s, b in bodies.items()
+            s: float(b.confidence.mean()) / _joint_noise(b, views[s], self.settings) ** 2
+            for s, b in bodies.items()
         }
         if self._sides.vote(weights, walks_backward(self.joints, self.velocity), seconds, has_prediction):
-            self._turn_over()
+            self._swap_sides()
             expected = expected[OTHER_SIDE]
         return self._sides.put_right(bodies), expected
 
-    def _turn_over(self) -> None:
+    def _swap_sides(self) -> None:
         """Exchanges left and right in the state."""
         self.joints, self.velocity = self.joints[OTHER_SIDE], self.velocity[OTHER_SIDE]
-        self._spoke, self._offsets = self._spoke.take(OTHER_SIDE, 1), self._offsets.take(OTHER_SIDE, 1)
+        self._had_value, self._offsets = (
+            self._had_value.take(OTHER_SIDE, 1),
+            self._offsets.take(OTHER_SIDE, 1),
+        )
         self._sure = self._sure[:, OTHER_SIDE]
-        self._turn_spoke[:] = False
-        self._turned_known = False
+        self._had_orientation[:] = False
+        self._has_orientation = False
 
-    def _observations(
+    def _weigh_observations(
         self, bodies: dict[int, Body], views: list[SensorView], seconds: float
     ) -> tuple[Float, Float]:
         """Returns (S, 20, 3) joints and (S, 20) weights: confident and near observations weigh most.
@@ -136,56 +140,60 @@ class FusedPerson:
         The confidence of a joint rises only gradually, so a joint that a sensor has just found again has a
         low weight.
         """
-        x, w = np.zeros(self._offsets.shape), np.zeros(self._spoke.shape)
-        sure = np.zeros(self._sure.shape)
+        x, w = np.zeros(self._offsets.shape), np.zeros(self._had_value.shape)
+        confidences = np.zeros(self._sure.shape)
         for sensor, body in bodies.items():
-            sure[sensor] = np.minimum(body.confidence, self._sure[sensor] + _CONFIDENCE_RISE_RATE * seconds)
+            confidences[sensor] = np.minimum(
+                body.confidence, self._sure[sensor] + _CONFIDENCE_RISE_RATE * seconds
+            )
             x[sensor] = body.joints
-            w[sensor] = (sure[sensor] + _UNSEEN_WEIGHT) / _noise(body, views[sensor], self.settings) ** 2
+            w[sensor] = (confidences[sensor] + _UNSEEN_WEIGHT) / _joint_noise(
+                body, views[sensor], self.settings
+            ) ** 2
             if views[sensor].state is SensorState.MOVED:
                 w[sensor] *= _MOVED_SENSOR_WEIGHT
-        self._sure = sure
+        self._sure = confidences
         return x, w
 
-    def _oriented(
+    def _fuse_orientations(
         self, bodies: dict[int, Body], w: Float, has_prediction: bool, share: float
     ) -> Float | None:
         """Returns (20, 4) the weighted mean of the orientations (of quaternions of one sign), or None."""
-        have = {s: b.orientations for s, b in bodies.items() if b.orientations is not None}
-        if not have:
-            self._turned_known = False
-            self._turn_spoke[:] = False
+        available = {s: b.orientations for s, b in bodies.items() if b.orientations is not None}
+        if not available:
+            self._has_orientation = False
+            self._had_orientation[:] = False
             return None
-        reference = self._turns if self._turned_known else next(iter(have.values()))
+        reference = self._turns if self._has_orientation else next(iter(available.values()))
         x, weights = np.zeros(self._turn_habit.shape), np.zeros(w.shape)
-        for sensor, turns in have.items():
+        for sensor, turns in available.items():
             x[sensor] = np.where((turns * reference).sum(1, keepdims=True) < 0, -turns, turns)
             weights[sensor] = w[sensor]
         fused = np.empty((20, 4))
-        has_prediction = has_prediction and self._turned_known
-        blend(x, weights, reference, has_prediction, self._turn_spoke, self._turn_habit, share, fused)
-        self._turns, self._turned_known = normalized(fused), True
+        has_prediction = has_prediction and self._has_orientation
+        blend(x, weights, reference, has_prediction, self._had_orientation, self._turn_habit, share, fused)
+        self._turns, self._has_orientation = normalized(fused), True
         return self._turns.copy()
 
 
 def group_bodies(group: Group) -> dict[int, Body]:
     """Returns by sensor the bodies predicted to this moment, with the sides as named by the sensors."""
-    return {s: _replaced(sighting.body, group.joints[s]) for s, sighting in group.sightings.items()}
+    return {s: _replace_joints(sighting.body, group.joints[s]) for s, sighting in group.sightings.items()}
 
 
-def _replaced(body: Body, joints: Float) -> Body:
+def _replace_joints(body: Body, joints: Float) -> Body:
     if joints is body.joints:
         return body
     return Body(body.id, joints, body.confidence, body.orientations, body.contacts, body.stature)
 
 
-def _noise(body: Body, view: SensorView, settings: FusionSettings) -> float:
+def _joint_noise(body: Body, view: SensorView, settings: FusionSettings) -> float:
     """Returns the noise in metres of a sensor's joints at the distance of a body."""
-    away = body.joints[Joint.HIP_CENTER] - view.eye
-    return float(settings.near_noise + settings.far_noise * (away @ away))
+    distance = body.joints[Joint.HIP_CENTER] - view.eye
+    return float(settings.near_noise + settings.far_noise * (distance @ distance))
 
 
-def _confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> Float:
+def _fuse_confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> Float:
     """Returns (20,) the confidence of the most trusted sensor, lower if sensors contradict each other."""
     confidences, fused = np.zeros(w.shape), np.empty(len(joints))
     for sensor, body in bodies.items():
@@ -194,17 +202,17 @@ def _confidence(x: Float, w: Float, bodies: dict[int, Body], joints: Float) -> F
     return fused
 
 
-def _contacts(bodies: dict[int, Body], w: Float) -> Float | None:
+def _fuse_contacts(bodies: dict[int, Body], w: Float) -> Float | None:
     """Returns (2,) the contact of each foot, from the sensors that see the ankles best."""
-    have = [(s, b.contacts) for s, b in bodies.items() if b.contacts is not None]
-    if not have:
+    available = [(s, b.contacts) for s, b in bodies.items() if b.contacts is not None]
+    if not available:
         return None
-    weights = np.array([w[s, [Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]] for s, _ in have]) + 1e-12
-    return np.asarray((weights * np.array([c for _, c in have])).sum(0) / weights.sum(0))
+    weights = np.array([w[s, [Joint.ANKLE_LEFT, Joint.ANKLE_RIGHT]] for s, _ in available]) + 1e-12
+    return np.asarray((weights * np.array([c for _, c in available])).sum(0) / weights.sum(0))
 
 
-def _stature(bodies: dict[int, Body], w: Float) -> float | None:
+def _fuse_stature(bodies: dict[int, Body], w: Float) -> float | None:
     """Returns metres: the mean of the sensors that have measured it."""
-    have = [(float(w[s].sum()), b.stature) for s, b in bodies.items() if b.stature is not None]
-    total = sum(weight for weight, _ in have)
-    return sum(weight * stature for weight, stature in have) / total if total else None
+    available = [(float(w[s].sum()), b.stature) for s, b in bodies.items() if b.stature is not None]
+    total = sum(weight for weight, _ in available)
+    return sum(weight * stature for weight, stature in available) / total if total else None

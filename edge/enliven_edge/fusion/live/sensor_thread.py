@@ -14,7 +14,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame, Frame
 from enliven.health import HealthKind, HealthState
 from enliven.person import Body
-from enliven_edge.fusion.live.merge import in_world
+from enliven_edge.fusion.live.merge import transform_bodies
 from enliven_edge.fusion.placement import Place
 from enliven_edge.sensors import Sensor, SensorFault, condition_of
 from enliven_edge.tracking import Tracker
@@ -22,7 +22,7 @@ from enliven_edge.tracking.health import HealthMonitor
 
 log = logging.getLogger(__name__)
 
-PATIENCE = 0.1
+READ_TIMEOUT_S = 0.1
 """Seconds to wait for a frame before checking whether to stop."""
 
 
@@ -139,30 +139,30 @@ class TrackingThread(SensorThread):
             self._changed.notify_all()
 
     def _read(self) -> None:
-        heard = time.monotonic()
+        last_frame_at = time.monotonic()
         while not self._stopped.is_set():
             try:
-                frame = self.sensor.read(PATIENCE)
+                frame = self.sensor.read(READ_TIMEOUT_S)
             except TimeoutError:
-                self._health.silent(time.monotonic() - heard)
+                self._health.silent(time.monotonic() - last_frame_at)
                 self.health_states = self._health.states
                 continue
             except (SensorFault, InputError) as error:
                 self._health.failed(error)
-                self._health.silent(time.monotonic() - heard)
+                self._health.silent(time.monotonic() - last_frame_at)
                 self._end_at_fault()
                 self.health_states = self._health.states
                 continue
             if frame is None:
                 return
-            heard, read_ns = time.monotonic(), time.time_ns()
-            admitted = self._health.admit(frame, getattr(self.sensor, "fps", None))
+            last_frame_at, read_ns = time.monotonic(), time.time_ns()
+            accepted = self._health.admit(frame, getattr(self.sensor, "fps", None))
             self._end_at_fault()
-            if admitted:
+            if accepted:
                 bodies = self._bodies(frame)
                 frozen = any(state.kind == HealthKind.FROZEN for state in self._health.states)
                 time_ns = frame.time_ns + self.place.clock_offset_ns
-                self._hand_on(SensorBodies(self.name, bodies, time_ns, read_ns, frozen))
+                self._queue_bodies(SensorBodies(self.name, bodies, time_ns, read_ns, frozen))
             self.health_states = self._health.states
 
     def _end_at_fault(self) -> None:
@@ -170,19 +170,19 @@ class TrackingThread(SensorThread):
         if self._once and self._health.fault:
             raise ResourceError(self._health.fault, where=f"sensor {self.name}")
 
-    def _hand_on(self, seen: SensorBodies) -> None:
+    def _queue_bodies(self, sensor_bodies: SensorBodies) -> None:
         """Queues bodies after waiting for room, so that a recording is not read faster than it is used."""
         with self._changed:
             while len(self.seen) >= _MAX_QUEUED and not self._stopped.is_set():
-                self._changed.wait(PATIENCE)
-            self.seen.append(seen)
+                self._changed.wait(READ_TIMEOUT_S)
+            self.seen.append(sensor_bodies)
             self._changed.notify_all()
 
     def _bodies(self, frame: Frame) -> list[Body]:
         """Returns the people of a frame, in the world."""
         if isinstance(frame, BodyFrame):
             self._health.judge(frame, frame.bodies)
-            return in_world(frame.bodies, self.place.level)
+            return transform_bodies(frame.bodies, self.place.level)
         camera = self.place.camera
         if camera is None:
             raise InputError(

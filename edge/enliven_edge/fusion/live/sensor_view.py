@@ -46,7 +46,7 @@ class SensorWarning:
     time_ns: int
 
 
-SENTENCE = {
+STATE_SENTENCES = {
     SensorState.WAITING: "has not sent anything yet",
     SensorState.LIVE: "is back",
     SensorState.SILENT: "no longer sends frames; the others continue",
@@ -110,10 +110,10 @@ class SensorView:
         self.state = SensorState.WAITING
         self.sightings: dict[int, BodySighting] = {}
         self.last_ns: int | None = None
-        self.astray = np.zeros(3)
+        self.displacement_m = np.zeros(3)
         self._same_since_ns = 0
-        self._before: list[Body] = []
-        self._bound: dict[int, tuple[int, int]] = {}
+        self._last_bodies: list[Body] = []
+        self._person_by_body: dict[int, tuple[int, int]] = {}
 
     def update(self, bodies: list[Body], time_ns: int, silence: float, *, frozen: bool = False) -> bool:
         """Takes in a sensor's bodies. Returns False if they are late and contain nothing new.
@@ -136,7 +136,7 @@ class SensorView:
             return True
         if self.state is not SensorState.MOVED:
             self.state = SensorState.LIVE
-        self.sightings = {body.id: self._sighted(body, time_ns) for body in bodies}
+        self.sightings = {body.id: self._create_sighting(body, time_ns) for body in bodies}
         return True
 
     def bind(self, sighting: BodySighting, person: int, believed: float) -> None:
@@ -148,36 +148,38 @@ class SensorView:
             believed: seconds after which it is forgotten.
         """
         sighting.person = person
-        self._bound[sighting.body.id] = (person, sighting.time_ns)
+        self._person_by_body[sighting.body.id] = (person, sighting.time_ns)
         oldest = sighting.time_ns - believed * 1e9
-        if len(self._bound) > len(self.sightings):
-            self._bound = {body: b for body, b in self._bound.items() if b[1] >= oldest}
+        if len(self._person_by_body) > len(self.sightings):
+            self._person_by_body = {body: b for body, b in self._person_by_body.items() if b[1] >= oldest}
 
     def _repeats(self, bodies: list[Body]) -> bool:
         """Returns True if there are people and all their joints equal the last ones bit for bit."""
-        before, self._before = self._before, bodies
+        previous, self._last_bodies = self._last_bodies, bodies
         return (
             bool(bodies)
-            and len(bodies) == len(before)
+            and len(bodies) == len(previous)
             and all(
                 b.id == o.id and np.array_equal(b.joints, o.joints)
-                for b, o in zip(bodies, before, strict=True)
+                for b, o in zip(bodies, previous, strict=True)
             )
         )
 
-    def _sighted(self, body: Body, time_ns: int) -> BodySighting:
-        before = self.sightings.get(body.id)
-        if before is None:
-            return BodySighting(body, time_ns, np.zeros((20, 3)), self._bound.get(body.id, (0, 0))[0])
-        seconds = before.age(time_ns)
+    def _create_sighting(self, body: Body, time_ns: int) -> BodySighting:
+        previous = self.sightings.get(body.id)
+        if previous is None:
+            return BodySighting(
+                body, time_ns, np.zeros((20, 3)), self._person_by_body.get(body.id, (0, 0))[0]
+            )
+        seconds = previous.age(time_ns)
         # An unseen person has only a predicted position. The difference between it and the new position is
         # not a motion, so assume no velocity.
-        if seconds > _VELOCITY_RESET_S or not before.body.confidence.any():
-            return BodySighting(body, time_ns, np.zeros((20, 3)), before.person)
-        speed = (body.joints - before.body.joints) / seconds
+        if seconds > _VELOCITY_RESET_S or not previous.body.confidence.any():
+            return BodySighting(body, time_ns, np.zeros((20, 3)), previous.person)
+        speed = (body.joints - previous.body.joints) / seconds
         if np.linalg.norm(speed[:4].mean(0)) > _MAX_TRUNK_SPEED:
             return BodySighting(body, time_ns, np.zeros((20, 3)))
-        change = speed - before.velocity
+        change = speed - previous.velocity
         size = np.minimum(np.sqrt((change**2).sum(1, keepdims=True)) / _START_SPEED, 1.0)
-        velocity = before.velocity + (_SLOW_WEIGHT + (_FAST_WEIGHT - _SLOW_WEIGHT) * size) * change
-        return BodySighting(body, time_ns, velocity, before.person)
+        velocity = previous.velocity + (_SLOW_WEIGHT + (_FAST_WEIGHT - _SLOW_WEIGHT) * size) * change
+        return BodySighting(body, time_ns, velocity, previous.person)

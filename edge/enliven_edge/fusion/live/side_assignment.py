@@ -30,18 +30,18 @@ def middle_weights(weights: Float) -> Float:
     return np.minimum(weights[..., MIDDLES[:, 0]], weights[..., MIDDLES[:, 1]])
 
 
-def exchanged(body: Body) -> Body:
+def swap_sides(body: Body) -> Body:
     """Returns the body with left and right exchanged. Applied twice it returns the same body.
 
     Positions only change their names. Every bone is also rotated by half a turn about its length, because the
     person was taken to face the other way.
     """
-    turns = body.orientations
+    orientations = body.orientations
     return dataclasses.replace(
         body,
         joints=body.joints[OTHER_SIDE],
         confidence=body.confidence[OTHER_SIDE],
-        orientations=None if turns is None else multiply(turns, _HALF_TURN)[OTHER_SIDE],
+        orientations=None if orientations is None else multiply(orientations, _HALF_TURN)[OTHER_SIDE],
         contacts=None if body.contacts is None else body.contacts[::-1].copy(),
     )
 
@@ -63,13 +63,13 @@ class SideAssignment:
     """
 
     def __init__(self, sensors: int, turn_over: float) -> None:
-        self._crossed: Bool = np.zeros(sensors, bool)
+        self._is_swapped: Bool = np.zeros(sensors, bool)
         self._turn_over = turn_over
         self._doubt, self._watched = 0.0, 0.0
 
     def put_right(self, bodies: Mapping[int, Body]) -> dict[int, Body]:
         """Returns the bodies with the decided sides."""
-        return {s: self._as_named(s, body) for s, body in bodies.items()}
+        return {s: self._restore_names(s, body) for s, body in bodies.items()}
 
     def compare(self, bodies: Mapping[int, Body], expected: Float, spoke: Bool, known: bool) -> None:
         """Decides for every sensor whether it has exchanged the sides, by the expected joints.
@@ -86,14 +86,14 @@ class SideAssignment:
         for sensor, body in bodies.items():
             margin = self._margin(sensor, body, expected)
             if margin < (-_MIN_SIDE_SWAP_GAIN_M if spoke[sensor] else 0.0):
-                self._crossed[sensor] ^= True
+                self._is_swapped[sensor] ^= True
                 margin = -margin
             margins[sensor] = margin
         if len(bodies) > 1 and known:
-            least = min(margins, key=lambda s: margins[s])
-            others = [self._as_named(s, body).joints for s, body in bodies.items() if s != least]
-            if self._margin(least, bodies[least], np.mean(others, axis=0)) < -_MIN_SIDE_SWAP_GAIN_M:
-                self._crossed[least] ^= True
+            smallest = min(margins, key=lambda s: margins[s])
+            others = [self._restore_names(s, body).joints for s, body in bodies.items() if s != smallest]
+            if self._margin(smallest, bodies[smallest], np.mean(others, axis=0)) < -_MIN_SIDE_SWAP_GAIN_M:
+                self._is_swapped[smallest] ^= True
 
     def vote(self, weights: Mapping[int, float], backward: float, seconds: float, known: bool) -> bool:
         """Returns True if the sides are exchanged for all sensors, after a long enough majority vote.
@@ -108,23 +108,23 @@ class SideAssignment:
             known: whether this person was seen before.
         """
         total = sum(weights.values()) or 1.0
-        crossed = sum(w for s, w in weights.items() if self._crossed[s]) / total
-        vote = 2.0 * crossed - 1.0 + (backward if 0.0 < crossed < 1.0 else 0.0)
+        against = sum(w for s, w in weights.items() if self._is_swapped[s]) / total
+        vote = 2.0 * against - 1.0 + (backward if 0.0 < against < 1.0 else 0.0)
         self._doubt = float(np.clip(self._doubt + vote * seconds, 0.0, 10.0))
         self._watched += seconds
-        settled = min(max(self._watched / _SETTLED_AFTER_S, 0.1), 1.0)
-        over = self._doubt > settled * self._turn_over or (not known and crossed > 0.5)
-        if over:
-            self._crossed, self._doubt = ~self._crossed, 0.0
-        return over
+        is_settled = min(max(self._watched / _SETTLED_AFTER_S, 0.1), 1.0)
+        majority = self._doubt > is_settled * self._turn_over or (not known and against > 0.5)
+        if majority:
+            self._is_swapped, self._doubt = ~self._is_swapped, 0.0
+        return majority
 
     def _margin(self, sensor: int, body: Body, reference: Float) -> float:
         """Returns how much better the present sides fit than exchanged ones, in metres per joint."""
-        plain, crossed = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
-        return float(plain - crossed if self._crossed[sensor] else crossed - plain)
+        kept_cost, swapped_cost = side_costs(body.joints, body.confidence, reference, OTHER_SIDE)
+        return float(kept_cost - swapped_cost if self._is_swapped[sensor] else swapped_cost - kept_cost)
 
-    def _as_named(self, sensor: int, body: Body) -> Body:
-        return exchanged(body) if self._crossed[sensor] else body
+    def _restore_names(self, sensor: int, body: Body) -> Body:
+        return swap_sides(body) if self._is_swapped[sensor] else body
 
 
 def walks_backward(joints: Float, velocity: Float) -> float:
@@ -134,9 +134,9 @@ def walks_backward(joints: Float, velocity: Float) -> float:
         joints: (20, 3) metres; velocity: (20, 3) metres per second.
     """
     left = joints[[Joint.SHOULDER_LEFT, Joint.HIP_LEFT]].mean(0)
-    across = left - joints[[Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]].mean(0)
+    left_axis = left - joints[[Joint.SHOULDER_RIGHT, Joint.HIP_RIGHT]].mean(0)
     hips = velocity[Joint.HIP_CENTER]
-    forward = np.array([-across[2], 0.0, across[0]])
+    forward = np.array([-left_axis[2], 0.0, left_axis[0]])
     if float(np.linalg.norm(forward)) < 0.05 or float(np.hypot(hips[0], hips[2])) < _MIN_WALK_SPEED:
         return 0.0
     return float(-np.sign(forward @ hips))

@@ -1,19 +1,19 @@
 from .rigid_transform import (
     UP as UP,
     angle_between as angle_between,
-    best_rigid as best_rigid,
+    fit_rigid as fit_rigid,
     cross_matrix as cross_matrix,
-    inverse as inverse,
-    moved as moved,
-    rigid as rigid,
+    invert as invert,
+    transform_points as transform_points,
+    compose_transform as compose_transform,
     rotation_vector as rotation_vector,
-    turn as turn,
-    turned as turned,
+    rotation_from_vector as rotation_from_vector,
+    rotate_vectors as rotate_vectors,
 )
 from .space import (
     Place as Place,
     Space as Space,
     load_space as load_space,
-    rows as rows,
+    nested_tuples as nested_tuples,
     save_space as save_space,
 )

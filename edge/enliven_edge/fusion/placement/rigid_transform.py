@@ -17,34 +17,34 @@ UP = np.array([0.0, 1.0, 0.0])
 """(3,) the vertical of the world, +Y."""
 
 
-def moved(transform: Float, points: Float) -> Float:
+def transform_points(transform: Float, points: Float) -> Float:
     """Returns (..., 3) the points (..., 3) transformed by a rigid transform (4, 4)."""
-    return turned(transform, points) + transform[:3, 3]
+    return rotate_vectors(transform, points) + transform[:3, 3]
 
 
-def turned(transform: Float, vectors: Float) -> Float:
+def rotate_vectors(transform: Float, vectors: Float) -> Float:
     """Returns (..., 3) the vectors (..., 3) rotated by the rotation of a rigid transform (4, 4)."""
     # Compute one matrix product. For an array (N, 20, 3), NumPy would otherwise compute one product per (20,
     # 3) block.
     return np.asarray((vectors.reshape(-1, 3) @ transform[:3, :3].T).reshape(vectors.shape))
 
 
-def inverse(transform: Float) -> Float:
+def invert(transform: Float) -> Float:
     """Returns (4, 4) the inverse transform."""
-    back = np.eye(4)
-    back[:3, :3] = transform[:3, :3].T
-    back[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
-    return back
+    inverse = np.eye(4)
+    inverse[:3, :3] = transform[:3, :3].T
+    inverse[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
+    return inverse
 
 
-def rigid(rotation: Float, translation: Float) -> Float:
+def compose_transform(rotation: Float, translation: Float) -> Float:
     """Returns (4, 4) from a (3, 3) rotation and a (3,) translation."""
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = rotation, translation
     return transform
 
 
-def turn(vector: Float) -> Float:
+def rotation_from_vector(vector: Float) -> Float:
     """Returns (3, 3) the rotation by a rotation vector (3,), radians."""
     return to_matrix(from_rotation_vector(vector))
 
@@ -64,7 +64,7 @@ def rotation_vector(rotation: Float) -> Float:
     return to_rotation_vector(from_matrix(rotation))
 
 
-def best_rigid(source: Float, target: Float, weights: Float, *, upright: bool) -> Float:
+def fit_rigid(source: Float, target: Float, weights: Float, *, upright: bool) -> Float:
     """Returns (4, 4) target_from_source that minimises sum w |R s + t - d|^2 (Kabsch 1976, Umeyama 1991).
 
     Args:
@@ -72,14 +72,14 @@ def best_rigid(source: Float, target: Float, weights: Float, *, upright: bool) -
         weights: (N,) at least 0, not all 0.
         upright: rotate about +Y only.
     """
-    share = weights / weights.sum()
-    from_centre, to_centre = share @ source, share @ target
-    covariance = (source - from_centre).T @ (share[:, None] * (target - to_centre))
+    normalised_weights = weights / weights.sum()
+    from_centre, to_centre = normalised_weights @ source, normalised_weights @ target
+    covariance = (source - from_centre).T @ (normalised_weights[:, None] * (target - to_centre))
     rotation = _about_up(covariance) if upright else nearest_rotation(covariance.T)
-    return rigid(rotation, to_centre - rotation @ from_centre)
+    return compose_transform(rotation, to_centre - rotation @ from_centre)
 
 
 def _about_up(covariance: Float) -> Float:
     """Returns (3, 3) the rotation about +Y nearest to a cross-covariance."""
     angle = np.arctan2(covariance[2, 0] - covariance[0, 2], covariance[0, 0] + covariance[2, 2])
-    return turn(angle * UP)
+    return rotation_from_vector(angle * UP)

@@ -76,10 +76,10 @@ def load_space(path: Path) -> Space:
         if not isinstance(values, Mapping):
             raise InputError(f"sensors.{name} must be a table", where=where)
         places[name] = load_settings(Place, values, where=f"{where}, sensor {name}")
-        _checked(places[name].level, f"{where}, sensor {name}")
+        _check_rigid(places[name].level, f"{where}, sensor {name}")
         camera = places[name].camera
         if camera is not None:
-            _checked(camera, f"{where}, sensor {name}")
+            _check_rigid(camera, f"{where}, sensor {name}")
     return Space(places)
 
 
@@ -97,41 +97,41 @@ def save_space(path: Path, space: Space, remarks: list[str]) -> Path | None:
     old = path.with_name(path.name + ".old") if path.exists() else None
     if old is not None:
         write_file(old, read_file(path))
-    write_file(path, _text(space, remarks))
+    write_file(path, _format_space(space, remarks))
     return old
 
 
-def rows(transform: Float) -> _Rows:
+def nested_tuples(transform: Float) -> _Rows:
     """Returns a (4, 4) array as nested tuples."""
     a, b, c, d = (tuple(float(v) for v in row) for row in transform)
     return a, b, c, d  # type: ignore[return-value]
 
 
-def _text(space: Space, remarks: list[str]) -> str:
+def _format_space(space: Space, remarks: list[str]) -> str:
     """Returns the file's text: remarks as comments, and one table per sensor."""
     lines = [f"# {' '.join(remark.split())}" for remark in remarks]
     for name, place in space.sensors.items():
         quoted = name.replace("\\", "\\\\").replace('"', '\\"')
         lines += ["", f'[sensors."{quoted}"]', f"clock_offset_ns = {place.clock_offset_ns}"]
-        lines += _matrix("world_from_sensor", place.world_from_sensor)
+        lines += _format_matrix("world_from_sensor", place.world_from_sensor)
         if place.world_from_camera is not None:
-            lines += _matrix("world_from_camera", place.world_from_camera)
+            lines += _format_matrix("world_from_camera", place.world_from_camera)
     return "\n".join(lines) + "\n"
 
 
-def _matrix(key: str, matrix: _Rows) -> list[str]:
+def _format_matrix(key: str, matrix: _Rows) -> list[str]:
     body = [f"  [{', '.join(f'{value!r}' for value in row)}]," for row in matrix]
     return [f"{key} = [", *body, "]"]
 
 
-def _checked(transform: Float, where: str) -> None:
+def _check_rigid(transform: Float, where: str) -> None:
     """Raises InputError for a matrix that is not a rigid transform.
 
     A typing error would distort every body.
     """
     rotation = transform[:3, :3]
-    crooked = np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0
-    if crooked or not np.array_equal(transform[3], [0, 0, 0, 1]) or not math.isfinite(transform.sum()):
+    is_invalid = np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3 or np.linalg.det(rotation) < 0
+    if is_invalid or not np.array_equal(transform[3], [0, 0, 0, 1]) or not math.isfinite(transform.sum()):
         raise InputError(
             "a matrix is not a rigid transform", where=where, mend="Run enliven calibrate again."
         )

@@ -22,7 +22,7 @@ _DEPTHS = ("mono16", "16uc1", "z16")
 """The makers' names of images with 16-bit distances."""
 
 
-def plain_image(fields: Fields) -> UInt16:
+def read_image(fields: Fields) -> UInt16:
     """Returns (H, W) the pixels of a ``sensor_msgs/Image``, read after its header.
 
     Raises:
@@ -30,7 +30,7 @@ def plain_image(fields: Fields) -> UInt16:
     """
     height, width = fields.count(), fields.count()
     encoding = fields.text().lower()
-    swapped, step = fields.number("B"), fields.count()
+    byte_order, step = fields.number("B"), fields.count()
     pixels = fields.block()
     if encoding not in _DEPTHS:
         problem = f"its depth is packed as {encoding!r}"
@@ -38,37 +38,37 @@ def plain_image(fields: Fields) -> UInt16:
     shape = 0 < width <= _MAX_IMAGE_SIDE_PX and 0 < height <= _MAX_IMAGE_SIDE_PX
     if not shape or step < 2 * width or len(pixels) != step * height:
         raise fields.damaged()
-    rows = np.frombuffer(pixels, ">u2" if swapped else "<u2")[: height * (step // 2)]
+    rows = np.frombuffer(pixels, ">u2" if byte_order else "<u2")[: height * (step // 2)]
     if step % 2:
         raise fields.damaged()
     return rows.reshape(height, step // 2)[:, :width].astype(np.uint16)
 
 
-def packed_image(fields: Fields) -> UInt16:
+def read_compressed_image(fields: Fields) -> UInt16:
     """Returns (H, W) the pixels of a ``sensor_msgs/CompressedImage``, read after its header.
 
     Raises:
         InputError: if it is not a depth image.
     """
     fields.text()
-    packed = fields.block()[_PNG_OFFSET:]
+    is_compressed_depth = fields.block()[_PNG_OFFSET:]
     try:
-        with Image.open(io.BytesIO(packed), formats=["PNG"]) as picture:
-            if max(picture.size) > _MAX_IMAGE_SIDE_PX or not picture.mode.startswith("I"):
+        with Image.open(io.BytesIO(is_compressed_depth), formats=["PNG"]) as image:
+            if max(image.size) > _MAX_IMAGE_SIDE_PX or not image.mode.startswith("I"):
                 raise fields.damaged()
-            return np.asarray(picture).astype(np.uint16)
+            return np.asarray(image).astype(np.uint16)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
         raise fields.damaged() from None
 
 
-def in_millimetres(depth: UInt16, millimetres: float) -> UInt16:
+def to_millimetres(depth: UInt16, millimetres: float) -> UInt16:
     """Converts depths in steps of ``millimetres`` to millimetres, rounded."""
     if millimetres == 1.0:
         return depth
     return np.rint(depth * millimetres).clip(0, 65535).astype(np.uint16)
 
 
-def checked_step(millimetres: float, where: str) -> float:
+def check_step(millimetres: float, where: str) -> float:
     """Returns a plausible depth step, rounded to the seven digits of float32.
 
     Raises:
@@ -79,7 +79,7 @@ def checked_step(millimetres: float, where: str) -> float:
     return float(f"{millimetres:.6g}")
 
 
-def checked_time(time_ns: int, where: str) -> int:
+def check_time(time_ns: int, where: str) -> int:
     """Returns a plausible time of a recording, nanoseconds.
 
     Raises:
@@ -90,47 +90,50 @@ def checked_time(time_ns: int, where: str) -> int:
     return time_ns
 
 
-def plain_lens(
-    size: tuple[int, int], lens: tuple[float, ...], model: str, bent: tuple[float, ...], where: str
+def intrinsics_from_lens(
+    size: tuple[int, int], lens: tuple[float, ...], model: str, distortion: tuple[float, ...], where: str
 ) -> Intrinsics:
     """Returns the camera of a recording.
 
     Args:
         lens: (fx, fy, cx, cy) pixels.
         model: the maker's name of the distortion model.
-        bent: distortion coefficients k1, k2, p1, p2, k3.
+        distortion: distortion coefficients k1, k2, p1, p2, k3.
 
     Raises:
         InputError: for an unsupported distortion model.
     """
-    if not any(bent):
-        bent = (0.0,) * 5
+    if not any(distortion):
+        distortion = (0.0,) * 5
     elif model.lower().replace("_", " ") not in ("brown conrady", "plumb bob"):
         mend = "Record depth that is rectified."
         raise InputError(f"its images have the distortion model {model!r}", where=where, mend=mend)
-    (width, height), (fx, fy, cx, cy), (k1, k2, p1, p2, k3) = size, lens, bent
+    (width, height), (fx, fy, cx, cy), (k1, k2, p1, p2, k3) = size, lens, distortion
     return Intrinsics(width, height, fx, fy, cx, cy, (k1, k2, p1, p2, k3))
 
 
-def rational_places(camera: Intrinsics, bent: tuple[float, ...]) -> Int:
+def undistortion_map(camera: Intrinsics, distortion: tuple[float, ...]) -> Int:
     """Returns (H*W,) the pixel of a distorted image (OpenCV's rational model) for each undistorted pixel.
 
     The nearest pixel is used, because depths must not be averaged. H*W stands for none.
 
     Args:
         camera: the intrinsics without distortion.
-        bent: k1, k2, p1, p2, k3, k4, k5, k6.
+        distortion: k1, k2, p1, p2, k3, k4, k5, k6.
     """
-    k1, k2, p1, p2, k3, k4, k5, k6 = bent
+    k1, k2, p1, p2, k3, k4, k5, k6 = distortion
     v, u = np.mgrid[: camera.height, : camera.width]
     x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
     with np.errstate(all="ignore"):
         r2 = x * x + y * y
-        stretch = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-        bent_x = x * stretch + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-        bent_y = y * stretch + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-        column, row = np.rint(bent_x * camera.fx + camera.cx), np.rint(bent_y * camera.fy + camera.cy)
+        radial_factor = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
+        distorted_x = x * radial_factor + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        distorted_y = y * radial_factor + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        column, row = (
+            np.rint(distorted_x * camera.fx + camera.cx),
+            np.rint(distorted_y * camera.fy + camera.cy),
+        )
         inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-    places = np.full(inside.shape, inside.size, np.int64)
-    places[inside] = (row[inside] * camera.width + column[inside]).astype(np.int64)
-    return places.ravel()
+    source_pixels = np.full(inside.shape, inside.size, np.int64)
+    source_pixels[inside] = (row[inside] * camera.width + column[inside]).astype(np.int64)
+    return source_pixels.ravel()

@@ -19,12 +19,12 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.importing.bags.images import (
-    checked_step,
-    checked_time,
-    in_millimetres,
-    plain_image,
-    plain_lens,
-    rational_places,
+    check_step,
+    check_time,
+    intrinsics_from_lens,
+    read_image,
+    to_millimetres,
+    undistortion_map,
 )
 from enliven_edge.importing.bags.ros1 import Fields, messages
 
@@ -53,7 +53,7 @@ _DEPTH_COMPUTING_CAMERAS = re.compile(r"Gemini [3-9]\d\d|Astra 2")
 """Cameras that can compute depth from disparities themselves; a property of the recording reports it. The
 depth steps are those above. The library plays those of a Gemini 2 with a quarter of the recorded numbers;
 older ones were not tried."""
-_PLAY = "Have the library play it: enliven record --sensor orbbec --set rehearse={} -o take.mcap"
+_PLAY_HINT = "Have the library play it: enliven record --sensor orbbec --set rehearse={} -o take.mcap"
 _RATIONAL = 4
 """Orbbec's number of the distortion model with six radial coefficients. With three it equals ours."""
 _NONE = (0.0,) * 5
@@ -88,19 +88,19 @@ def frames(path: Path, device: str | None) -> Iterator[DepthFrame]:
     Raises:
         InputError: if it has none, or has an unsupported format.
     """
-    about = _about(path)
-    assert about.camera is not None
-    _check_depth(about, path)
-    step, name = _step(about, path), device or "-".join(filter(None, ("orbbec", about.serial)))
+    contents = _read_contents(path)
+    assert contents.camera is not None
+    _check_depth(contents, path)
+    step, name = _depth_step_mm(contents, path), device or "-".join(filter(None, ("orbbec", contents.serial)))
     for _, fields in messages(path, lambda topic: topic == _IMAGES):
         fields.numbers("III")
         fields.text()
-        depth = plain_image(fields)
-        _bits, number, time_us = (int(each) for each in fields.numbers("IQQ"))
-        if about.places is not None and depth.size == about.places.size:
-            depth = np.append(depth.ravel(), np.uint16(0))[about.places].reshape(depth.shape)
-        time_ns = checked_time(1000 * time_us, fields.where)
-        yield DepthFrame(in_millimetres(depth, step), about.camera, time_ns, name, sequence=number)
+        depth = read_image(fields)
+        _bits, number, time_us = (int(item) for item in fields.numbers("IQQ"))
+        if contents.places is not None and depth.size == contents.places.size:
+            depth = np.append(depth.ravel(), np.uint16(0))[contents.places].reshape(depth.shape)
+        time_ns = check_time(1000 * time_us, fields.where)
+        yield DepthFrame(to_millimetres(depth, step), contents.camera, time_ns, name, sequence=number)
 
 
 def check_playback(path: Path) -> None:
@@ -109,75 +109,75 @@ def check_playback(path: Path) -> None:
     Raises:
         InputError: if it cannot.
     """
-    _about(path)
+    _read_contents(path)
 
 
-def _about(path: Path) -> _BagContents:
+def _read_contents(path: Path) -> _BagContents:
     """Reads the small messages."""
-    about = _BagContents()
+    contents = _BagContents()
     for topic, fields in messages(path, lambda topic: topic in (_STREAM, _DEVICE, _PROPERTY)):
         fields.numbers("III")
         fields.text()
         if topic == _STREAM:
-            about.camera, about.places = _camera(fields)
+            contents.camera, contents.places = _read_camera(fields)
         elif topic == _DEVICE:
-            about.name, about.product, about.serial = _device(fields)
+            contents.name, contents.product, contents.serial = _read_device(fields)
         else:
             number = fields.count()
-            about.properties[number] = fields.block()
-    version = _value(about, _VERSION, "d", 1.0)
+            contents.properties[number] = fields.block()
+    version = _read_property(contents, _VERSION, "d", 1.0)
     if int(version) != 2:
         mend = "Record it again with OrbbecSDK 2.4 or later."
         raise InputError(f"it is of version {version}, only version 2 is known", where=str(path), mend=mend)
-    if about.camera is None:
+    if contents.camera is None:
         problem = "it does not say what its depth camera is: it was not closed, or has no depth"
         raise InputError(problem, where=str(path), mend="Record it again with the depth stream on.")
-    return about
+    return contents
 
 
-def _check_depth(about: _BagContents, path: Path) -> None:
+def _check_depth(contents: _BagContents, path: Path) -> None:
     """Checks that the images are depth, not disparities."""
-    in_device = about.properties.get(_DEPTH_IN_DEVICE)
+    in_device = contents.properties.get(_DEPTH_IN_DEVICE)
     if in_device is not None and not any(in_device):
         problem = "it holds the camera's disparities in place of depth"
-        raise InputError(problem, where=str(path), mend=_PLAY.format(path))
-    if about.product not in _MEASURES_DEPTH and (
-        in_device is None or not _DEPTH_COMPUTING_CAMERAS.search(about.name)
+        raise InputError(problem, where=str(path), mend=_PLAY_HINT.format(path))
+    if contents.product not in _MEASURES_DEPTH and (
+        in_device is None or not _DEPTH_COMPUTING_CAMERAS.search(contents.name)
     ):
-        camera = about.name or "without a name"
+        camera = contents.name or "without a name"
         problem = f"only Orbbec's library understands the images of its camera ({camera})"
-        raise InputError(problem, where=str(path), mend=_PLAY.format(path))
+        raise InputError(problem, where=str(path), mend=_PLAY_HINT.format(path))
 
 
-def _value(about: _BagContents, number: int, kind: str, otherwise: float) -> float:
-    data = about.properties.get(number, b"")
+def _read_property(contents: _BagContents, number: int, kind: str, default: float) -> float:
+    data = contents.properties.get(number, b"")
     size = struct.calcsize(kind)
-    return float(struct.unpack("<" + kind, data[:size])[0]) if len(data) >= size else otherwise
+    return float(struct.unpack("<" + kind, data[:size])[0]) if len(data) >= size else default
 
 
-def _step(about: _BagContents, path: Path) -> float:
+def _depth_step_mm(contents: _BagContents, path: Path) -> float:
     """Returns the millimetres of one depth step."""
-    level = round(_value(about, _PRECISION, "i", 0.0))
-    usual = _STEPS[level] if 0 <= level < len(_STEPS) else 1.0
-    return checked_step(_value(about, _UNIT, "f", usual), str(path))
+    level = round(_read_property(contents, _PRECISION, "i", 0.0))
+    default = _STEPS[level] if 0 <= level < len(_STEPS) else 1.0
+    return check_step(_read_property(contents, _UNIT, "f", default), str(path))
 
 
-def _camera(fields: Fields) -> tuple[Intrinsics, Int | None]:
+def _read_camera(fields: Fields) -> tuple[Intrinsics, Int | None]:
     """Reads ``custom_msg/OBStreamProfileInfo``: the intrinsics, and the undistortion of an unsupported
     model."""
     fields.numbers("BB12f")
     width, height, _fps = (int(each) for each in fields.numbers("HHH"))
     fx, fy, cx, cy, k1, k2, k3, k4, k5, k6, p1, p2 = fields.numbers("12f")
-    model, lens = int(fields.number("B")), (fx, fy, cx, cy)
+    model, lens_values = int(fields.number("B")), (fx, fy, cx, cy)
     if model == _RATIONAL and any((k4, k5, k6)):
-        straight = plain_lens((width, height), lens, "none", _NONE, fields.where)
-        return straight, rational_places(straight, (k1, k2, p1, p2, k3, k4, k5, k6))
+        undistorted = intrinsics_from_lens((width, height), lens_values, "none", _NONE, fields.where)
+        return undistorted, undistortion_map(undistorted, (k1, k2, p1, p2, k3, k4, k5, k6))
     word = _MODELS[model] if model < len(_MODELS) else str(model)
-    bent = _NONE if model == 0 else (k1, k2, p1, p2, k3)
-    return plain_lens((width, height), lens, word, bent, fields.where), None
+    distortion = _NONE if model == 0 else (k1, k2, p1, p2, k3)
+    return intrinsics_from_lens((width, height), lens_values, word, distortion, fields.where), None
 
 
-def _device(fields: Fields) -> tuple[str, int, str]:
+def _read_device(fields: Fields) -> tuple[str, int, str]:
     """Reads ``custom_msg/OBDeviceInfo``: name, product and serial number."""
     name, _full, _chip = fields.text(), fields.text(), fields.text()
     _vendor, product = fields.numbers("HH")

@@ -8,7 +8,7 @@ from pathlib import Path
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.importing.bags import orbbec, realsense, ros1, ros2
-from enliven_edge.importing.base import DEFAULT_OPTIONS, FileReader, ImportOptions, head_of
+from enliven_edge.importing.base import DEFAULT_OPTIONS, FileReader, ImportOptions, read_head
 
 
 class BagReader(FileReader):
@@ -19,12 +19,12 @@ class BagReader(FileReader):
     note = ""
 
     def matches(self, path: Path) -> bool:
-        head = head_of(path, len(ros2.MAGIC))
+        head = read_head(path, len(ros2.MAGIC))
         return head.startswith(ros1.MAGIC) or (head == ros2.MAGIC and path.suffix == ".db3")
 
     def read(self, paths: Sequence[Path], options: ImportOptions = DEFAULT_OPTIONS) -> Iterator[DepthFrame]:
         path = self.chosen(paths)
-        if head_of(path, len(ros2.MAGIC)) == ros2.MAGIC:
+        if read_head(path, len(ros2.MAGIC)) == ros2.MAGIC:
             yield from realsense.frames(path, ros2.messages, options.device)
             return
         for topic, _ in ros1.messages(path, lambda topic: True):

@@ -11,21 +11,21 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.importing.bags.images import (
-    checked_step,
-    checked_time,
-    in_millimetres,
-    packed_image,
-    plain_image,
-    plain_lens,
+    check_step,
+    check_time,
+    intrinsics_from_lens,
+    read_compressed_image,
+    read_image,
+    to_millimetres,
 )
 from enliven_edge.importing.bags.ros1 import AlignedFields, Fields, Message
 
 TOPIC = re.compile(r"/device_\d+/")
 _STREAM = re.compile(r"(/device_\d+)(/sensor_\d+)/Depth_\d+")
-_SMALL = re.compile(
+_DESCRIPTION_TOPICS = re.compile(
     r"/device_\d+(/info|/sensor_\d+/(option/Depth[_ ]Units/value|Depth_\d+(/info)?/camera_info))"
 )
-_USUAL_STEP = 1.0
+_DEFAULT_STEP_MM = 1.0
 """Depth step if none was recorded, in millimetres: that of the D400 family."""
 Read = Callable[[Path, Callable[[str], bool]], Iterator[Message]]
 
@@ -49,60 +49,60 @@ def frames(path: Path, read: Read, device: str | None) -> Iterator[DepthFrame]:
     Raises:
         InputError: if there is none, or several and none is chosen.
     """
-    about = _about(path, read)
-    stream = _chosen(about, device, path)
+    contents = _read_contents(path, read)
+    stream = _choose_stream(contents, device, path)
     match = _STREAM.match(stream)
     assert match is not None
-    of, sensor = match[1], match[1] + match[2]
-    camera, step = about.cameras[stream], about.steps.get(sensor, _USUAL_STEP)
-    serial = about.serials.get(of, "")
+    stream_of_topic, sensor = match[1], match[1] + match[2]
+    camera, step = contents.cameras[stream], contents.steps.get(sensor, _DEFAULT_STEP_MM)
+    serial = contents.serials.get(stream_of_topic, "")
     name = device if device and device != serial else "-".join(word for word in ("realsense", serial) if word)
-    waits: DepthFrame | None = None
+    pending: DepthFrame | None = None
     for topic, fields in read(path, lambda topic: topic.startswith(f"{stream}/image/")):
         if topic.endswith(("/data", "/compressedDepth")):
-            if waits is not None:
-                yield waits
-            waits = _frame(topic, fields, camera, step, name)
-        elif topic.endswith("/metadata") and isinstance(fields, AlignedFields) and waits is not None:
-            yield _numbered(waits, dict(_pairs(fields)))
-            waits = None
-    if waits is not None:
-        yield waits
+            if pending is not None:
+                yield pending
+            pending = _read_frame(topic, fields, camera, step, name)
+        elif topic.endswith("/metadata") and isinstance(fields, AlignedFields) and pending is not None:
+            yield _add_number(pending, dict(_pairs(fields)))
+            pending = None
+    if pending is not None:
+        yield pending
 
 
-def _frame(topic: str, fields: Fields, camera: Intrinsics, step: float, name: str) -> DepthFrame:
+def _read_frame(topic: str, fields: Fields, camera: Intrinsics, step: float, name: str) -> DepthFrame:
     """Reads an image of a recording. Its number precedes it in a .bag, and follows it in a .db3."""
     number = None if isinstance(fields, AlignedFields) else fields.count()
     seconds, rest = fields.numbers("II")
     fields.text()
-    depth = packed_image(fields) if topic.endswith("/compressedDepth") else plain_image(fields)
+    depth = read_compressed_image(fields) if topic.endswith("/compressedDepth") else read_image(fields)
     time_ns = int(seconds) * 1_000_000_000 + int(rest)
-    return DepthFrame(in_millimetres(depth, step), camera, time_ns, name, sequence=number)
+    return DepthFrame(to_millimetres(depth, step), camera, time_ns, name, sequence=number)
 
 
-def _numbered(frame: DepthFrame, said: dict[str, str]) -> DepthFrame:
+def _add_number(frame: DepthFrame, fields: dict[str, str]) -> DepthFrame:
     """Returns an image of a .db3 with the number and the camera's own time that follow it."""
     try:
-        time_ns = checked_time(round(1e6 * float(said["timestamp"])), frame.sensor)
-        return replace(frame, sequence=int(said["Frame number"]), time_ns=time_ns)
+        time_ns = check_time(round(1e6 * float(fields["timestamp"])), frame.sensor)
+        return replace(frame, sequence=int(fields["Frame number"]), time_ns=time_ns)
     except (KeyError, ValueError, OverflowError):
         return frame
 
 
-def _about(path: Path, read: Read) -> _BagContents:
-    about = _BagContents()
+def _read_contents(path: Path, read: Read) -> _BagContents:
+    contents = _BagContents()
     for topic, fields in read(path, _is_small):
         if topic.endswith("camera_info"):
             stream = _STREAM.match(topic)
             if stream:
-                about.cameras[stream[0]] = _camera(fields)
+                contents.cameras[stream[0]] = _read_camera(fields)
         elif topic.endswith("/value"):
-            about.steps[topic.partition("/option/")[0]] = _step(fields)
+            contents.steps[topic.partition("/option/")[0]] = _depth_step_mm(fields)
         else:
             for key, value in _pairs(fields):
                 if key == "Serial Number":
-                    about.serials[topic.removesuffix("/info")] = value
-    return about
+                    contents.serials[topic.removesuffix("/info")] = value
+    return contents
 
 
 def _is_small(topic: str) -> bool:
@@ -110,41 +110,45 @@ def _is_small(topic: str) -> bool:
 
     A .db3 also repeats its intrinsics as text with each image.
     """
-    return _SMALL.fullmatch(topic) is not None
+    return _DESCRIPTION_TOPICS.fullmatch(topic) is not None
 
 
-def _camera(fields: Fields) -> Intrinsics:
+def _read_camera(fields: Fields) -> Intrinsics:
     """Reads intrinsics: ``sensor_msgs/CameraInfo`` in a .bag, text in a .db3."""
     if isinstance(fields, AlignedFields):
-        return _camera_in_words(fields)
+        return _parse_camera_text(fields)
     fields.numbers("III")
     fields.text()
     height, width, model = fields.count(), fields.count(), fields.text()
-    bent = fields.numbers("d" * min(fields.count(), 16))
+    distortion = fields.numbers("d" * min(fields.count(), 16))
     fx, _, cx, _, fy, cy, *_ = fields.numbers("9d")
-    return plain_lens((width, height), (fx, fy, cx, cy), model, (*bent, *(0.0,) * 5)[:5], fields.where)
+    return intrinsics_from_lens(
+        (width, height), (fx, fy, cx, cy), model, (*distortion, *(0.0,) * 5)[:5], fields.where
+    )
 
 
-def _camera_in_words(fields: Fields) -> Intrinsics:
+def _parse_camera_text(fields: Fields) -> Intrinsics:
     properties = dict(_pairs(fields))
     try:
         size = int(properties["width"]), int(properties["height"])
         lens = tuple(float(properties[key]) for key in ("fx", "fy", "ppx", "ppy"))
-        bent = tuple(float(word) for word in properties["coeffs"].split(","))
-        return plain_lens(size, lens, properties["model"], (*bent, *(0.0,) * 5)[:5], fields.where)
+        distortion = tuple(float(word) for word in properties["coeffs"].split(","))
+        return intrinsics_from_lens(
+            size, lens, properties["model"], (*distortion, *(0.0,) * 5)[:5], fields.where
+        )
     except (KeyError, ValueError) as error:
         if isinstance(error, InputError):
             raise
         raise fields.damaged() from None
 
 
-def _step(fields: Fields) -> float:
+def _depth_step_mm(fields: Fields) -> float:
     """Returns the millimetres of one depth step."""
     try:
         metres = float(fields.text() if isinstance(fields, AlignedFields) else fields.number("f"))
     except ValueError:
         raise fields.damaged() from None
-    return checked_step(1e3 * metres, fields.where)
+    return check_step(1e3 * metres, fields.where)
 
 
 def _pairs(fields: Fields) -> Iterator[tuple[str, str]]:
@@ -153,20 +157,20 @@ def _pairs(fields: Fields) -> Iterator[tuple[str, str]]:
         yield fields.text(), fields.text()
         return
     for word in fields.text().split(";"):
-        key, equals, value = word.partition("=")
-        if equals:
+        key, separator, value = word.partition("=")
+        if separator:
             yield key.strip(), value
 
 
-def _chosen(about: _BagContents, device: str | None, path: Path) -> str:
+def _choose_stream(contents: _BagContents, device: str | None, path: Path) -> str:
     """Returns the stream of the chosen camera."""
-    if not about.cameras:
+    if not contents.cameras:
         mend = "Record depth: in the RealSense Viewer the stereo module must be on."
         raise InputError("it holds no depth of a RealSense camera", where=str(path), mend=mend)
-    streams = sorted(about.cameras)
-    serials = {stream: about.serials.get("/" + stream.split("/")[1], "") for stream in streams}
-    meant = [stream for stream in streams if serials[stream] == device]
-    if len(streams) > 1 and not meant:
+    streams = sorted(contents.cameras)
+    serials = {stream: contents.serials.get("/" + stream.split("/")[1], "") for stream in streams}
+    matching = [stream for stream in streams if serials[stream] == device]
+    if len(streams) > 1 and not matching:
         mend = f"Choose one: --device {' or '.join(filter(None, serials.values()))}"
         raise InputError(f"it holds {len(streams)} depth cameras", where=str(path), mend=mend)
-    return (meant or streams)[0]
+    return (matching or streams)[0]

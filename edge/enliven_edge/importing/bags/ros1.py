@@ -26,7 +26,7 @@ class Fields:
     """
 
     def __init__(self, data: bytes, where: str) -> None:
-        self._data, self._at, self.where = data, 0, where
+        self._data, self._offset, self.where = data, 0, where
 
     def number(self, kind: str) -> int | float:
         """Reads the next number, with a format of :mod:`struct`, such as "I" or "d"."""
@@ -43,29 +43,29 @@ class Fields:
         Raises:
             InputError: if the message is too short.
         """
-        return struct.unpack("<" + kinds, self._take(struct.calcsize("<" + kinds)))
+        return struct.unpack("<" + kinds, self._read_bytes(struct.calcsize("<" + kinds)))
 
     def text(self) -> str:
         """Reads the next text."""
         size = self.count()
         if size > _MAX_TEXT_BYTES:
             raise self.damaged()
-        return self._take(size).decode("utf-8", errors="replace")
+        return self._read_bytes(size).decode("utf-8", errors="replace")
 
     def block(self) -> bytes:
         """Reads the next block of bytes, which is preceded by its size."""
-        return self._take(self.count())
+        return self._read_bytes(self.count())
 
     def damaged(self) -> InputError:
         """Returns the error for a message with impossible content."""
         return InputError("a message is damaged", where=self.where, mend="Copy the recording again.")
 
-    def _take(self, size: int) -> bytes:
-        taken = self._data[self._at : self._at + size]
-        if len(taken) != size:
+    def _read_bytes(self, size: int) -> bytes:
+        data = self._data[self._offset : self._offset + size]
+        if len(data) != size:
             raise self.damaged()
-        self._at += size
-        return taken
+        self._offset += size
+        return data
 
 
 class AlignedFields(Fields):
@@ -80,7 +80,7 @@ class AlignedFields(Fields):
     def numbers(self, kinds: str) -> tuple[float, ...]:
         values: list[float] = []
         for kind in kinds:
-            self._at += -self._at % struct.calcsize(kind)
+            self._offset += -self._offset % struct.calcsize(kind)
             values += super().numbers(kind)
         return tuple(values)
 
@@ -100,7 +100,7 @@ _CHUNK = 5
 """Record kind (op) of a chunk of records."""
 _CONNECTION = 7
 """Record kind (op) of a connection, which names a topic. The other kinds are the index."""
-_COPY = "Copy it again; it was not closed, or copied only in part."
+_COPY_HINT = "Copy it again; it was not closed, or copied only in part."
 
 
 class Message(NamedTuple):
@@ -123,75 +123,78 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
             )
         size = os.fstat(file.fileno()).st_size
         topics: dict[bytes, str] = {}
-        while (at := file.tell()) < size:
-            header = _header(_sized(file, _MAX_HEADER_BYTES, path), path)
+        while (offset := file.tell()) < size:
+            header = _parse_header(_read_sized(file, _MAX_HEADER_BYTES, path), path)
             if _kind(header) != _CHUNK:
-                left = _size(file, path)
-                if left > size - file.tell():
-                    raise _cut(at, path)
+                remaining = _read_size(file, path)
+                if remaining > size - file.tell():
+                    raise _cut_off_error(offset, path)
                 if _kind(header) == _CONNECTION:
-                    _connect(header, topics)
-                file.seek(left, os.SEEK_CUR)
+                    _add_connection(header, topics)
+                file.seek(remaining, os.SEEK_CUR)
                 continue
-            yield from _inside(
-                _unpacked(header, _sized(file, _MAX_CHUNK_BYTES, path), path), topics, wanted, path
+            yield from _chunk_messages(
+                _decompress(header, _read_sized(file, _MAX_CHUNK_BYTES, path), path), topics, wanted, path
             )
 
 
-def _inside(
+def _chunk_messages(
     chunk: bytes, topics: dict[bytes, str], wanted: Callable[[str], bool], path: Path
 ) -> Iterator[Message]:
     """Yields the messages of a chunk. Its connections are added to ``topics``."""
-    at = 0
-    while at < len(chunk):
-        header_at, at = _extent(chunk, at, path)
-        header = _header(chunk[header_at:at], path)
-        data_at, at = _extent(chunk, at, path)
+    offset = 0
+    while offset < len(chunk):
+        header_range, offset = _find_part(chunk, offset, path)
+        header = _parse_header(chunk[header_range:offset], path)
+        data_range, offset = _find_part(chunk, offset, path)
         if _kind(header) == _CONNECTION:
-            _connect(header, topics)
+            _add_connection(header, topics)
         elif _kind(header) == _MESSAGE:
             topic = topics.get(header.get(b"conn", b""))
             if topic is None:
-                raise InputError("a message has no topic", where=str(path), mend=_COPY)
+                raise InputError("a message has no topic", where=str(path), mend=_COPY_HINT)
             if wanted(topic):
-                yield Message(topic, Fields(chunk[data_at:at], f"{path}, {topic}"))
+                yield Message(topic, Fields(chunk[data_range:offset], f"{path}, {topic}"))
 
 
-def _extent(chunk: bytes, at: int, path: Path) -> tuple[int, int]:
+def _find_part(chunk: bytes, offset: int, path: Path) -> tuple[int, int]:
     """Returns the start and the end of a sized part of a chunk."""
-    begin = at + 4
-    end = begin + int.from_bytes(chunk[at:begin], "little")
+    begin = offset + 4
+    end = begin + int.from_bytes(chunk[offset:begin], "little")
     if begin > len(chunk) or end > len(chunk):
-        raise _cut(at, path)
+        raise _cut_off_error(offset, path)
     return begin, end
 
 
-def _unpacked(header: dict[bytes, bytes], packed: bytes, path: Path) -> bytes:
+def _decompress(header: dict[bytes, bytes], compressed: bytes, path: Path) -> bytes:
     """Returns the decompressed content of a chunk, limited to its declared size."""
-    how, size = header.get(b"compression", b""), int.from_bytes(header.get(b"size", b"")[:4], "little")
+    compression, size = (
+        header.get(b"compression", b""),
+        int.from_bytes(header.get(b"size", b"")[:4], "little"),
+    )
     if size > _MAX_CHUNK_BYTES:
-        raise _too_large(size, path)
+        raise _too_large_error(size, path)
     try:
-        match how:
+        match compression:
             case b"none":
-                content = packed
+                content = compressed
             case b"lz4":
-                content = _lz4_unpacked(packed, size + 1, path)
+                content = _decompress_lz4(compressed, size + 1, path)
             case b"bz2":
-                content = bz2.BZ2Decompressor().decompress(packed, max_length=size + 1)
+                content = bz2.BZ2Decompressor().decompress(compressed, max_length=size + 1)
             case _:
                 raise InputError(
-                    f"it is packed by {how!r}", where=str(path), mend="Unpack it: rosbag decompress"
+                    f"it is packed by {compression!r}", where=str(path), mend="Unpack it: rosbag decompress"
                 )
     except (RuntimeError, OSError, EOFError, ValueError):
-        raise InputError("a part cannot be unpacked", where=str(path), mend=_COPY) from None
+        raise InputError("a part cannot be unpacked", where=str(path), mend=_COPY_HINT) from None
     if len(content) != size:
-        raise InputError("a part has another size than it says", where=str(path), mend=_COPY)
+        raise InputError("a part has another size than it says", where=str(path), mend=_COPY_HINT)
     return content
 
 
-def _lz4_unpacked(packed: bytes, most: int, path: Path) -> bytes:
-    """Returns at most ``most`` bytes of a chunk that lz4 compressed.
+def _decompress_lz4(compressed: bytes, max_bytes: int, path: Path) -> bytes:
+    """Returns at most ``max_bytes`` bytes of a chunk that lz4 compressed.
 
     Raises:
         ResourceError: if the library is not installed.
@@ -200,20 +203,20 @@ def _lz4_unpacked(packed: bytes, most: int, path: Path) -> bytes:
     need("lz4", "bags", str(path))
     import lz4.frame  # Imported here, because only some bags need it.
 
-    return lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=most)
+    return lz4.frame.LZ4FrameDecompressor().decompress(compressed, max_length=max_bytes)
 
 
-def _header(content: bytes, path: Path) -> dict[bytes, bytes]:
+def _parse_header(content: bytes, path: Path) -> dict[bytes, bytes]:
     """Returns the fields of a record's header."""
-    fields, at = {}, 0
-    while at < len(content):
-        begin, at = _extent(content, at, path)
-        key, _, value = content[begin:at].partition(b"=")
+    fields, offset = {}, 0
+    while offset < len(content):
+        begin, offset = _find_part(content, offset, path)
+        key, _, value = content[begin:offset].partition(b"=")
         fields[key] = value
     return fields
 
 
-def _connect(header: dict[bytes, bytes], topics: dict[bytes, str]) -> None:
+def _add_connection(header: dict[bytes, bytes], topics: dict[bytes, str]) -> None:
     topics[header.get(b"conn", b"")] = header.get(b"topic", b"").decode("utf-8", errors="replace")
 
 
@@ -221,28 +224,32 @@ def _kind(header: dict[bytes, bytes]) -> int:
     return int.from_bytes(header.get(b"op", b"")[:1], "little")
 
 
-def _size(file: BinaryIO, path: Path) -> int:
-    four = file.read(4)
-    if len(four) < 4:
-        raise _cut(file.tell(), path)
-    return int(struct.unpack("<I", four)[0])
+def _read_size(file: BinaryIO, path: Path) -> int:
+    size_bytes = file.read(4)
+    if len(size_bytes) < 4:
+        raise _cut_off_error(file.tell(), path)
+    return int(struct.unpack("<I", size_bytes)[0])
 
 
-def _sized(file: BinaryIO, most: int, path: Path) -> bytes:
+def _read_sized(file: BinaryIO, max_bytes: int, path: Path) -> bytes:
     """Reads the next bytes of the file, which are preceded by their number."""
-    size = _size(file, path)
+    size = _read_size(file, path)
     if size > os.fstat(file.fileno()).st_size - file.tell():
-        raise _cut(file.tell(), path)
-    if size > most:
-        raise _too_large(size, path)
+        raise _cut_off_error(file.tell(), path)
+    if size > max_bytes:
+        raise _too_large_error(size, path)
     return file.read(size)
 
 
-def _cut(at: int, path: Path) -> InputError:
-    return InputError(f"it ends in the middle of the record at byte {at}", where=str(path), mend=_COPY)
-
-
-def _too_large(size: int, path: Path) -> InputError:
+def _cut_off_error(offset: int, path: Path) -> InputError:
     return InputError(
-        f"a record has {size} bytes; no depth camera writes records of this size", where=str(path), mend=_COPY
+        f"it ends in the middle of the record at byte {offset}", where=str(path), mend=_COPY_HINT
+    )
+
+
+def _too_large_error(size: int, path: Path) -> InputError:
+    return InputError(
+        f"a record has {size} bytes; no depth camera writes records of this size",
+        where=str(path),
+        mend=_COPY_HINT,
     )

@@ -27,7 +27,7 @@ def messages(path: Path, wanted: Callable[[str], bool]) -> Iterator[Message]:
     """
     open_file(path).close()
     try:
-        with contextlib.closing(_opened(path)) as database:
+        with contextlib.closing(_open_database(path)) as database:
             topics = {number: name for number, name in database.execute(_TOPICS) if wanted(str(name))}
             chosen = ",".join(str(int(number)) for number in topics)
             for number, data in database.execute(_MESSAGES.format(chosen)):
@@ -44,7 +44,7 @@ _TABLES = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN (
 """Counts real tables only: a view of that name could run endlessly."""
 
 
-def _opened(path: Path) -> sqlite3.Connection:
+def _open_database(path: Path) -> sqlite3.Connection:
     """Opens the database for reading.
 
     Raises:

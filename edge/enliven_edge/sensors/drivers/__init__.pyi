@@ -1,2 +1,2 @@
 from .libcamera_images import LibcameraImages as LibcameraImages
-from .libcamera_library import listed_cameras as listed_cameras
+from .libcamera_library import list_cameras as list_cameras

@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 
 _POLL_INTERVAL_S = 0.1
 """Seconds between two checks whether the rehearsal has ended."""
-WAITING = 4
+MAX_WAITING_IMAGES = 4
 """Maximum number of images waiting in a library. The next is sent after the driver has taken one."""
 _DRIVER_TIME_S = 0.002
 """Time that the driver gets for an image before the next one is decoded, in seconds. A real device needs no
@@ -40,8 +40,8 @@ class DriverReplay:
         path: the recording.
         send: called on that thread with each image and its number, which is the recorded one if known.
         loop: start again at the end.
-        paced: lose no image if the driver is slow. The driver reports the images that it has :meth:`taken`,
-            and at most :data:`WAITING` images wait.
+        paced: lose no image if the driver is slow. The driver reports each image that it has taken by
+            :meth:`record_taken`, and at most :data:`MAX_WAITING_IMAGES` images wait.
 
     Attributes:
         first: its first image, which contains the camera's properties.
@@ -54,13 +54,13 @@ class DriverReplay:
     def __init__(
         self, path: str, send: Callable[[DepthFrame, int], None], loop: bool = False, paced: bool = False
     ) -> None:
-        first = _first(path)
+        first = _read_first(path)
         if not isinstance(first, DepthFrame):
             raise InputError("it holds no depth images", where=path, mend="Rehearse with a depth recording.")
         self.first = first
         self._over, self._ended = threading.Event(), 0.0
         self._sensor = ReplaySensor(path, loop=loop, longest_pause=_MAX_PAUSE_S)
-        self._send, self._room = send, threading.Semaphore(WAITING)
+        self._send, self._room = send, threading.Semaphore(MAX_WAITING_IMAGES)
         self._paced, self._sent = paced, deque[int]()
         self.fps = self._sensor.fps or 30.0
         self._stopped = threading.Event()
@@ -75,7 +75,7 @@ class DriverReplay:
             self._thread.start()
         return self._over.is_set() and (not self._sent or time.monotonic() > self._ended + _DRAIN_TIME_S)
 
-    def taken(self, time_ns: int) -> int:
+    def record_taken(self, time_ns: int) -> int:
         """Records that the driver has taken the images up to this time out of its library.
 
         Returns:
@@ -134,7 +134,7 @@ class DriverReplay:
         return False
 
 
-def _first(path: str) -> Frame | None:
+def _read_first(path: str) -> Frame | None:
     """Returns the first frame of a recording, skipping errors before it."""
     with ReplaySensor(path, speed=0.0) as look:
         while True:

@@ -18,7 +18,7 @@ _MAX_DEPTH_MM = 65535
 """Largest depth in an image, in millimetres."""
 
 
-def kind_of(name: str, kinds: Mapping[str, str], otherwise: str) -> str:
+def profile_from_name(name: str, kinds: Mapping[str, str], otherwise: str) -> str:
     """Returns the profile of a camera with a given name.
 
     Args:
@@ -29,7 +29,7 @@ def kind_of(name: str, kinds: Mapping[str, str], otherwise: str) -> str:
     return next(fits, otherwise)
 
 
-def known_or_typical(
+def choose_intrinsics(
     width: int,
     height: int,
     lens: tuple[float, float, float, float],
@@ -65,21 +65,23 @@ def known_or_typical(
     return typical, False
 
 
-def within(reach: tuple[float, float], profile: str, rehearsed: bool) -> Callable[[UInt16], UInt16]:
+def create_range_filter(
+    reach: tuple[float, float], profile: str, rehearsed: bool
+) -> Callable[[UInt16], UInt16]:
     """Returns a function that removes depths outside a camera's range.
 
-    See :func:`limits` for arguments and errors.
+    See :func:`depth_limits` for arguments and errors.
 
     Returns:
         takes (H, W) uint16 millimetres, and returns them with 0 outside the range.
     """
-    low, high = limits(reach, profile, rehearsed)
+    low, high = depth_limits(reach, profile, rehearsed)
     if (low, high) == (0, _MAX_DEPTH_MM):
         return lambda depth: depth
     return lambda depth: np.where((depth >= low) & (depth <= high), depth, np.uint16(0))
 
 
-def limits(reach: tuple[float, float], profile: str, rehearsed: bool) -> tuple[int, int]:
+def depth_limits(reach: tuple[float, float], profile: str, rehearsed: bool) -> tuple[int, int]:
     """Returns the minimum and maximum depth that a camera can measure, millimetres.
 
     Args:

@@ -83,7 +83,7 @@ class LibcameraSensor(Sensor):
             raise InputError(f"the rate is {fps}", where="sensor libcamera", mend="Give fps=1 to 240.")
         self.fps = fps
         self._matcher: StereoMatcher | None = None
-        self._eye: MonocularPoseEstimator | None = None
+        self._estimator: MonocularPoseEstimator | None = None
         size, cameras = (width, height), [str(left)]
         if calibration:
             size, cameras = self._prepare(calibration, near, far), [str(left), str(right)]
@@ -99,7 +99,9 @@ class LibcameraSensor(Sensor):
         self._pairing = Pairing(self.name, round(1e6 * apart_ms))
         try:
             if not calibration:
-                self._eye = MonocularPoseEstimator(view, stand, tilt, body_height, python, model, source)
+                self._estimator = MonocularPoseEstimator(
+                    view, stand, tilt, body_height, python, model, source
+                )
             elif isinstance(self._images, LibcameraImages):
                 self._check_sizes(self._images.sizes, size)
         except BaseException:
@@ -113,24 +115,24 @@ class LibcameraSensor(Sensor):
             picture = self._images.read(left)
             if picture is None:
                 return None
-            if self._eye is not None:
-                bodies = self._eye.bodies(picture.image, picture.time_ns)
+            if self._estimator is not None:
+                bodies = self._estimator.bodies(picture.image, picture.time_ns)
                 return BodyFrame(bodies, picture.time_ns, self.name)
             pair = self._pairing.add(picture)
             if pair is not None:
-                return self._depth(*pair)
+                return self._compute_depth(*pair)
 
     def condition(self) -> Condition:
         """Returns the time offset between the two cameras' last images, and the image sensor's
         temperature."""
-        apart = self._pairing.apart_ns
-        link = "" if apart is None else f"CSI, two cameras {1e-6 * abs(apart):.2f} ms apart"
+        offset_ns = self._pairing.apart_ns
+        link = "" if offset_ns is None else f"CSI, two cameras {1e-6 * abs(offset_ns):.2f} ms apart"
         return Condition(link, temperature=self._images.temperature(), hot=_MAX_TEMPERATURE_C)
 
     def close(self) -> None:
         self._images.close()
-        if self._eye is not None:
-            self._eye.close()
+        if self._estimator is not None:
+            self._estimator.close()
 
     def _prepare(self, calibration: str, near: float, far: float) -> tuple[int, int]:
         """Creates the matcher of a calibration. Returns the calibrated image size (width, height)."""
@@ -140,7 +142,7 @@ class LibcameraSensor(Sensor):
         self._matcher = StereoMatcher(self._rectification, near, far)
         return stereo_calibration.width, stereo_calibration.height
 
-    def _depth(self, left: CameraImage, right: CameraImage) -> DepthFrame:
+    def _compute_depth(self, left: CameraImage, right: CameraImage) -> DepthFrame:
         """Returns the depth of an image pair, in the rectified left camera."""
         assert self._matcher is not None
         depth = self._matcher.depth(left.image, right.image)

@@ -12,7 +12,7 @@ import numpy as np
 
 from enliven.arrays import UInt8
 from enliven.errors import InputError, ResourceError
-from enliven_edge.sensors.drivers.libcamera_library import COLOUR, GREY, Layout, image_of, libcamera_library
+from enliven_edge.sensors.drivers.libcamera_library import COLOUR, GREY, Layout, copy_image, libcamera_library
 from enliven_edge.sensors.stereo import CameraImage
 
 _BUFFERS = 4
@@ -57,23 +57,25 @@ class LibcameraImages:
         self._lib = libcamera_library(tuning)
         self._manager = self._lib.CameraManager.singleton()
         self._formats = COLOUR if colour else GREY
-        self._eyes: list[_OpenCamera] = []
+        self._open_cameras: list[_OpenCamera] = []
         self._ready: list[Any] = []
         self._celsius: float | None = None
-        devices = self._found(cameras)
-        self.name = f"libcamera {', '.join(_short(camera.id) for camera in devices)}"
+        devices = self._find_cameras(cameras)
+        self.name = f"libcamera {', '.join(_short_id(camera.id) for camera in devices)}"
         try:
             for camera in devices:
-                self._eyes.append(_OpenCamera(self._lib, camera, len(self._eyes), size, self._formats))
-            wishes = _wishes(fps, exposure_us, gain)
+                self._open_cameras.append(
+                    _OpenCamera(self._lib, camera, len(self._open_cameras), size, self._formats)
+                )
+            controls = _initial_controls(fps, exposure_us, gain)
             # The followers wait for the clock of the leader, so start them first.
-            for eye in reversed(self._eyes):
+            for eye in reversed(self._open_cameras):
                 beat = {} if len(devices) == 1 else {"SyncMode": _CLIENT if eye.number else _SERVER}
-                eye.start({**wishes, **beat})
+                eye.start({**controls, **beat})
         except BaseException:
             self.close()
             raise
-        self.sizes = [eye.size for eye in self._eyes]
+        self.sizes = [eye.size for eye in self._open_cameras]
 
     def read(self, timeout: float | None = None) -> CameraImage | None:
         """Returns the next image of any of the cameras, copied out of the camera's memory.
@@ -90,9 +92,9 @@ class LibcameraImages:
                 raise TimeoutError(f"no image of {self.name} yet")
             self._ready += self._manager.get_ready_requests()
         request = self._ready.pop(0)
-        eye = self._eyes[request.cookie // _MAX_BUFFERS]
-        picture = eye.picture(request)
-        self._celsius = eye.celsius if eye.celsius is not None else self._celsius
+        camera = self._open_cameras[request.cookie // _MAX_BUFFERS]
+        picture = camera.picture(request)
+        self._celsius = camera.celsius if camera.celsius is not None else self._celsius
         return picture
 
     def temperature(self) -> float | None:
@@ -101,12 +103,12 @@ class LibcameraImages:
 
     def close(self) -> None:
         """Releases the cameras. A second call does nothing."""
-        eyes, self._eyes = self._eyes, []
-        for eye in eyes:
-            eye.close()
+        cameras, self._open_cameras = self._open_cameras, []
+        for camera in cameras:
+            camera.close()
         self._ready = []
 
-    def _found(self, wanted: list[str]) -> list[Any]:
+    def _find_cameras(self, wanted: list[str]) -> list[Any]:
         """Returns the requested cameras."""
         connected = list(self._manager.cameras)
         if not connected:
@@ -114,16 +116,16 @@ class LibcameraImages:
             raise ResourceError("libcamera finds no camera", where="sensor libcamera", mend=mend)
         listed = ", ".join(f"{number} {camera.id}" for number, camera in enumerate(connected))
         devices = []
-        for word in wanted:
-            fitting = [c for n, c in enumerate(connected) if word in (str(n), c.id)]
-            fitting = fitting or [c for c in connected if not word.isdigit() and word in c.id]
-            if not fitting:
+        for identity in wanted:
+            matching = [c for n, c in enumerate(connected) if identity in (str(n), c.id)]
+            matching = matching or [c for c in connected if not identity.isdigit() and identity in c.id]
+            if not matching:
                 raise ResourceError(
-                    f"the camera {word!r} was not found",
+                    f"the camera {identity!r} was not found",
                     where="sensor libcamera",
                     mend=f"Connected: {listed}.",
                 )
-            devices.append(fitting[0])
+            devices.append(matching[0])
         if len({camera.id for camera in devices}) < len(devices):
             mend = f"Give the left and the right one; connected: {listed}."
             raise InputError("the two cameras are one", where="sensor libcamera", mend=mend)
@@ -160,10 +162,10 @@ class _OpenCamera:
             self.close()
             raise
 
-    def start(self, wishes: dict[str, Any]) -> None:
+    def start(self, wanted: dict[str, Any]) -> None:
         """Starts the image stream. Settings that the camera does not support are left out."""
         controls = {control.name: control for control in self._camera.controls}
-        self._camera.start({controls[name]: value for name, value in wishes.items() if name in controls})
+        self._camera.start({controls[name]: value for name, value in wanted.items() if name in controls})
         self._running = True
         for request in self._requests:
             self._camera.queue_request(request)
@@ -173,14 +175,17 @@ class _OpenCamera:
         if request.status != self._lib.Request.Status.Complete:
             raise ResourceError("the camera was lost", where=self._camera.id, mend="Check its cable.")
         number = request.cookie % _MAX_BUFFERS
-        about = self._buffers[number].metadata
+        buffer_info = self._buffers[number].metadata
         metadata = {control.name: value for control, value in request.metadata.items()}
         self.celsius = metadata.get("SensorTemperature", self.celsius)
-        time_ns, sequence = int(metadata.get("SensorTimestamp", about.timestamp)), int(about.sequence)
+        time_ns, sequence = (
+            int(metadata.get("SensorTimestamp", buffer_info.timestamp)),
+            int(buffer_info.sequence),
+        )
         # The virtual cameras of libcamera 0.4 leave the status of good images uninitialised. So reject only
         # images with the status Error.
-        sound = about.status != self._lib.FrameMetadata.Status.Error
-        image = image_of(self._views[number], self.size, self._stride, self._layout) if sound else None
+        is_sound = buffer_info.status != self._lib.FrameMetadata.Status.Error
+        image = copy_image(self._views[number], self.size, self._stride, self._layout) if is_sound else None
         request.reuse()
         self._camera.queue_request(request)
         if image is None:
@@ -195,9 +200,9 @@ class _OpenCamera:
                 self._camera.stop()
         self._views: list[UInt8] = []
         self._requests: list[Any] = []
-        for each in self._maps:
+        for allocation in self._maps:
             with contextlib.suppress(BufferError):
-                each.close()
+                allocation.close()
         self._maps = []
         with contextlib.suppress(RuntimeError, OSError):
             self._camera.release()
@@ -206,8 +211,8 @@ class _OpenCamera:
         """Chooses the format and the size."""
         config = self._camera.generate_configuration([self._lib.StreamRole.VideoRecording])
         stream = config.at(0)
-        offered = [str(each) for each in stream.formats.pixel_formats]
-        chosen = next((each for each in formats if each in offered), None)
+        offered = [str(pixel_format) for pixel_format in stream.formats.pixel_formats]
+        chosen = next((pixel_format for pixel_format in formats if pixel_format in offered), None)
         if chosen is None:
             problem = f"it has none of the formats {', '.join(formats)}, only {', '.join(offered)}"
             raise InputError(problem, where=self._camera.id, mend="Use another camera.")
@@ -241,15 +246,15 @@ class _OpenCamera:
             self._requests.append(request)
 
 
-def _wishes(fps: float, exposure_us: int, gain: float) -> dict[str, Any]:
+def _initial_controls(fps: float, exposure_us: int, gain: float) -> dict[str, Any]:
     """Returns the settings of the cameras at the start, by libcamera's names of its controls."""
     step = round(1e6 / fps)
-    wishes: dict[str, Any] = {"FrameDurationLimits": (step, step)}
+    controls: dict[str, Any] = {"FrameDurationLimits": (step, step)}
     if exposure_us > 0:
-        wishes |= {"AeEnable": False, "ExposureTime": exposure_us, "AnalogueGain": float(gain)}
-    return wishes
+        controls |= {"AeEnable": False, "ExposureTime": exposure_us, "AnalogueGain": float(gain)}
+    return controls
 
 
-def _short(camera: str) -> str:
+def _short_id(camera: str) -> str:
     """Returns the part of an id that distinguishes cameras: the bus and the sensor."""
     return "/".join(camera.split("/")[-2:]) or camera

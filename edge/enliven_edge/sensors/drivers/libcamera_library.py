@@ -47,7 +47,7 @@ class ListedCamera:
     name: str
 
 
-def listed_cameras() -> list[ListedCamera]:
+def list_cameras() -> list[ListedCamera]:
     """Returns the cameras in libcamera's order. Empty if it is not installed, except on a Raspberry Pi.
 
     The list is made in a separate process, since libcamera terminates its process on internal errors.
@@ -55,21 +55,23 @@ def listed_cameras() -> list[ListedCamera]:
     Raises:
         ResourceError: if libcamera does not load or does not answer, or is missing on a Raspberry Pi.
     """
-    if not _installed() and not _is_raspberry_pi():
+    if not _is_installed() and not _is_raspberry_pi():
         return []
-    asked = [sys.executable, "-c", f"from {__name__} import tell; tell()"]
+    command = [sys.executable, "-c", f"from {__name__} import print_cameras; print_cameras()"]
     try:
-        done = subprocess.run(asked, capture_output=True, text=True, timeout=_LISTING_TIMEOUT_S, check=False)
+        process = subprocess.run(
+            command, capture_output=True, text=True, timeout=_LISTING_TIMEOUT_S, check=False
+        )
     except subprocess.TimeoutExpired:
         problem = f"libcamera has not listed its cameras within {_LISTING_TIMEOUT_S:.0f} s"
         raise ResourceError(
             problem, where="sensor libcamera", mend="Close other programs that use a camera."
         ) from None
-    if done.returncode:
-        last_line = (done.stderr.strip().splitlines() or [""])[-1]
-        problem = f"libcamera cannot list its cameras (exit code {done.returncode}: {last_line})"
+    if process.returncode:
+        last_line = (process.stderr.strip().splitlines() or [""])[-1]
+        problem = f"libcamera cannot list its cameras (exit code {process.returncode}: {last_line})"
         raise ResourceError(problem, where="sensor libcamera", mend="Type: rpicam-hello --list-cameras")
-    listing = json.loads(done.stdout.splitlines()[-1])
+    listing = json.loads(process.stdout.splitlines()[-1])
     if isinstance(listing, str):
         raise ResourceError(listing, where="sensor libcamera", mend=_INSTALL)
     return [ListedCamera(model, name) for model, name in listing]
@@ -89,7 +91,7 @@ def libcamera_library(tuning: str) -> Any:
         os.environ["LIBCAMERA_RPI_TUNING_FILE"] = tuning
     os.environ.setdefault("LIBCAMERA_LOG_LEVELS", "*:WARN")
     search_path = list(sys.path)
-    sys.path += _places()
+    sys.path += _library_folders()
     try:
         return importlib.import_module("libcamera")
     except ImportError as error:
@@ -100,15 +102,15 @@ def libcamera_library(tuning: str) -> Any:
         sys.path[:] = search_path
 
 
-def _places() -> list[str]:
+def _library_folders() -> list[str]:
     """Returns the system's folders that contain the binding."""
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
-    places = [*_SYSTEM.glob(f"*/python{version}/site-packages"), _SYSTEM / "python3" / "dist-packages"]
-    return [str(place) for place in places if (place / "libcamera").is_dir()]
+    folders = [*_SYSTEM.glob(f"*/python{version}/site-packages"), _SYSTEM / "python3" / "dist-packages"]
+    return [str(folder) for folder in folders if (folder / "libcamera").is_dir()]
 
 
-def _installed() -> bool:
-    return bool(_places()) or importlib.util.find_spec("libcamera") is not None
+def _is_installed() -> bool:
+    return bool(_library_folders()) or importlib.util.find_spec("libcamera") is not None
 
 
 def _is_raspberry_pi() -> bool:
@@ -118,15 +120,17 @@ def _is_raspberry_pi() -> bool:
         return False
 
 
-def tell() -> None:
+def print_cameras() -> None:
     """Prints a line of JSON: the cameras' models and ids, or the reason why there are none."""
     try:
         cameras = libcamera_library("").CameraManager.singleton().cameras
     except ResourceError as error:
         print(json.dumps(error.what))
         return
-    about = [({key.name: value for key, value in each.properties.items()}, each.id) for each in cameras]
-    print(json.dumps([(str(properties.get("Model", "")), name) for properties, name in about]))
+    description = [
+        ({key.name: value for key, value in camera.properties.items()}, camera.id) for camera in cameras
+    ]
+    print(json.dumps([(str(properties.get("Model", "")), name) for properties, name in description]))
 
 
 class Layout(NamedTuple):
@@ -157,7 +161,7 @@ COLOUR = {
 """Formats with usable colour. Libcamera names them from the highest byte down."""
 
 
-def image_of(plane: UInt8, size: tuple[int, int], stride: int, layout: Layout) -> UInt8 | None:
+def copy_image(plane: UInt8, size: tuple[int, int], stride: int, layout: Layout) -> UInt8 | None:
     """Returns a copy of the image in a plane's bytes, (H, W) or (H, W, 3). None if there are too few bytes.
 
     Args:

@@ -13,12 +13,12 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors import crash_reports
-from enliven_edge.sensors.attached_cameras import library
+from enliven_edge.sensors.attached_cameras import import_library
 from enliven_edge.sensors.base import Condition, Sensor
-from enliven_edge.sensors.drivers.driver_replay import WAITING, DriverReplay
-from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical
-from enliven_edge.sensors.drivers.oak_colour import aligned, message, together
-from enliven_edge.sensors.drivers.refusals import chosen, refused
+from enliven_edge.sensors.drivers.driver_replay import MAX_WAITING_IMAGES, DriverReplay
+from enliven_edge.sensors.drivers.lens import choose_intrinsics, profile_from_name
+from enliven_edge.sensors.drivers.oak_colour import create_aligned_outputs, create_image_message, synchronise
+from enliven_edge.sensors.drivers.refusals import choose_device, convert_error
 
 log = logging.getLogger(__name__)
 
@@ -66,9 +66,9 @@ class OakSensor(Sensor):
         # Store crash dumps of the firmware here. They must not be sent to the manufacturer without consent.
         os.environ.setdefault("DEPTHAI_CRASHDUMP", str(crash_reports.folder()))
         os.environ.setdefault("DEPTHAI_DISABLE_CRASHDUMP_COLLECTION", "1")
-        self._dai = library("depthai", "oak")
+        self._dai = import_library("depthai", "oak")
         self._device: Any = None
-        self._felt: Any = None
+        self._accelerometer: Any = None
         self._level: Any = None
         self._gravity: list[np.ndarray] = []
         self._camera: Intrinsics | None = None
@@ -79,27 +79,27 @@ class OakSensor(Sensor):
         self.again: dict[str, str] = {}
         self._images: Any = None
         if rehearse:
-            depth, seen = self._rehearsed(rehearse, colour)
+            depth, seen = self._open_rehearsal(rehearse, colour)
         else:
-            depth, seen = self._opened(
+            depth, seen = self._open_pipeline(
                 str(device), (width, height), fps, preset, (subpixel, left_right_check), colour
             )
         self._coloured = seen is not None
-        both = together(self._dai, self._pipeline, depth, seen, self.fps) if self._coloured else depth
-        self._images = both.createOutputQueue(WAITING, False)
+        both = synchronise(self._dai, self._pipeline, depth, seen, self.fps) if self._coloured else depth
+        self._images = both.createOutputQueue(MAX_WAITING_IMAGES, False)
         try:
             self._pipeline.start()
         except RuntimeError as error:
-            raise refused("oak", error, self.name, bool(rehearse)) from None
+            raise convert_error("oak", error, self.name, bool(rehearse)) from None
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        over = self._driver_replay is not None and self._driver_replay.is_over()
+        is_over = self._driver_replay is not None and self._driver_replay.is_over()
         try:
             image = self._images.get(timeout=timedelta(seconds=timeout or 0.0))
         except RuntimeError as error:
-            raise refused("oak", error, self.name, self._driver_replay is not None) from None
+            raise convert_error("oak", error, self.name, self._driver_replay is not None) from None
         if image is None:
-            if over:
+            if is_over:
                 return None
             if self._device is not None and self._device.hasCrashed():
                 raise ResourceError("the camera's own program crashed", where=self.name)
@@ -114,7 +114,7 @@ class OakSensor(Sensor):
         slow = speed in (speeds.LOW, speeds.FULL, speeds.HIGH)
         link = "PoE" if speed == speeds.UNKNOWN else "USB 2" if slow else "USB 3"
         celsius = float(self._device.getChipTemperature().average)
-        return Condition(link, slow, celsius, _MAX_TEMPERATURE_C, self._down(), self._calibrated)
+        return Condition(link, slow, celsius, _MAX_TEMPERATURE_C, self._measure_gravity(), self._calibrated)
 
     def close(self) -> None:
         if self._driver_replay:
@@ -125,7 +125,7 @@ class OakSensor(Sensor):
             if self._device is not None:
                 self._device.close()
 
-    def _opened(
+    def _open_pipeline(
         self,
         device: str,
         size: tuple[int, int],
@@ -149,42 +149,42 @@ class OakSensor(Sensor):
                 where="sensor oak",
                 mend=f"Give {', '.join(presets)}.",
             )
-        self._device = self._found(device)
-        keep_dump_of(self._device)
+        self._device = self._open_device(device)
+        store_crash_dump(self._device)
         name = self._device.getDeviceId()
         self.name, self.fps, self.again = f"oak {name}", fps, {"before": name}
-        self._kind = kind_of(self._device.getProductName(), _KINDS, self._kind)
+        self._kind = profile_from_name(self._device.getProductName(), _KINDS, self._kind)
         self._pipeline = dai.Pipeline(self._device)
         try:
             stereo = self._pipeline.create(dai.node.StereoDepth).build(
                 autoCreateCameras=True, presetMode=presets[preset], size=size, fps=fps
             )
         except RuntimeError as error:
-            raise refused("oak", error, self.name) from None
+            raise convert_error("oak", error, self.name) from None
         stereo.setSubpixel(checks[0])
         stereo.setLeftRightCheck(checks[1])
         sockets = dai.CameraBoardSocket
-        depth, seen = stereo.depth, None
+        depth, camera_features = stereo.depth, None
         if colour:
-            depth, seen = aligned(dai, self._pipeline, stereo, size, fps)
+            depth, camera_features = create_aligned_outputs(dai, self._pipeline, stereo, size, fps)
         if self._device.getConnectedIMU() not in ("", "NONE"):
             imu = self._pipeline.create(dai.node.IMU)
             imu.enableIMUSensor(dai.IMUSensor.ACCELEROMETER_RAW, _ACCELEROMETER_HZ)
             imu.setBatchReportThreshold(_ACCELEROMETER_HZ // 10)
             imu.setMaxBatchReports(_ACCELEROMETER_HZ)
-            self._felt = imu.out.createOutputQueue(WAITING, False)
+            self._accelerometer = imu.out.createOutputQueue(MAX_WAITING_IMAGES, False)
             calibration = self._device.readCalibration()
-            seeing = sockets.CAM_A if colour else sockets.CAM_C
-            self._level = np.array(calibration.getImuToCameraExtrinsics(seeing))[:3, :3]
-        return depth, seen
+            features = sockets.CAM_A if colour else sockets.CAM_C
+            self._level = np.array(calibration.getImuToCameraExtrinsics(features))[:3, :3]
+        return depth, camera_features
 
-    def _found(self, wanted: str) -> Any:
+    def _open_device(self, wanted: str) -> Any:
         """Opens the camera. If none is visible yet, the library searches for a while."""
         dai = self._dai
         cameras = {info.getDeviceId(): info for info in dai.Device.getAllAvailableDevices()}
 
         def choose() -> Any:
-            return chosen("oak", "an OAK", cameras, wanted, "device", self._before)
+            return choose_device("oak", "an OAK", cameras, wanted, "device", self._before)
 
         try:
             if wanted:
@@ -193,7 +193,7 @@ class OakSensor(Sensor):
         except RuntimeError as error:
             if str(error) in _NOT_FOUND_MESSAGES and wanted not in cameras:
                 choose()
-            raise refused("oak", error) from None
+            raise convert_error("oak", error) from None
 
     def _frame(self, image: Any) -> DepthFrame:
         """Converts an image to a frame."""
@@ -208,7 +208,7 @@ class OakSensor(Sensor):
             raise InputError(f"one of its images is invalid ({error})", where=self.name) from None
         camera = self._intrinsics(transformation, *depth.shape[1::-1])
         if self._driver_replay is not None:
-            time_ns = self._driver_replay.taken(time_ns)
+            time_ns = self._driver_replay.record_taken(time_ns)
         return DepthFrame(depth, camera, time_ns, self.name, colour, sequence=number)
 
     def _intrinsics(self, transformation: Any, width: int, height: int) -> Intrinsics:
@@ -218,28 +218,28 @@ class OakSensor(Sensor):
             (fx, _, cx), (_, fy, cy), _ = matrix
             lens = (fx, fy, cx, cy)
             arguments = width, height, lens, self._kind, self.name, self._driver_replay is not None
-            self._camera, self._calibrated = known_or_typical(*arguments)
+            self._camera, self._calibrated = choose_intrinsics(*arguments)
             self._matrix = matrix
         return self._camera
 
-    def _down(self) -> tuple[float, float, float] | None:
+    def _measure_gravity(self) -> tuple[float, float, float] | None:
         """Returns gravity's direction in the depth camera's frame.
 
         A resting accelerometer measures the opposite.
         """
-        if self._felt is None:
+        if self._accelerometer is None:
             return None
-        while (data := self._felt.tryGet()) is not None:
+        while (data := self._accelerometer.tryGet()) is not None:
             for packet in data.packets:
-                felt = packet.acceleroMeter
-                self._gravity.append(np.array([felt.x, felt.y, felt.z]))
+                acceleration = packet.acceleroMeter
+                self._gravity.append(np.array([acceleration.x, acceleration.y, acceleration.z]))
         self._gravity = self._gravity[-_ACCELEROMETER_HZ:]
         if not self._gravity:
             return None
         x, y, z = (-self._level @ np.mean(self._gravity, axis=0)).tolist()
         return x, y, z
 
-    def _rehearsed(self, path: str, colour: bool) -> tuple[Any, Any]:
+    def _open_rehearsal(self, path: str, colour: bool) -> tuple[Any, Any]:
         """Returns a recording's images, from a node on this machine that replaces the camera's stereo node.
 
         Returns:
@@ -274,19 +274,21 @@ class OakSensor(Sensor):
         dai, camera = self._dai, frame.intrinsics
         self._last_colour = self._last_colour if frame.colour is None else frame.colour
         if self._coloured and self._last_colour is not None:
-            colour_image = message(dai, self._last_colour, dai.ImgFrame.Type.RGB888i, number, frame.time_ns)
+            colour_image = create_image_message(
+                dai, self._last_colour, dai.ImgFrame.Type.RGB888i, number, frame.time_ns
+            )
             self._node.colour.send(colour_image)
-        image = message(dai, frame.depth, dai.ImgFrame.Type.RAW16, number, frame.time_ns)
+        image = create_image_message(dai, frame.depth, dai.ImgFrame.Type.RAW16, number, frame.time_ns)
         lens = [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]
         image.setTransformation(dai.ImgTransformation(camera.width, camera.height, lens))
         self._node.out.send(image)
 
 
-def keep_dump_of(device: Any) -> None:
+def store_crash_dump(device: Any) -> None:
     """Stores a camera's dump of a firmware crash, and clears it on the camera."""
     try:
         crash_reports.folder().mkdir(parents=True, exist_ok=True)
-        crash_reports.tidy()
+        crash_reports.remove_old_reports()
         if device.hasCrashDump():
             dump = device.getCrashDump()
             crash_reports.keep_dump(dump.deviceId or device.getDeviceId(), lambda path: dump.toTar(str(path)))

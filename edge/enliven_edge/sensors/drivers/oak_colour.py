@@ -11,7 +11,9 @@ import numpy as np
 from enliven.arrays import UInt8, UInt16
 
 
-def aligned(dai: Any, pipeline: Any, stereo: Any, size: tuple[int, int], fps: float) -> tuple[Any, Any]:
+def create_aligned_outputs(
+    dai: Any, pipeline: Any, stereo: Any, size: tuple[int, int], fps: float
+) -> tuple[Any, Any]:
     """Returns (depth, colour) outputs of a device, both registered to the colour camera and undistorted."""
     camera = pipeline.create(dai.node.Camera).build(dai.CameraBoardSocket.CAM_A)
     colour = camera.requestOutput(size, dai.ImgFrame.Type.RGB888i, fps=fps, enableUndistortion=True)
@@ -24,7 +26,7 @@ def aligned(dai: Any, pipeline: Any, stereo: Any, size: tuple[int, int], fps: fl
     return align.outputAligned, colour
 
 
-def together(dai: Any, pipeline: Any, depth: Any, colour: Any, fps: float) -> Any:
+def synchronise(dai: Any, pipeline: Any, depth: Any, colour: Any, fps: float) -> Any:
     """Returns groups of a "depth" and a "colour" image, taken within half a frame interval.
 
     Joined on this machine.
@@ -37,7 +39,7 @@ def together(dai: Any, pipeline: Any, depth: Any, colour: Any, fps: float) -> An
     return sync.out
 
 
-def message(dai: Any, pixels: UInt8 | UInt16, kind: Any, number: int, time_ns: int) -> Any:
+def create_image_message(dai: Any, pixels: UInt8 | UInt16, kind: Any, number: int, time_ns: int) -> Any:
     """Returns an image as a message of the library: (H, W) depth or (H, W, 3) colour."""
     image = dai.ImgFrame()
     image.setType(kind)

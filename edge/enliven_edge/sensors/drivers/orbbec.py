@@ -15,10 +15,10 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition, Sensor
-from enliven_edge.sensors.drivers.lens import kind_of, known_or_typical, within
-from enliven_edge.sensors.drivers.orbbec_library import depth_mode, opened_device, orbbec_library
+from enliven_edge.sensors.drivers.lens import choose_intrinsics, create_range_filter, profile_from_name
+from enliven_edge.sensors.drivers.orbbec_library import depth_mode, open_device, orbbec_library
 from enliven_edge.sensors.drivers.playback import playbacks
-from enliven_edge.sensors.drivers.refusals import refused
+from enliven_edge.sensors.drivers.refusals import convert_error
 
 _GRAVITY_READINGS = 100
 """Number of accelerometer readings, one second at 100 Hz. Their mean is gravity."""
@@ -73,9 +73,9 @@ class OrbbecSensor(Sensor):
         self._accelerometer: Any = None
         self._context: Any = None
         self.name = "sensor orbbec"
-        self._felt: deque[tuple[float, float, float]] = deque(maxlen=_GRAVITY_READINGS)
+        self._accelerations: deque[tuple[float, float, float]] = deque(maxlen=_GRAVITY_READINGS)
         self.again: dict[str, str] = {}
-        self._gone = self._started = False
+        self._is_unplugged = self._started = False
         self._shift_ns, self._rehearsed = 0, bool(rehearse)
         self._left: list[tuple[Any, int]] = []
         self._part = self._played_parts = 0
@@ -85,12 +85,12 @@ class OrbbecSensor(Sensor):
                 self.name, self._left = "orbbec rehearsal", playbacks(self._ob, rehearse)
                 self._play_next()
             else:
-                self._device = self._found(str(device), before)
+                self._device = self._open_device(str(device), before)
                 self._prepare(*self._settings)
                 self._start()
         except self._ob.OBError as error:
             self.close()
-            raise refused("orbbec", error, self.name, self._rehearsed) from None
+            raise convert_error("orbbec", error, self.name, self._rehearsed) from None
         except BaseException:
             self.close()
             raise
@@ -98,56 +98,56 @@ class OrbbecSensor(Sensor):
     def read(self, timeout: float | None = None) -> DepthFrame | None:
         try:
             self._start()
-            over = self._rehearsed and self._played_parts == self._part
+            is_over = self._rehearsed and self._played_parts == self._part
             frames = self._pipeline.wait_for_frames(max(round(1e3 * (timeout or 0.0)), 1))
             image = frames.get_depth_frame() if frames is not None else None
             if image is not None:
-                return self._received(image)
-            if over and not self._left:
+                return self._convert_frame(image)
+            if is_over and not self._left:
                 return None
-            if over:
+            if is_over:
                 self._play_next()
-            if self._gone:
+            if self._is_unplugged:
                 raise ResourceError("it was unplugged", where=self.name, mend="Plug it in again.")
             raise TimeoutError(f"no image of {self.name} yet")
         except self._ob.OBError as error:
-            raise refused("orbbec", error, self.name, self._rehearsed) from None
+            raise convert_error("orbbec", error, self.name, self._rehearsed) from None
 
     def condition(self) -> Condition:
         """Returns the link, the temperature (no limit is published), and gravity if it has an
         accelerometer."""
         slow, usb = self._link.startswith("USB2"), self._link.replace("USB", "USB ")
-        return Condition(usb, slow, self._celsius(), None, self._down(), self._calibrated)
+        return Condition(usb, slow, self._celsius(), None, self._measure_gravity(), self._calibrated)
 
     def close(self) -> None:
         self._stop()
         self._device = self._context = None
         self._left = []
 
-    def _found(self, wanted: str, before: str) -> Any:
+    def _open_device(self, wanted: str, before: str) -> Any:
         """Opens the camera. The library reports when it is unplugged."""
         self._context = self._ob.Context()
-        device = opened_device(self._ob, self._context, wanted, before)
-        about = device.get_device_info()
-        serial, self._uid = about.get_serial_number(), about.get_uid()
+        device = open_device(self._ob, self._context, wanted, before)
+        device_info = device.get_device_info()
+        serial, self._uid = device_info.get_serial_number(), device_info.get_uid()
         self.name, self.again = f"orbbec {serial}", {"before": serial}
-        self._context.set_device_changed_callback(self._changed)
+        self._context.set_device_changed_callback(self._on_devices_changed)
         return device
 
-    def _changed(self, removed: Any, _added: Any) -> None:
+    def _on_devices_changed(self, removed: Any, _added: Any) -> None:
         """Records that this camera was unplugged. Called by the library on its own thread."""
         gone = [removed.get_device_uid_by_index(i) for i in range(len(removed))]
-        self._gone = self._gone or self._uid in gone
+        self._is_unplugged = self._is_unplugged or self._uid in gone
 
     def _play_next(self) -> None:
         """Uses the next part of a recording as the camera."""
         self._stop()
         self._device, self._shift_ns = self._left.pop(0)
         self._part += 1
-        self._device.set_playback_status_change_callback(partial(self._played, self._part))
+        self._device.set_playback_status_change_callback(partial(self._on_part_ended, self._part))
         self._prepare(*self._settings)
 
-    def _played(self, part: int, status: Any) -> None:
+    def _on_part_ended(self, part: int, status: Any) -> None:
         """Records that a part has ended. Called by the library on its own thread."""
         if status == self._ob.OBPlaybackStatus.STOPPED:
             self._played_parts = part
@@ -156,14 +156,14 @@ class OrbbecSensor(Sensor):
         self, mode: tuple[int, int, int], reach: tuple[float, float], preset: str, sync: str
     ) -> None:
         """Configures the camera before it starts."""
-        ob, about = self._ob, self._device.get_device_info()
-        self._link = about.get_connection_type()
-        self._kind = kind_of(about.get_name(), _KINDS, "orbbec-gemini335")
-        self._reach = within(reach, self._kind, self._rehearsed)
+        ob, device_info = self._ob, self._device.get_device_info()
+        self._link = device_info.get_connection_type()
+        self._kind = profile_from_name(device_info.get_name(), _KINDS, "orbbec-gemini335")
+        self._reach = create_range_filter(reach, self._kind, self._rehearsed)
         self._configure(preset, sync)
         self._pipeline = ob.Pipeline(self._device)
-        wanted = (0, 0, 0) if self._rehearsed else mode
-        profile = depth_mode(ob, self._pipeline, wanted, self.name)
+        requested_mode = (0, 0, 0) if self._rehearsed else mode
+        profile = depth_mode(ob, self._pipeline, requested_mode, self.name)
         self.fps, self._stream = float(profile.get_fps()), profile
         self._straighten = self._lens(profile)
         self._config = ob.Config()
@@ -188,7 +188,7 @@ class OrbbecSensor(Sensor):
         if self._started:
             return
         self._started = True
-        self._felt.clear()
+        self._accelerations.clear()
         self._pipeline.start(self._config)
         ob, listed = self._ob, self._device.get_sensor_list()
         kinds = [listed.get_sensor_by_index(i).get_type() for i in range(len(listed))]
@@ -197,7 +197,7 @@ class OrbbecSensor(Sensor):
             profile = sensor.get_stream_profile_list()[0]
             level = profile.get_extrinsic_to(self._stream)
             self._level = np.array(level.rot, dtype=float).reshape(3, 3)
-            sensor.start(profile, self._feel)
+            sensor.start(profile, self._on_acceleration)
             self._accelerometer = sensor
 
     def _stop(self) -> None:
@@ -208,20 +208,20 @@ class OrbbecSensor(Sensor):
         self._accelerometer = self._pipeline = None
         self._started = False
 
-    def _feel(self, frame: Any) -> None:
+    def _on_acceleration(self, frame: Any) -> None:
         """Stores a reading of the accelerometer. Called by the library on its own thread."""
-        felt = frame.as_accel_frame()
-        self._felt.append((felt.get_x(), felt.get_y(), felt.get_z()))
+        acceleration = frame.as_accel_frame()
+        self._accelerations.append((acceleration.get_x(), acceleration.get_y(), acceleration.get_z()))
 
-    def _down(self) -> tuple[float, float, float] | None:
+    def _measure_gravity(self) -> tuple[float, float, float] | None:
         """Returns gravity's direction in the depth camera's frame.
 
         A resting accelerometer measures the opposite.
         """
-        felt = list(self._felt)
-        if not felt:
+        acceleration = list(self._accelerations)
+        if not acceleration:
             return None
-        x, y, z = (-self._level @ np.mean(felt, axis=0)).tolist()
+        x, y, z = (-self._level @ np.mean(acceleration, axis=0)).tolist()
         return x, y, z
 
     def _celsius(self) -> float | None:
@@ -242,7 +242,9 @@ class OrbbecSensor(Sensor):
         intrinsics = profile.get_intrinsic()
         lens = (intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy)
         size = profile.get_width(), profile.get_height()
-        self._camera, self._calibrated = known_or_typical(*size, lens, self._kind, self.name, self._rehearsed)
+        self._camera, self._calibrated = choose_intrinsics(
+            *size, lens, self._kind, self.name, self._rehearsed
+        )
         model, models = bent.model, ob.OBCameraDistortionModel
         if not self._calibrated or model == models.NONE or not any(_coefficients(bent)):
             return None
@@ -255,7 +257,7 @@ class OrbbecSensor(Sensor):
         self._camera = replace(self._camera, distortion=distortion)
         return None
 
-    def _received(self, image: Any) -> DepthFrame:
+    def _convert_frame(self, image: Any) -> DepthFrame:
         time_ns, number = 1000 * image.get_timestamp_us() + self._shift_ns, image.get_index()
         if self._straighten is not None:
             image = self._straighten.process(image).as_depth_frame()

@@ -7,8 +7,8 @@ import tempfile
 from typing import Any
 
 from enliven.errors import InputError, ResourceError
-from enliven_edge.sensors.attached_cameras import library
-from enliven_edge.sensors.drivers.refusals import chosen, refused
+from enliven_edge.sensors.attached_cameras import import_library
+from enliven_edge.sensors.drivers.refusals import choose_device, convert_error
 
 _PORT = 8090
 """The network port of Orbbec's cameras."""
@@ -20,7 +20,7 @@ _MODES_SHOWN = 8
 
 def orbbec_library() -> Any:
     """Imports pyorbbecsdk, and turns its log files off."""
-    ob = library("pyorbbecsdk", "orbbec", "--no-deps pyorbbecsdk2")
+    ob = import_library("pyorbbecsdk", "orbbec", "--no-deps pyorbbecsdk2")
     sdk_version = (
         tuple(int(part) for part in ob.get_version().split(".")[:2]) if hasattr(ob, "get_version") else (0,)
     )
@@ -33,7 +33,7 @@ def orbbec_library() -> Any:
     return ob
 
 
-def opened_device(ob: Any, context: Any, wanted: str, before: str = "") -> Any:
+def open_device(ob: Any, context: Any, wanted: str, before: str = "") -> Any:
     """Opens a camera by its serial number, name, USB path or network address. Without one, the only camera.
 
     Args:
@@ -47,15 +47,15 @@ def opened_device(ob: Any, context: Any, wanted: str, before: str = "") -> Any:
         all_names = [_names(listed, index) for index in range(len(listed))]
         # If the user has no permission to open a camera, the camera has no serial number.
         indices = {names[0] or names[2]: index for index, names in enumerate(all_names)}
-        meant = {name: index for name, index in indices.items() if wanted in ("", *all_names[index])}
-        if not meant and _is_address(wanted):
+        matching = {name: index for name, index in indices.items() if wanted in ("", *all_names[index])}
+        if not matching and _is_address(wanted):
             return context.create_net_device(wanted, _PORT)
-        index = chosen(
-            "orbbec", "an Orbbec camera", meant or indices, "" if meant else wanted, "device", before
+        index = choose_device(
+            "orbbec", "an Orbbec camera", matching or indices, "" if matching else wanted, "device", before
         )
         return listed.get_device_by_index(index)
     except ob.OBError as error:
-        raise refused("orbbec", error, f"sensor orbbec {wanted}".rstrip()) from None
+        raise convert_error("orbbec", error, f"sensor orbbec {wanted}".rstrip()) from None
 
 
 def depth_mode(ob: Any, pipeline: Any, mode: tuple[int, int, int], name: str) -> Any:

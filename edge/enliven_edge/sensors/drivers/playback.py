@@ -23,7 +23,7 @@ from enliven.errors import InputError
 from enliven.files import TemporaryFolder
 from enliven.frames import DepthFrame, Frame
 from enliven_edge.sensors.base import SensorFault
-from enliven_edge.sensors.drivers.refusals import in_a_line
+from enliven_edge.sensors.drivers.refusals import one_line_message
 from enliven_edge.sensors.replay import ReplaySensor
 
 log = logging.getLogger(__name__)
@@ -90,7 +90,9 @@ def write_playback(recording: str, path: Path) -> list[Playback]:
     """
     parts: list[Playback] = []
     with ReplaySensor(recording, speed=0.0) as sensor:
-        for camera, frames in itertools.groupby(_depths(sensor, recording), lambda frame: frame.intrinsics):
+        for camera, frames in itertools.groupby(
+            _depth_images(sensor, recording), lambda frame: frame.intrinsics
+        ):
             name = path.with_stem(f"{path.stem}-{len(parts) + 1}") if parts else path
             before = sum(part.images for part in parts)
             parts.append(_write(name, camera, round(sensor.fps or 30.0), frames, before))
@@ -117,19 +119,19 @@ def _write(path: Path, camera: Intrinsics, fps: int, frames: Iterator[DepthFrame
     return Playback(path, images, shift_ns)
 
 
-def _depths(sensor: ReplaySensor, recording: str) -> Iterator[DepthFrame]:
+def _depth_images(sensor: ReplaySensor, recording: str) -> Iterator[DepthFrame]:
     """Yields the depth images of the first sensor that has any, up to the size limit."""
-    left, name, images = _MAX_IMAGE_BYTES, None, 0
-    while (frame := _next(sensor)) is not None:
+    remaining_bytes, name, images = _MAX_IMAGE_BYTES, None, 0
+    while (frame := _read_next(sensor)) is not None:
         if isinstance(frame, DepthFrame) and frame.sensor == (name or frame.sensor):
-            if left <= 0:
+            if remaining_bytes <= 0:
                 log.warning("%s: the rehearsal plays its first %d images", recording, images)
                 return
-            name, images, left = frame.sensor, images + 1, left - frame.depth.nbytes
+            name, images, remaining_bytes = frame.sensor, images + 1, remaining_bytes - frame.depth.nbytes
             yield frame
 
 
-def _next(sensor: ReplaySensor) -> Frame | None:
+def _read_next(sensor: ReplaySensor) -> Frame | None:
     """Returns the next frame that can be used. None at the end."""
     while True:
         try:
@@ -196,18 +198,18 @@ def _connection(number: int, topic: str, kind: str, checksum: str) -> bytes:
 
 
 def _record(op: bytes, fields: Mapping[str, bytes], content: bytes) -> bytes:
-    return _sized(_fields({**fields, "op": op})) + _sized(content)
+    return _with_size(_fields({**fields, "op": op})) + _with_size(content)
 
 
 def _fields(fields: Mapping[str, bytes]) -> bytes:
-    return b"".join(_sized(key.encode() + b"=" + value) for key, value in fields.items())
+    return b"".join(_with_size(key.encode() + b"=" + value) for key, value in fields.items())
 
 
 def _numbers(**numbers: int) -> dict[str, bytes]:
     return {key: struct.pack("<I", number) for key, number in numbers.items()}
 
 
-def _sized(content: bytes) -> bytes:
+def _with_size(content: bytes) -> bytes:
     return struct.pack("<I", len(content)) + content
 
 
@@ -216,19 +218,19 @@ def _time(time_us: int) -> bytes:
     return struct.pack("<II", seconds, 1000 * rest)
 
 
-def _head(time_us: int = BEGINNING_US) -> bytes:
+def _ros_header(time_us: int = BEGINNING_US) -> bytes:
     """Returns the ROS header of a message: a count, a time and a name."""
-    return struct.pack("<I", 0) + _time(time_us) + _sized(b"")
+    return struct.pack("<I", 0) + _time(time_us) + _with_size(b"")
 
 
 def _image(depth: np.ndarray, time_us: int, number: int) -> bytes:
     """Returns ``sensor_msgs/Image``, followed by Orbbec's fields: bits per pixel, number, times and
     metadata."""
     height, width = depth.shape
-    shape = struct.pack("<II", height, width) + _sized(b"mono16") + struct.pack("<BI", 0, 2 * width)
-    pixels = _sized(np.ascontiguousarray(depth, "<u2").tobytes())
-    own = struct.pack("<IQQQQ", 16, number, time_us, time_us, time_us)
-    return _head(time_us) + shape + pixels + own + _sized(b"") + struct.pack("<I", 0)
+    shape = struct.pack("<II", height, width) + _with_size(b"mono16") + struct.pack("<BI", 0, 2 * width)
+    pixels = _with_size(np.ascontiguousarray(depth, "<u2").tobytes())
+    orbbec_fields = struct.pack("<IQQQQ", 16, number, time_us, time_us, time_us)
+    return _ros_header(time_us) + shape + pixels + orbbec_fields + _with_size(b"") + struct.pack("<I", 0)
 
 
 def _device() -> bytes:
@@ -236,29 +238,29 @@ def _device() -> bytes:
     vendor, product, name = _CAMERA
     serial, link = b"rehearsal", b"USB3.0"
     text = [name, name, b"", b"rehearsal", serial, b"1.2.8", b"1.0", b"2.0.0", link]
-    words = [_sized(each) for each in text]
+    words = [_with_size(each) for each in text]
     words.insert(3, struct.pack("<HH", vendor, product))
-    return _head() + b"".join(words) + struct.pack("<HB", 0, 0) + 2 * _sized(b"")
+    return _ros_header() + b"".join(words) + struct.pack("<HB", 0, 0) + 2 * _with_size(b"")
 
 
 def _stream(camera: Intrinsics, fps: int) -> bytes:
     """Returns ``custom_msg/OBStreamProfileInfo``: the intrinsics of the depth camera."""
     k1, k2, p1, p2, k3 = camera.distortion
-    bent = any(camera.distortion)
+    distortion = any(camera.distortion)
     values = [*np.eye(3).ravel(), 0.0, 0.0, 0.0]
     lens = [camera.fx, camera.fy, camera.cx, camera.cy, k1, k2, k3, 0.0, 0.0, 0.0, p1, p2]
     size = struct.pack("<HHH", camera.width, camera.height, fps)
     return (
-        _head()
+        _ros_header()
         + struct.pack("<BB12f", _DEPTH, _Y16, *values)
         + size
-        + struct.pack("<12fB", *lens, _BROWN_CONRADY if bent else 0)
+        + struct.pack("<12fB", *lens, _BROWN_CONRADY if distortion else 0)
     )
 
 
 def _property(number: int, value: bytes) -> bytes:
     """Returns ``custom_msg/OBProperty``."""
-    return _head() + struct.pack("<I", number) + _sized(value) + struct.pack("<I", len(value))
+    return _ros_header() + struct.pack("<I", number) + _with_size(value) + struct.pack("<I", len(value))
 
 
 def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
@@ -283,5 +285,5 @@ def playbacks(ob: Any, path: str) -> list[tuple[Any, int]]:
         try:
             return [(ob.PlaybackDevice(str(file)), shift_ns) for file, shift_ns in files]
         except ob.OBError as error:
-            problem = f"Orbbec's library cannot play it ({in_a_line(error)})"
+            problem = f"Orbbec's library cannot play it ({one_line_message(error)})"
             raise InputError(problem, where=path) from None

@@ -12,19 +12,19 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven_edge.sensors.base import Condition, Sensor
-from enliven_edge.sensors.drivers.driver_replay import WAITING, DriverReplay
-from enliven_edge.sensors.drivers.lens import kind_of
+from enliven_edge.sensors.drivers.driver_replay import MAX_WAITING_IMAGES, DriverReplay
+from enliven_edge.sensors.drivers.lens import profile_from_name
 from enliven_edge.sensors.drivers.realsense_library import (
     AlignedColour,
     ReplayedColour,
-    colour_mode,
     depth_mode,
+    find_colour_mode,
     intrinsics,
     lens_of,
     realsense_library,
-    whole,
+    round_depth_step,
 )
-from enliven_edge.sensors.drivers.refusals import chosen, refused
+from enliven_edge.sensors.drivers.refusals import choose_device, convert_error
 
 _GRAVITY_READINGS = 100
 """Number of accelerometer readings, half a second at 200 Hz. Their mean is gravity."""
@@ -64,10 +64,15 @@ class RealSenseSensor(Sensor):
         self._sent_colour: ReplayedColour | None = None
         self._driver_replay = DriverReplay(rehearse, self._send, paced=True) if rehearse else None
         self._device = (
-            self._rehearsed(rehearse, colour) if self._driver_replay else self._found(str(serial), before)
+            self._open_rehearsal(rehearse, colour)
+            if self._driver_replay
+            else self._open_device(str(serial), before)
         )
         self._streams: list[Any] = []
-        self._images, self._felt = self._rs.frame_queue(WAITING), self._rs.frame_queue(_GRAVITY_READINGS)
+        self._images, self._accelerations = (
+            self._rs.frame_queue(MAX_WAITING_IMAGES),
+            self._rs.frame_queue(_GRAVITY_READINGS),
+        )
         self._gravity: list[np.ndarray] = []
         try:
             self._start((width, height, fps), preset, laser, colour)
@@ -76,10 +81,10 @@ class RealSenseSensor(Sensor):
             raise
 
     def read(self, timeout: float | None = None) -> DepthFrame | None:
-        over = self._driver_replay is not None and self._driver_replay.is_over()
-        there, frame = self._images.try_wait_for_frame(round(1e3 * (timeout or 0.0)))
-        if not there:
-            if over:
+        is_over = self._driver_replay is not None and self._driver_replay.is_over()
+        has_image, frame = self._images.try_wait_for_frame(round(1e3 * (timeout or 0.0)))
+        if not has_image:
+            if is_over:
                 return None
             raise TimeoutError(f"no image of {self.name} yet")
         return self._frame(frame.as_depth_frame())
@@ -94,7 +99,12 @@ class RealSenseSensor(Sensor):
         celsius = self._depth.get_option(rs.option.asic_temperature) if hot else None
         slow = usb.startswith("2")
         return Condition(
-            f"USB {usb}" if usb else "", slow, celsius, _MAX_TEMPERATURE_C, self._down(), self._calibrated
+            f"USB {usb}" if usb else "",
+            slow,
+            celsius,
+            _MAX_TEMPERATURE_C,
+            self._measure_gravity(),
+            self._calibrated,
         )
 
     def close(self) -> None:
@@ -105,53 +115,53 @@ class RealSenseSensor(Sensor):
             stream.stop()
             stream.close()
 
-    def _found(self, serial: str, before: str) -> Any:
+    def _open_device(self, serial: str, before: str) -> Any:
         """Returns the camera with this serial number, or the only one."""
         rs = self._rs
         try:
             devices = list(rs.context().query_devices())
             devices_by_serial = {device.get_info(rs.camera_info.serial_number): device for device in devices}
         except RuntimeError as error:
-            raise refused("realsense", error) from None
-        return chosen("realsense", "a RealSense camera", devices_by_serial, serial, "serial", before)
+            raise convert_error("realsense", error) from None
+        return choose_device("realsense", "a RealSense camera", devices_by_serial, serial, "serial", before)
 
     def _start(self, mode: tuple[int, int, int], preset: str, laser: bool, colour: bool) -> None:
         """Starts the depth images, the colour if requested, and the accelerometer if there is one."""
         rs, info = self._rs, self._rs.camera_info
-        own = self._device.supports(info.serial_number)
-        serial = self._device.get_info(info.serial_number) if own else "rehearsal"
-        self.name, self.again = f"realsense {serial}", {"before": serial} if own else {}
-        called = self._device.get_info(info.name) if self._device.supports(info.name) else ""
-        self._kind = kind_of(called, _KINDS, "realsense-d435")
+        device = self._device.supports(info.serial_number)
+        serial = self._device.get_info(info.serial_number) if device else "rehearsal"
+        self.name, self.again = f"realsense {serial}", {"before": serial} if device else {}
+        name = self._device.get_info(info.name) if self._device.supports(info.name) else ""
+        self._kind = profile_from_name(name, _KINDS, "realsense-d435")
         self._depth = self._device.first_depth_sensor()
-        self._set("visual_preset", preset, getattr(rs.rs400_visual_preset, preset, None))
-        self._set("emitter_enabled", laser, float(laser))
+        self._set_option("visual_preset", preset, getattr(rs.rs400_visual_preset, preset, None))
+        self._set_option("emitter_enabled", laser, float(laser))
         if self._driver_replay:
             camera = self._driver_replay.first.intrinsics
             mode = (camera.width, camera.height, round(self._driver_replay.fps))
         profile = depth_mode(self._rs, self._depth, mode, self.name)
         self.fps = float(profile.fps())
-        self._learn_lens(profile)
-        self._scale = whole(1e3 * self._depth.get_option(rs.option.depth_units))
+        self._read_intrinsics(profile)
+        self._scale = round_depth_step(1e3 * self._depth.get_option(rs.option.depth_units))
         if colour:
             self._colour = AlignedColour(rs, 1e3 / self.fps)
-            sensor, stream = colour_mode(rs, self._device, mode[:2], self.fps, self.name)
+            sensor, stream = find_colour_mode(rs, self._device, mode[:2], self.fps, self.name)
             self._open(sensor, stream, self._colour.queue)
         self._open(self._depth, profile, self._images)
         motion = [sensor for sensor in self._device.query_sensors() if sensor.is_motion_sensor()]
         rates = [p for sensor in motion[:1] for p in sensor.profiles if p.stream_type() == rs.stream.accel]
         if rates:
-            self._open(motion[0], min(rates, key=lambda p: p.fps()), self._felt)
+            self._open(motion[0], min(rates, key=lambda p: p.fps()), self._accelerations)
 
     def _open(self, sensor: Any, profile: Any, queue: Any) -> None:
         try:
             sensor.open(profile)
             sensor.start(queue)
         except RuntimeError as error:
-            raise refused("realsense", error, self.name, self._driver_replay is not None) from None
+            raise convert_error("realsense", error, self.name, self._driver_replay is not None) from None
         self._streams.append(sensor)
 
-    def _set(self, option: str, word: Any, value: float | None) -> None:
+    def _set_option(self, option: str, word: Any, value: float | None) -> None:
         if value is None:
             raise InputError(
                 f"the preset {word!r} does not exist",
@@ -173,17 +183,17 @@ class RealSenseSensor(Sensor):
         if not math.isfinite(seconds):
             raise InputError(f"the time of an image is {seconds}", where=self.name)
         if size != (self._camera.width, self._camera.height):
-            self._learn_lens(image.get_profile().as_video_stream_profile())
+            self._read_intrinsics(image.get_profile().as_video_stream_profile())
         depth: UInt16 = np.asanyarray(image.get_data())
         if self._scale != 1.0:
             depth = np.rint(depth * self._scale).clip(0, 65535).astype(np.uint16)
         time_ns, number = round(1e9 * seconds), image.get_frame_number()
         if self._driver_replay is not None:
-            time_ns = self._driver_replay.taken(time_ns)
-        colour = None if self._colour is None else self._colour.over(image)
+            time_ns = self._driver_replay.record_taken(time_ns)
+        colour = None if self._colour is None else self._colour.align_to(image)
         return DepthFrame(depth, self._camera, time_ns, self.name, colour, sequence=number)
 
-    def _learn_lens(self, profile: Any) -> None:
+    def _read_intrinsics(self, profile: Any) -> None:
         """Reads the intrinsics of a stream, or the typical ones if the device does not report them."""
         try:
             lens = profile.get_intrinsics()
@@ -194,21 +204,21 @@ class RealSenseSensor(Sensor):
             lens, self._rs, self._kind, self.name, self._driver_replay is not None
         )
 
-    def _down(self) -> tuple[float, float, float] | None:
+    def _measure_gravity(self) -> tuple[float, float, float] | None:
         """Returns gravity's direction, the mean of the last readings.
 
         A resting accelerometer measures the opposite.
         """
-        while (frame := self._felt.poll_for_frame()) and len(self._gravity) < 4 * _GRAVITY_READINGS:
-            felt = frame.as_motion_frame().get_motion_data()
-            self._gravity.append(np.array([felt.x, felt.y, felt.z]))
+        while (frame := self._accelerations.poll_for_frame()) and len(self._gravity) < 4 * _GRAVITY_READINGS:
+            acceleration = frame.as_motion_frame().get_motion_data()
+            self._gravity.append(np.array([acceleration.x, acceleration.y, acceleration.z]))
         self._gravity = self._gravity[-_GRAVITY_READINGS:]
         if not self._gravity:
             return None
         x, y, z = (-np.mean(self._gravity, axis=0)).tolist()
         return x, y, z
 
-    def _rehearsed(self, path: str, colour: bool) -> Any:
+    def _open_rehearsal(self, path: str, colour: bool) -> Any:
         """Returns a software device with the camera of the recording."""
         assert self._driver_replay is not None
         rs, camera = self._rs, self._driver_replay.first.intrinsics

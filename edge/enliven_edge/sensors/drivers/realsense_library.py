@@ -12,9 +12,9 @@ from enliven.arrays import UInt8
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
-from enliven_edge.sensors.attached_cameras import library
-from enliven_edge.sensors.drivers.driver_replay import WAITING
-from enliven_edge.sensors.drivers.lens import known_or_typical
+from enliven_edge.sensors.attached_cameras import import_library
+from enliven_edge.sensors.drivers.driver_replay import MAX_WAITING_IMAGES
+from enliven_edge.sensors.drivers.lens import choose_intrinsics
 
 _MODES_SHOWN = 8
 """Maximum number of modes that an error message lists."""
@@ -25,9 +25,9 @@ def realsense_library() -> Any:
 
     The wheel libusb-package provides it if the system has none.
     """
-    usb = library("libusb_package", "realsense")
+    usb = import_library("libusb_package", "realsense")
     ctypes.CDLL(str(usb.get_library_path()), ctypes.RTLD_GLOBAL)
-    return library("pyrealsense2", "realsense")
+    return import_library("pyrealsense2", "realsense")
 
 
 def depth_mode(rs: Any, sensor: Any, mode: tuple[int, int, int], name: str) -> Any:
@@ -67,11 +67,11 @@ def intrinsics(lens: Any, rs: Any, kind: str, name: str, rehearsed: bool) -> tup
         )
     k1, k2, p1, p2, k3 = lens.coeffs
     parameters = (lens.fx, lens.fy, lens.ppx, lens.ppy)
-    camera, is_reported = known_or_typical(lens.width, lens.height, parameters, kind, name, rehearsed)
+    camera, is_reported = choose_intrinsics(lens.width, lens.height, parameters, kind, name, rehearsed)
     return (replace(camera, distortion=(k1, k2, p1, p2, k3)) if is_reported else camera), is_reported
 
 
-def whole(millimetres: float) -> float:
+def round_depth_step(millimetres: float) -> float:
     """Returns millimetres per depth step.
 
     Values that differ from 1 by float32 rounding only become exactly 1.
@@ -98,7 +98,7 @@ class AlignedColour:
     """
 
     def __init__(self, rs: Any, step: float) -> None:
-        self.queue = rs.frame_queue(WAITING)
+        self.queue = rs.frame_queue(MAX_WAITING_IMAGES)
         self._step = step
         self._waiting: Any = None
         self._pair: list[Any] = []
@@ -106,12 +106,12 @@ class AlignedColour:
         self._join.start(self._joined)
         self._align = rs.align(rs.stream.depth)
 
-    def over(self, depth: Any) -> UInt8 | None:
+    def align_to(self, depth: Any) -> UInt8 | None:
         """Returns the colour (H, W, 3) of a depth image of the library, of its size.
 
         None if none came with it.
         """
-        colour = self._of(depth.get_timestamp())
+        colour = self._colour_at(depth.get_timestamp())
         if colour is None:
             return None
         self._pair = [depth, colour]
@@ -119,7 +119,7 @@ class AlignedColour:
         both = self._align.process(self._joined.wait_for_frame(_MAX_ALIGNMENT_MS).as_frameset())
         return np.array(both.get_color_frame().get_data())
 
-    def _of(self, time: float) -> Any:
+    def _colour_at(self, time: float) -> Any:
         """Returns the colour image at a time in milliseconds. A newer image waits for its depth."""
         while True:
             if self._waiting is None:
@@ -138,7 +138,7 @@ class AlignedColour:
         source.frame_ready(source.allocate_composite_frame(self._pair))
 
 
-def colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, name: str) -> tuple[Any, Any]:
+def find_colour_mode(rs: Any, device: Any, size: tuple[int, int], fps: float, name: str) -> tuple[Any, Any]:
     """Returns the sensor and the stream profile of a device's colour, of the nearest size at this rate.
 
     Raises:

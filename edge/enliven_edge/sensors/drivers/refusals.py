@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import TypeVar
 
 from enliven.errors import ResourceError
-from enliven_edge.sensors.attached_cameras import ALLOW, FORBIDDEN, attached
+from enliven_edge.sensors.attached_cameras import ALLOW, FORBIDDEN, list_attached
 
 Device = TypeVar("Device")
 Sentence = tuple[str, str]
@@ -25,18 +25,18 @@ def _read() -> dict[str, tuple[tuple[str, Sentence], ...]]:
     sentences = {name: (each["what"], each["mend"]) for name, each in table.pop("sentences").items()}
     sentences["not allowed"] = (FORBIDDEN, ALLOW)
     return {
-        of: tuple((piece, sentences[name]) for piece, name in names_by_piece.items())
-        for of, names_by_piece in table.items()
+        sensor: tuple((piece, sentences[name]) for piece, name in names_by_piece.items())
+        for sensor, names_by_piece in table.items()
     }
 
 
-SAID = _read()
+LIBRARY_MESSAGES = _read()
 """By sensor: parts of a library's message, and their meaning. The first match counts."""
-SYSTEM = SAID.pop("system")
+SYSTEM_MESSAGES = LIBRARY_MESSAGES.pop("system")
 """Parts of the system's messages, which libraries pass on. They apply to every sensor, after its own."""
 
 
-def refused(sensor: str, error: Exception, where: str = "", rehearsed: bool = False) -> ResourceError:
+def convert_error(sensor: str, error: Exception, where: str = "", rehearsed: bool = False) -> ResourceError:
     """Converts a library's error to one of enliven's. An unknown error keeps the library's own message.
 
     Args:
@@ -44,12 +44,12 @@ def refused(sensor: str, error: Exception, where: str = "", rehearsed: bool = Fa
         where: the device, if it is known.
         rehearsed: True if a recording is played, so that no cable, port or other program is at fault.
     """
-    message, where = in_a_line(error), where or f"sensor {sensor}"
+    message, where = one_line_message(error), where or f"sensor {sensor}"
     if rehearsed:
         return ResourceError(
             f"its library does not play the recording ({message})", where=where, mend=REHEARSE
         )
-    for piece, (problem, mend) in (*SAID.get(sensor, ()), *SYSTEM):
+    for piece, (problem, mend) in (*LIBRARY_MESSAGES.get(sensor, ()), *SYSTEM_MESSAGES):
         if piece in message:
             return ResourceError(problem, where=where, mend=mend)
     return ResourceError(
@@ -57,12 +57,12 @@ def refused(sensor: str, error: Exception, where: str = "", rehearsed: bool = Fa
     )
 
 
-def in_a_line(error: Exception) -> str:
+def one_line_message(error: Exception) -> str:
     """Returns the message of an error, in one line without a full stop."""
     return " ".join(str(error).split()).rstrip(".") or "it gives no reason"
 
 
-def chosen(
+def choose_device(
     sensor: str, make: str, found: Mapping[str, Device], wanted: str, option: str, before: str = ""
 ) -> Device:
     """Returns the requested device, or the only one.
@@ -78,7 +78,7 @@ def chosen(
         ResourceError: if it is missing, or there are several and none was named.
     """
     if not found:
-        raise _absent(sensor, f"{make} called {wanted}" if wanted else make)
+        raise _missing_device_error(sensor, f"{make} called {wanted}" if wanted else make)
     if wanted:
         if wanted in found:
             return found[wanted]
@@ -95,13 +95,13 @@ def chosen(
     return found.get(before) or next(iter(found.values()))
 
 
-def _absent(sensor: str, which: str) -> ResourceError:
+def _missing_device_error(sensor: str, which: str) -> ResourceError:
     """Returns the error of a library that finds no device, with details that the system reports."""
     where = f"sensor {sensor}"
-    for camera in attached():
+    for camera in list_attached():
         if camera.kind.sensor == sensor:
-            troubles = dict(camera.troubles())
-            if FORBIDDEN in troubles:
+            problems = dict(camera.find_problems())
+            if FORBIDDEN in problems:
                 return ResourceError(f"{camera.title}: {FORBIDDEN}", where=where, mend=ALLOW)
             problem = f"{camera.title} is plugged in, but its library does not find it"
             mend = (

@@ -18,10 +18,10 @@ from enliven.camera import Intrinsics
 from enliven.errors import InputError, ResourceError
 from enliven.frames import DepthFrame
 from enliven.kernels import njit
-from enliven_edge.sensors.attached_cameras import library
+from enliven_edge.sensors.attached_cameras import import_library
 from enliven_edge.sensors.base import Condition, Sensor
 from enliven_edge.sensors.drivers.driver_replay import DriverReplay
-from enliven_edge.sensors.drivers.lens import known_or_typical, limits
+from enliven_edge.sensors.drivers.lens import choose_intrinsics, depth_limits
 
 _PROFILE = "arducam-tof"
 _MODES = {2: 2000, 4: 4000}
@@ -87,13 +87,15 @@ class TofSensor(Sensor):
             raise InputError(f"the range cannot be {range} m", where="sensor tof", mend="Give 2 or 4.")
         self.name, self.fps = f"tof {device}", 30.0
         self._confidence = float(confidence)
-        self._limits = limits((near, far or (0.0 if rehearse else float(range))), _PROFILE, bool(rehearse))
+        self._limits = depth_limits(
+            (near, far or (0.0 if rehearse else float(range))), _PROFILE, bool(rehearse)
+        )
         self._number = 0
         self._camera: Any = None
         self._driver_replay: DriverReplay | None = None
         if rehearse:
             self._played: queue.SimpleQueue[_FrameContent] = queue.SimpleQueue()
-            self._driver_replay = DriverReplay(rehearse, self._send, paced=True)
+            self._driver_replay = DriverReplay(rehearse, self._send_recorded, paced=True)
             self._lens, self._calibrated = self._driver_replay.first.intrinsics, True
             self.name, self.fps = "tof rehearsal", self._driver_replay.fps
         else:
@@ -110,9 +112,9 @@ class TofSensor(Sensor):
         time_ns, number = time.monotonic_ns(), self._number
         if self._driver_replay is not None:
             self._lens, number = frame.lens, frame.number
-            time_ns = self._driver_replay.taken(frame.time_ns)
+            time_ns = self._driver_replay.record_taken(frame.time_ns)
         try:
-            depth = self._trusted(frame.depth_data, frame.confidence_data)
+            depth = self._filter_depth(frame.depth_data, frame.confidence_data)
         finally:
             self._release(frame)
         self._number = number + 1
@@ -135,7 +137,7 @@ class TofSensor(Sensor):
 
     def _open(self, device: int, metres: int) -> None:
         """Opens and starts the camera. Any call to a camera that did not open crashes the library."""
-        self._ac = ac = library("ArducamDepthCamera", "tof", "--no-deps ArducamDepthCamera")
+        self._ac = ac = import_library("ArducamDepthCamera", "tof", "--no-deps ArducamDepthCamera")
         camera = ac.ArducamCamera()
         code = camera.open(ac.Connection.CSI, device)
         if code != ac.TofErrorCode.ArducamSuccess:
@@ -154,9 +156,9 @@ class TofSensor(Sensor):
         try:
             camera.setControl(ac.Control.RANGE, _MODES[metres])
             info, control = camera.getCameraInfo(), ac.Control
-            asked = (control.INTRINSIC_FX, control.INTRINSIC_FY, control.INTRINSIC_CX, control.INTRINSIC_CY)
-            fx, fy, cx, cy = (camera.getControl(each) / _INTRINSICS_SCALE for each in asked)
-            self._lens, self._calibrated = known_or_typical(
+            option = (control.INTRINSIC_FX, control.INTRINSIC_FY, control.INTRINSIC_CX, control.INTRINSIC_CY)
+            fx, fy, cx, cy = (camera.getControl(each) / _INTRINSICS_SCALE for each in option)
+            self._lens, self._calibrated = choose_intrinsics(
                 info.width, info.height, (fx, fy, cx, cy), _PROFILE, self.name
             )
         except BaseException:
@@ -181,7 +183,7 @@ class TofSensor(Sensor):
         if self._camera is not None and frame is not None:
             self._camera.releaseFrame(frame)
 
-    def _trusted(self, depth: Float32, confidence: Float32) -> UInt16:
+    def _filter_depth(self, depth: Float32, confidence: Float32) -> UInt16:
         """Returns (H, W) uint16 millimetres, 0 for pixels with low confidence or out of range."""
         lens: Intrinsics = self._lens
         if depth.shape != (lens.height, lens.width) or confidence.shape != depth.shape:
@@ -191,14 +193,14 @@ class TofSensor(Sensor):
         _trust(depth, confidence, self._confidence, *self._limits, trusted)
         return trusted
 
-    def _send(self, frame: DepthFrame, number: int) -> None:
+    def _send_recorded(self, frame: DepthFrame, number: int) -> None:
         """Passes on an image of a recording as the library would measure it: unknown depth has no
         confidence."""
         depth = frame.depth.astype(np.float32)
         sure = np.where(frame.depth > 0, np.float32(255.0), np.float32(0.0))
-        self._hand_over(_FrameContent(depth, sure, frame.time_ns, number, frame.intrinsics))
+        self._queue_frame(_FrameContent(depth, sure, frame.time_ns, number, frame.intrinsics))
 
-    def _hand_over(self, measured: _FrameContent) -> None:
+    def _queue_frame(self, measured: _FrameContent) -> None:
         """Queues an image in the library's place. A paced rehearsal ensures that few images wait."""
         self._played.put(measured)
 

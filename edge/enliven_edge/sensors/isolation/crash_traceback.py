@@ -43,7 +43,7 @@ class CrashTraceback:
             self._near.close()
 
 
-def speak_into(far: Connection | None) -> None:
+def enable_crash_report(far: Connection | None) -> None:
     """Sends the report of a crash of this process through the pipe, which must be kept open."""
     if far is not None:
         # Do not block on writing, because the reader of a crashing process may be missing.

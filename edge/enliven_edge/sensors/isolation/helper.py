@@ -21,7 +21,7 @@ from enliven.camera import Intrinsics
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import BodyFrame, DepthFrame
 from enliven_edge.sensors.base import Sensor
-from enliven_edge.sensors.isolation.crash_traceback import speak_into
+from enliven_edge.sensors.isolation.crash_traceback import enable_crash_report
 from enliven_edge.sensors.isolation.slots import FrameSlots
 
 _READ_TIMEOUT_S = 0.1
@@ -44,7 +44,7 @@ def serve(
 
     Python's report of a crash is written to ``words``.
     """
-    speak_into(words)
+    enable_crash_report(words)
     # Ignore Ctrl-C here, because it reaches all processes of a terminal. The edge first releases the device,
     # and then ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -86,7 +86,7 @@ class _Helper:
         try:
             self._device = self._make()
         except Exception as error:
-            self._pipe.send(("failed", *_said(error)))
+            self._pipe.send(("failed", *_describe_error(error)))
             return
         self._told, self._camera, self._reading = 0.0, None, False
         fps, again = getattr(self._device, "fps", None), getattr(self._device, "again", {})
@@ -114,10 +114,10 @@ class _Helper:
         except TimeoutError:
             return
         except Exception as error:
-            self._pipe.send(("bad" if isinstance(error, InputError) else "lost", *_said(error)))
+            self._pipe.send(("bad" if isinstance(error, InputError) else "lost", *_describe_error(error)))
             return
         if isinstance(frame, DepthFrame):
-            self._hand_on(frame)
+            self._send_frame(frame)
         elif isinstance(frame, BodyFrame):
             self._pipe.send(("bodies", frame))
         elif frame is None:
@@ -132,7 +132,7 @@ class _Helper:
             self._told = time.monotonic()
             self._pipe.send(("condition", getattr(device, "condition", lambda: None)()))
 
-    def _hand_on(self, frame: DepthFrame) -> None:
+    def _send_frame(self, frame: DepthFrame) -> None:
         """Copies a frame into shared memory, and sends its slot."""
         size = frame.depth.nbytes + (0 if frame.colour is None else frame.colour.nbytes)
         if self._slots is None or self._slots.size < size:
@@ -182,7 +182,7 @@ class _PipeLogHandler(logging.Handler):
             return
 
 
-def _said(error: Exception) -> tuple[str, str, str, str]:
+def _describe_error(error: Exception) -> tuple[str, str, str, str]:
     """Returns (class, what, where, mend) of an error, with empty strings for missing parts."""
     if isinstance(error, EnlivenError):
         return type(error).__name__, error.what, error.where, error.mend

@@ -19,10 +19,10 @@ from enliven_edge.sensors.isolation.crash_traceback import CrashTraceback
 from enliven_edge.sensors.isolation.helper import serve
 from enliven_edge.sensors.isolation.slots import SLOTS, FrameSlots, slots_for_all
 
-SILENT = 1.0
+SILENCE_TIMEOUT_S = 1.0
 """Time without an image after which a device counts as lost, in seconds, whatever its library reports: thirty
 frames."""
-OPENING = 45.0
+OPEN_TIMEOUT_S = 45.0
 """Maximum seconds for opening: a library that searches a network needs some twenty."""
 _CLOSE_TIMEOUT_S = 0.4
 """Time that a driver gets to close its device before its process is killed, in seconds."""
@@ -69,14 +69,16 @@ class HelperProcess:
             InputError, ResourceError: the driver's error, or the end of its process.
         """
         self._say("open")
-        message = self._answer(OPENING, "opened", "failed")
+        message = self._answer(OPEN_TIMEOUT_S, "opened", "failed")
         if message is None:
             self.end()
             raise ResourceError(
-                f"opening has taken more than {OPENING:.0f} s", where=self._name, mend="Unplug it once."
+                f"opening has taken more than {OPEN_TIMEOUT_S:.0f} s",
+                where=self._name,
+                mend="Unplug it once.",
             )
         if message[0] == "failed":
-            raise told_error(message[1:], self._name, ResourceError)
+            raise error_from_helper(message[1:], self._name, ResourceError)
         name, fps, again = message[1:]
         return name, fps, again
 
@@ -113,14 +115,14 @@ class HelperProcess:
         shape: tuple[int, int],
         colour: tuple[int, ...] | None,
         camera: Intrinsics | None,
-        about: tuple[int, int | None, str, Any],
+        header: tuple[int, int | None, str, Any],
     ) -> DepthFrame:
         """Returns the frame of a message, with its images in shared memory."""
         self._camera = camera or self._camera
         assert self._camera is not None
         depth, seen = slots.read(slot, shape, colour)
-        time_ns, sequence, name, stand = about
-        return DepthFrame(depth, self._camera, time_ns, name, seen, stand, sequence)
+        time_ns, sequence, name, pose = header
+        return DepthFrame(depth, self._camera, time_ns, name, seen, pose, sequence)
 
     def end(self) -> None:
         """Closes the device and ends the process, by force if it does not end itself."""
@@ -146,13 +148,13 @@ class HelperProcess:
         try:
             self._pipe.send(message)
         except OSError:
-            raise self._lost() from None
+            raise self._end_fault() from None
 
     def _answer(self, seconds: float, *words: str) -> tuple[Any, ...] | None:
         """Returns the next message that starts with one of ``words``. None if none comes in time."""
-        until = time.monotonic() + seconds
-        while (left := until - time.monotonic()) > 0:
-            message = self.receive(left)
+        deadline = time.monotonic() + seconds
+        while (remaining := deadline - time.monotonic()) > 0:
+            message = self.receive(remaining)
             if message is not None and message[0] in words:
                 return message
         return None
@@ -165,7 +167,7 @@ class HelperProcess:
             except (EOFError, OSError):
                 if self._waiting:
                     return
-                raise self._lost() from None
+                raise self._end_fault() from None
             match message:
                 case ("log", name, level, text):
                     logging.getLogger(name).log(level, "%s", text)
@@ -185,32 +187,32 @@ class HelperProcess:
         count = slots_for_all(size) if self._every else SLOTS
         self._slots = FrameSlots.make(size, count)
         self._say("memory", self._slots.name, size, count)
-        while self._pipe.poll(_CLOSE_TIMEOUT_S + SILENT):
+        while self._pipe.poll(_CLOSE_TIMEOUT_S + SILENCE_TIMEOUT_S):
             try:
                 message = self._pipe.recv()
             except (EOFError, OSError):
-                raise self._lost() from None
+                raise self._end_fault() from None
             if message == ("attached",):
                 break
             self._waiting.append(message)
         self._slots.forget()
 
-    def _lost(self) -> SensorFault:
+    def _end_fault(self) -> SensorFault:
         """Returns the fault of a process that has ended. Stores a report if it crashed."""
         self._process.join(_CLOSE_TIMEOUT_S)
         code = self._process.exitcode
-        why = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
+        reason = f"its driver crashed (signal {-code})" if code and code < 0 else "its driver ended"
         if code and code < 0 and (report := self._words.read()):
             keep_text(self._name, report, -code)
-        return SensorFault(why, where=self._name, mend="It is restarted automatically; see the log.")
+        return SensorFault(reason, where=self._name, mend="It is restarted automatically; see the log.")
 
 
-def told_error(
+def error_from_helper(
     said: tuple[str, str, str, str], name: str, kind: type[InputError] | type[ResourceError]
 ) -> InputError | ResourceError:
     """Returns a driver's error as the edge raises it: of its own class if that is one of the two."""
-    of, problem, where, mend = said
-    error_type = {"InputError": InputError, "ResourceError": kind}.get(of, kind)
+    error_class, problem, where, mend = said
+    error_type = {"InputError": InputError, "ResourceError": kind}.get(error_class, kind)
     if kind is InputError:
         error_type = InputError
     return error_type(problem, where=where or name, mend=mend)

@@ -12,9 +12,9 @@ from typing import Any, cast
 from enliven.errors import InputError, ResourceError
 from enliven.frames import Frame
 from enliven_edge.sensors.base import CHECK_IT, Condition, Sensor, SensorFault
-from enliven_edge.sensors.isolation.helper_process import SILENT, HelperProcess, told_error
+from enliven_edge.sensors.isolation.helper_process import SILENCE_TIMEOUT_S, HelperProcess, error_from_helper
 
-FIRST_IMAGE = 10.0
+FIRST_IMAGE_TIMEOUT_S = 10.0
 """Maximum seconds until the first image: firmware is loaded and exposure is adjusted."""
 
 
@@ -37,11 +37,11 @@ class IsolatedOpener:
         self._start = functools.partial(HelperProcess, name, kind, every_frame=every_frame)
         self._options = options
         self._idle: HelperProcess | None = None
-        self._patient = False
+        self._reuses_process = False
 
-    def patient(self) -> None:
+    def reuse_process(self) -> None:
         """Makes later attempts that fail share one process, which :meth:`close` ends."""
-        self._patient = True
+        self._reuses_process = True
 
     def __call__(self) -> IsolatedSensor:
         """Opens the sensor.
@@ -54,7 +54,7 @@ class IsolatedOpener:
         try:
             name, fps, again = helper.open()
         except (InputError, ResourceError):
-            if self._patient and helper.alive:
+            if self._reuses_process and helper.alive:
                 self._idle = helper
             else:
                 helper.end()
@@ -82,7 +82,7 @@ class IsolatedSensor(Sensor):
     def __init__(self, helper: HelperProcess, name: str, fps: float | None) -> None:
         self._helper, self.name, self.fps = helper, name, fps
         self._condition: Condition | None = None
-        self._heard, self._patience = -math.inf, FIRST_IMAGE
+        self._last_image_at, self._patience = -math.inf, FIRST_IMAGE_TIMEOUT_S
         self._closed = False
 
     def condition(self) -> Condition | None:
@@ -91,19 +91,19 @@ class IsolatedSensor(Sensor):
 
     def read(self, timeout: float | None = None) -> Frame | None:
         deadline = None if timeout is None else time.monotonic() + timeout
-        if self._heard == -math.inf and not self._closed:
+        if self._last_image_at == -math.inf and not self._closed:
             self._helper.go()
-            self._heard = time.monotonic()
+            self._last_image_at = time.monotonic()
         while not self._closed:
-            left = self._heard + self._patience - time.monotonic()
+            left = self._last_image_at + self._patience - time.monotonic()
             wait = left if deadline is None else min(left, deadline - time.monotonic())
             message = self._helper.receive(max(wait, 0.0))
             if message is None:
-                if time.monotonic() >= self._heard + self._patience:
+                if time.monotonic() >= self._last_image_at + self._patience:
                     why = f"no image for {self._patience:.0f} s"
                     raise SensorFault(why, where=self.name, mend=CHECK_IT)
                 raise TimeoutError(f"no image of {self.name} yet")
-            frame = self._understood(*message)
+            frame = self._frame_from_message(*message)
             if frame is not None:
                 return frame
         return None
@@ -113,23 +113,23 @@ class IsolatedSensor(Sensor):
             self._closed = True
             self._helper.end()
 
-    def _understood(self, word: str, *rest: Any) -> Frame | None:
+    def _frame_from_message(self, word: str, *rest: Any) -> Frame | None:
         """Returns the frame of a message, or None for other messages."""
         match word:
             case "frame":
-                self._heard, self._patience = time.monotonic(), SILENT
+                self._last_image_at, self._patience = time.monotonic(), SILENCE_TIMEOUT_S
                 return self._helper.frame(*rest)
             case "bodies":
-                self._heard, self._patience = time.monotonic(), SILENT
+                self._last_image_at, self._patience = time.monotonic(), SILENCE_TIMEOUT_S
                 (bodies,) = rest
                 return cast(Frame, bodies)
             case "condition":
                 (self._condition,) = rest
             case "bad":
-                self._heard = time.monotonic()
-                raise told_error(rest, self.name, InputError)
+                self._last_image_at = time.monotonic()
+                raise error_from_helper(rest, self.name, InputError)
             case "lost":
-                raise told_error(rest, self.name, SensorFault)
+                raise error_from_helper(rest, self.name, SensorFault)
             case "end":
                 self.close()
         return None

@@ -15,20 +15,20 @@ from enliven.arrays import UInt8, UInt16
 
 SLOTS = 8
 """Number of images in memory: one being written, two waiting, the others for readers that keep some."""
-MOST_SLOTS = 64
+MAX_SLOTS = 64
 """Maximum number of images in memory if every image is wanted: two seconds, in which a disk catches up."""
 _MAX_SLOTS_BYTES = 32 << 20
 """Maximum bytes of these images, except that :data:`SLOTS` images always fit. Containers often have 64 MiB
 of shared memory for all programs."""
-SPARE = 3
+MIN_FREE_SLOTS = 3
 """Number of slots that stay free for the writer. If fewer are left, the reader copies its image out."""
 _HEADER_BYTES = 64
-"""Bytes before the first slot, one flag for each of :data:`MOST_SLOTS`. Images start at a cache line."""
+"""Bytes before the first slot, one flag for each of :data:`MAX_SLOTS`. Images start at a cache line."""
 
 
 def slots_for_all(size: int) -> int:
     """Returns the number of slots for images of ``size`` bytes if every image is wanted."""
-    return min(max(_MAX_SLOTS_BYTES // size, SLOTS), MOST_SLOTS)
+    return min(max(_MAX_SLOTS_BYTES // size, SLOTS), MAX_SLOTS)
 
 
 class FrameSlots:
@@ -87,7 +87,7 @@ class FrameSlots:
     ) -> tuple[UInt16, UInt8 | None]:
         """Returns the depth and the colour image of a slot, read-only, in place if enough slots are free."""
         place = self._place(slot)
-        if self.free < SPARE:
+        if self.free < MIN_FREE_SLOTS:
             place = place.copy()
             self.release(slot)
         else:

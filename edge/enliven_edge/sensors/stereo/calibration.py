@@ -84,9 +84,9 @@ def load_calibration(path: Path) -> StereoCalibration:
             mend="Make it with enliven calibrate-stereo; see docs/stereo.md.",
         )
     calibration = load_settings(StereoCalibration, path)
-    wrong = _wrong(calibration)
-    if wrong:
-        raise InputError(wrong, where=str(path), mend="Make it again: enliven calibrate-stereo.")
+    contradiction = _find_contradiction(calibration)
+    if contradiction:
+        raise InputError(contradiction, where=str(path), mend="Make it again: enliven calibrate-stereo.")
     return calibration
 
 
@@ -98,39 +98,44 @@ def save_calibration(path: Path, calibration: StereoCalibration, remarks: list[s
         ResourceError: if it cannot be written. The previous file is left unchanged.
     """
     refuse_later_toml(path)
-    write_file(path, _text(calibration, remarks))
+    write_file(path, _format_calibration(calibration, remarks))
 
 
-def _wrong(c: StereoCalibration) -> str:
+def _find_contradiction(calibration: StereoCalibration) -> str:
     """Returns a contradiction in a calibration. Empty if there is none."""
-    turn, shift = np.array(c.right_from_left), np.array(c.translation)
-    if np.abs(turn @ turn.T - np.eye(3)).max() > _ROTATION_TOLERANCE or np.linalg.det(turn) < 0:
+    rotation, translation = np.array(calibration.right_from_left), np.array(calibration.translation)
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
         return "right_from_left is not a rotation"
-    if abs(float(np.linalg.norm(shift)) - c.baseline) > _BASELINE_TOLERANCE_M:
-        return f"the baseline is {c.baseline} m, the translation {np.linalg.norm(shift):.4f} m long"
-    across = -float((turn.T @ shift)[0])
-    if across > 0 and across < c.baseline * math.cos(math.radians(45)):
+    if abs(float(np.linalg.norm(translation)) - calibration.baseline) > _BASELINE_TOLERANCE_M:
+        length = np.linalg.norm(translation)
+        return f"the baseline is {calibration.baseline} m, the translation {length:.4f} m long"
+    baseline_axis = -float((rotation.T @ translation)[0])
+    if baseline_axis > 0 and baseline_axis < calibration.baseline * math.cos(math.radians(45)):
         return "the cameras do not stand side by side"
-    if across < 0:
+    if baseline_axis < 0:
         return "the left and the right camera are exchanged"
-    for name, lens in (("left", c.left), ("right", c.right)):
-        if not (lens.cx < c.width and lens.cy < c.height):
+    for name, lens in (("left", calibration.left), ("right", calibration.right)):
+        if not (lens.cx < calibration.width and lens.cy < calibration.height):
             return f"the {name} principal point ({lens.cx}, {lens.cy}) is outside the image"
     return ""
 
 
-def _text(c: StereoCalibration, remarks: list[str]) -> str:
+def _format_calibration(calibration: StereoCalibration, remarks: list[str]) -> str:
     """Returns the file's text: remarks as comments, then the values."""
     lines = [f"# {' '.join(remark.split())}" for remark in remarks]
     names = ("width", "height", "baseline", "reprojection", "epipolar")
-    lines += ["", f"version = {TOML_VERSION}", *(f"{name} = {getattr(c, name)!r}" for name in names)]
-    lines += [f"translation = {_row(c.translation)}", "right_from_left = ["]
-    lines += [*(f"  {_row(row)}," for row in c.right_from_left), "]"]
-    for name, lens in (("left", c.left), ("right", c.right)):
+    lines += [
+        "",
+        f"version = {TOML_VERSION}",
+        *(f"{name} = {getattr(calibration, name)!r}" for name in names),
+    ]
+    lines += [f"translation = {_format_row(calibration.translation)}", "right_from_left = ["]
+    lines += [*(f"  {_format_row(row)}," for row in calibration.right_from_left), "]"]
+    for name, lens in (("left", calibration.left), ("right", calibration.right)):
         lines += ["", f"[{name}]", *(f"{key} = {getattr(lens, key)!r}" for key in ("fx", "fy", "cx", "cy"))]
-        lines += [f"distortion = {_row(lens.distortion)}"]
+        lines += [f"distortion = {_format_row(lens.distortion)}"]
     return "\n".join(lines) + "\n"
 
 
-def _row(values: tuple[float, ...]) -> str:
+def _format_row(values: tuple[float, ...]) -> str:
     return f"[{', '.join(repr(value) for value in values)}]"

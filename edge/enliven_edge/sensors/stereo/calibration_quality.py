@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float, UInt8
 from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.calibration import StereoCalibration
-from enliven_edge.sensors.stereo.stereo_solver import LEAST_PAIRS, BoardSighting, StereoSolution
+from enliven_edge.sensors.stereo.stereo_solver import MIN_PAIRS, BoardSighting, StereoSolution
 
 _MAX_STILL_MOTION = 0.01
 """Maximum motion of the corners since the previous pair for which the board counts as still, as a fraction of
@@ -35,32 +35,32 @@ class PairSelector:
     def offer(self, left: UInt8, right: UInt8) -> str:
         """Tries a pair. Returns an empty string if it was kept, else advice."""
         seen = BoardSighting(str(len(self.kept) + 1), self._board.find(left), self._board.find(right))
-        before, self._before = self._before, seen
+        previous, self._before = self._before, seen
         for side in ("left", "right"):
             if len(getattr(seen, side)) < _MIN_SHARED_CORNERS:
                 return f"the {side} camera does not see enough of the board"
         width = left.shape[1]
-        if before is None or _moved(before, seen) > _MAX_STILL_MOTION * width:
+        if previous is None or _corner_motion(previous, seen) > _MAX_STILL_MOTION * width:
             return "hold the board still"
-        if any(_moved(each, seen) < _MIN_NEW_MOTION * width for each in self.kept):
+        if any(_corner_motion(kept_sighting, seen) < _MIN_NEW_MOTION * width for kept_sighting in self.kept):
             return "move or tilt the board"
         self.kept.append(seen)
         return ""
 
 
-def _moved(one: BoardSighting, other: BoardSighting) -> float:
+def _corner_motion(first: BoardSighting, second: BoardSighting) -> float:
     """Returns the mean pixels between shared corners, the larger of both cameras'.
 
     Infinite if too few are shared.
     """
-    moved = []
+    motions = []
     for side in ("left", "right"):
-        a, b = getattr(one, side), getattr(other, side)
+        a, b = getattr(first, side), getattr(second, side)
         shared = a.keys() & b.keys()
         if len(shared) < _MIN_SHARED_CORNERS:
             return float("inf")
-        moved.append(float(np.mean([np.linalg.norm(a[n] - b[n]) for n in shared])))
-    return max(moved)
+        motions.append(float(np.mean([np.linalg.norm(a[n] - b[n]) for n in shared])))
+    return max(motions)
 
 
 _GOOD_REPROJECTION_PX = 0.35
@@ -113,18 +113,23 @@ class CalibrationQuality:
 def judge(board: CalibrationBoard, solution: StereoSolution) -> CalibrationQuality:
     """Returns the rating of a solution."""
     facts = [("pairs", f"{len(solution.used)} used, {len(solution.left_out)} left out")]
-    facts += [("left out", f"{name}: {why}") for name, why in solution.left_out.items()]
-    c = solution.calibration
-    if c is None:
-        lacking = f"Take {LEAST_PAIRS} pairs or more in which both cameras see most of the board, held still."
+    facts += [("left out", f"{name}: {reason}") for name, reason in solution.left_out.items()]
+    calibration = solution.calibration
+    if calibration is None:
+        lacking = f"Take {MIN_PAIRS} pairs or more in which both cameras see most of the board, held still."
         return CalibrationQuality("not good enough", facts, [lacking])
-    error = expected_error(c, solution.disparity_error, _REPORT_DISTANCE_M)
-    covered = {side: _covered(c, solution, side) for side in ("left", "right")}
+    error = expected_error(calibration, solution.disparity_error, _REPORT_DISTANCE_M)
+    covered = {side: _find_covered_fields(calibration, solution, side) for side in ("left", "right")}
     facts += [
-        ("baseline", f"{1e3 * c.baseline:.1f} mm"),
-        ("lenses", ", ".join(f"{side} {_view(c, side):.0f} degrees wide" for side in ("left", "right"))),
-        ("corners", f"{c.reprojection:.2f} px off (good below {_GOOD_REPROJECTION_PX})"),
-        ("rows", f"{c.epipolar:.2f} px apart when rectified (good below {_GOOD_EPIPOLAR_PX})"),
+        ("baseline", f"{1e3 * calibration.baseline:.1f} mm"),
+        (
+            "lenses",
+            ", ".join(
+                f"{side} {_field_of_view(calibration, side):.0f} degrees wide" for side in ("left", "right")
+            ),
+        ),
+        ("corners", f"{calibration.reprojection:.2f} px off (good below {_GOOD_REPROJECTION_PX})"),
+        ("rows", f"{calibration.epipolar:.2f} px apart when rectified (good below {_GOOD_EPIPOLAR_PX})"),
         (
             "depth at 2 m",
             f"expected within {1e3 * error:.0f} mm (good below {1e3 * _GOOD_ERROR * _REPORT_DISTANCE_M:.0f})",
@@ -134,34 +139,34 @@ def judge(board: CalibrationBoard, solution: StereoSolution) -> CalibrationQuali
             ", ".join(f"{side} {100 * seen.mean():.0f} % of the image" for side, seen in covered.items()),
         ),
     ]
-    advice, bad = _advice(c, solution, error, covered)
+    advice, bad = _create_advice(calibration, solution, error, covered)
     return CalibrationQuality("not good enough" if bad else "fair" if advice else "good", facts, advice)
 
 
 def expected_error(calibration: StereoCalibration, disparity_error: float, distance: float) -> float:
     """Returns the expected depth error in metres at a distance in metres."""
-    off = float(np.hypot(disparity_error, _MATCHER_ERROR_PX))
-    return distance**2 * off / (calibration.left.fx * calibration.baseline)
+    disparity = float(np.hypot(disparity_error, _MATCHER_ERROR_PX))
+    return distance**2 * disparity / (calibration.left.fx * calibration.baseline)
 
 
-def _advice(
-    c: StereoCalibration, solution: StereoSolution, error: float, covered: dict[str, Float]
+def _create_advice(
+    calibration: StereoCalibration, solution: StereoSolution, error: float, covered: dict[str, Float]
 ) -> tuple[list[str], bool]:
     """Returns the advice, and whether the calibration is unusable until it is followed."""
     advice, bad = [], False
-    if c.translation[0] > 0:
+    if calibration.translation[0] > 0:
         advice.append("The left and the right camera are exchanged: swap them, seen from behind the cameras.")
         bad = True
-    if c.reprojection > _GOOD_REPROJECTION_PX:
+    if calibration.reprojection > _GOOD_REPROJECTION_PX:
         advice.append(
             "Corners are off: glue the board to glass or a flat panel, hold it still, light it well."
         )
-        bad |= c.reprojection > _MAX_REPROJECTION_PX
-    if c.epipolar > _GOOD_EPIPOLAR_PX:
+        bad |= calibration.reprojection > _MAX_REPROJECTION_PX
+    if calibration.epipolar > _GOOD_EPIPOLAR_PX:
         advice.append(
             "Rows do not agree: screw both cameras to one stiff bar, and take the pairs at one moment."
         )
-        bad |= c.epipolar > _MAX_EPIPOLAR_PX
+        bad |= calibration.epipolar > _MAX_EPIPOLAR_PX
     if error > _GOOD_ERROR * _REPORT_DISTANCE_M:
         advice.append("Depth will be coarse: take pairs farther away too, use a longer bar or more pixels.")
         bad |= error > _MAX_ERROR * _REPORT_DISTANCE_M
@@ -176,17 +181,17 @@ def _advice(
     return advice, bad
 
 
-def _covered(c: StereoCalibration, solution: StereoSolution, side: str) -> Float:
+def _find_covered_fields(calibration: StereoCalibration, solution: StereoSolution, side: str) -> Float:
     """Returns (3, 4) flags: 1 for each field of an image with corners in it, 0 for the others."""
     rows, columns = len(_ROWS), len(_COLUMNS)
-    seen = np.zeros((rows, columns))
+    covered_fields = np.zeros((rows, columns))
     for each in solution.used:
         for x, y in getattr(each, side).values():
-            row, column = int(y * rows / c.height), int(x * columns / c.width)
-            seen[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)] = 1
-    return seen
+            row, column = int(y * rows / calibration.height), int(x * columns / calibration.width)
+            covered_fields[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)] = 1
+    return covered_fields
 
 
-def _view(c: StereoCalibration, side: str) -> float:
+def _field_of_view(calibration: StereoCalibration, side: str) -> float:
     """Returns the horizontal field of view of a camera in degrees, from its focal length."""
-    return float(2 * np.degrees(np.arctan(0.5 * c.width / getattr(c, side).fx)))
+    return float(2 * np.degrees(np.arctan(0.5 * calibration.width / getattr(calibration, side).fx)))

@@ -87,7 +87,7 @@ class StereoMatcher:
             left, right: (H, W) unrectified grey images.
         """
         cv = self._cv
-        pair = self._rectification.rectified(left, right)
+        pair = self._rectification.rectify(left, right)
         # StereoSGBM returns no disparity for the leftmost numDisparities columns, so the images are padded by
         # that many.
         wide = [cv.copyMakeBorder(each, 0, 0, self._margin, 0, cv.BORDER_REPLICATE) for each in pair]

@@ -44,7 +44,7 @@ class Pairing:
 
     Attributes:
         apart_ns: time difference of the last pair, left minus right. None before the first.
-        odd: number of dropped images.
+        dropped: number of dropped images.
     """
 
     def __init__(self, name: str, tolerance_ns: int) -> None:
@@ -56,7 +56,7 @@ class Pairing:
         self._since_ns: int | None = None
         self._least_ns: int | None = None
         self.apart_ns: int | None = None
-        self.odd = 0
+        self.dropped = 0
 
     def add(self, image: CameraImage) -> tuple[CameraImage, CameraImage] | None:
         """Returns the pair (left, right) that an image completes. None if it must wait.
@@ -67,20 +67,20 @@ class Pairing:
         line = self._waiting[image.eye]
         self._since_ns = image.time_ns if self._since_ns is None else self._since_ns
         if len(line) == _MAX_WAITING:
-            self._leave_out(line.popleft())
+            self._drop(line.popleft())
         line.append(image)
         left, right = self._waiting
         while left and right:
-            apart = left[0].time_ns - right[0].time_ns
-            if abs(apart) <= self._tolerance:
-                self.apart_ns, self._since_ns, self._least_ns = apart, left[0].time_ns, None
+            offset_ns = left[0].time_ns - right[0].time_ns
+            if abs(offset_ns) <= self._tolerance:
+                self.apart_ns, self._since_ns, self._least_ns = offset_ns, left[0].time_ns, None
                 return left.popleft(), right.popleft()
-            self._least_ns = min(abs(apart), self._least_ns or abs(apart))
-            self._leave_out((left if apart < 0 else right).popleft())
+            self._least_ns = min(abs(offset_ns), self._least_ns or abs(offset_ns))
+            self._drop((left if offset_ns < 0 else right).popleft())
         return None
 
-    def _leave_out(self, image: CameraImage) -> None:
-        self.odd += 1
+    def _drop(self, image: CameraImage) -> None:
+        self.dropped += 1
         assert self._since_ns is not None
         patience = _SYNC_TIMEOUT_NS if self.apart_ns is None else _LOST_AFTER_NS
         if image.time_ns - self._since_ns < patience:

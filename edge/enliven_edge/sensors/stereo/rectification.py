@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import UInt8
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
-from enliven_edge.sensors.attached_cameras import library
+from enliven_edge.sensors.attached_cameras import import_library
 from enliven_edge.sensors.stereo.calibration import StereoCalibration
 
 
@@ -19,7 +19,7 @@ def opencv() -> Any:
     Raises:
         ResourceError: if it is not installed.
     """
-    return library("cv2", "libcamera")
+    return import_library("cv2", "libcamera")
 
 
 class Rectification:
@@ -52,7 +52,7 @@ class Rectification:
             for lens, rotation, projection in zip(lenses, rotations, (left, right), strict=True)
         ]
 
-    def rectified(self, left: UInt8, right: UInt8) -> tuple[UInt8, UInt8]:
+    def rectify(self, left: UInt8, right: UInt8) -> tuple[UInt8, UInt8]:
         """Returns the rectified (H, W) images of a pair.
 
         Raises:
@@ -61,9 +61,9 @@ class Rectification:
         shape = (self.intrinsics.height, self.intrinsics.width)
         for image in (left, right):
             if image.shape[:2] != shape:
-                of, wanted = (f"{size[1]} x {size[0]}" for size in (image.shape, shape))
+                image_size, wanted = (f"{size[1]} x {size[0]}" for size in (image.shape, shape))
                 raise InputError(
-                    f"an image has {of} pixels, the calibration {wanted}",
+                    f"an image has {image_size} pixels, the calibration {wanted}",
                     where="stereo",
                     mend="Calibrate in the size that is used: enliven calibrate-stereo.",
                 )

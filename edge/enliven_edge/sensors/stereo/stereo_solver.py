@@ -14,7 +14,7 @@ from enliven_edge.sensors.stereo.rectification import Rectification, opencv
 _MIN_CORNERS = 8
 """Minimum number of corners that both cameras must see of a board: six fix its pose, the others reveal
 errors."""
-LEAST_PAIRS = 8
+MIN_PAIRS = 8
 """Minimum number of image pairs: two lenses and a pose have 24 unknowns, and each pair adds another pose."""
 _OUTLIER_RATIO = 3.0
 """Outlier factor: a pair with more than this multiple of the median error is dropped. Its board moved, or
@@ -66,20 +66,20 @@ def solve(board: CalibrationBoard, sightings: list[BoardSighting], size: tuple[i
     """
     left_out: dict[str, str] = {}
     used = []
-    for each in sightings:
-        lacking = _lacking(each)
-        if lacking:
-            left_out[each.name] = lacking
+    for sighting in sightings:
+        reason = _explain_unusable(sighting)
+        if reason:
+            left_out[sighting.name] = reason
         else:
-            used.append(each)
-    while len(used) >= LEAST_PAIRS:
-        calibration, errors = _fitted(board, used, size)
+            used.append(sighting)
+    while len(used) >= MIN_PAIRS:
+        calibration, errors = _fit(board, used, size)
         worst = int(np.argmax(errors))
         if errors[worst] <= max(_OUTLIER_RATIO * float(np.median(errors)), _INLIER_ERROR_PX):
             tilt = _widest_tilt(board, used, calibration)
-            return StereoSolution(calibration, used, left_out, _held_out(board, used, size), tilt)
+            return StereoSolution(calibration, used, left_out, _cross_validate(board, used, size), tilt)
         left_out[used[worst].name] = f"its corners are {errors[worst]:.1f} px off: moved, blurred or bent"
-        used = [each for each in used if each is not used[worst]]
+        used = [sighting for sighting in used if sighting is not used[worst]]
     return StereoSolution(None, used, left_out)
 
 
@@ -95,14 +95,14 @@ def disparity_offset(
     """
     cv, lens = opencv(), calibration.left
     points, left, right = sighting.common(board)
-    columns = [each[:, 0] for each in _flat(rectification, calibration, left, right)]
+    columns = [each[:, 0] for each in _rectify_points(rectification, calibration, left, right)]
     _, turn, shift = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
     depth = ((points @ cv.Rodrigues(turn)[0].T + shift.T) @ rectification.rotations[0].T)[:, 2]
     expected = rectification.intrinsics.fx * rectification.baseline / depth
     return float(np.mean(columns[0] - columns[1] - expected))
 
 
-def _lacking(sighting: BoardSighting) -> str:
+def _explain_unusable(sighting: BoardSighting) -> str:
     """Returns why a pair cannot be used. Empty if it can."""
     for side in ("left", "right"):
         if not getattr(sighting, side):
@@ -111,19 +111,19 @@ def _lacking(sighting: BoardSighting) -> str:
     return "" if common >= _MIN_CORNERS else f"the cameras see only {common} corners both"
 
 
-def _fitted(
+def _fit(
     board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]
 ) -> tuple[StereoCalibration, Float]:
     """Returns the calibration from all these sightings, and the error of each, (N,) pixels."""
     cv = opencv()
     lenses = []
     for side in ("left", "right"):
-        side_corners = [getattr(each, side) for each in used]
+        side_corners = [getattr(sighting, side) for sighting in used]
         points = [board.points[sorted(corners)].astype(np.float32) for corners in side_corners]
         pixels = [np.array([c[n] for n in sorted(c)], np.float32)[:, None] for c in side_corners]
         _, matrix, distortion, *_ = cv.calibrateCamera(points, pixels, size, None, None)
         lenses += [matrix, np.ravel(distortion)[:5]]
-    common = [[part.astype(np.float32)[:, None] for part in each.common(board)] for each in used]
+    common = [[part.astype(np.float32)[:, None] for part in sighting.common(board)] for sighting in used]
     error, *lenses, turn, shift, _, _, _, _, errors = cv.stereoCalibrateExtended(
         *zip(*common, strict=True),
         *lenses,
@@ -144,9 +144,11 @@ def _fitted(
         epipolar=0.0,
     )
     rectification = Rectification(calibration)
-    flat = [_flat(rectification, calibration, *each.common(board)[1:]) for each in used]
-    off = np.concatenate([left[:, 1] - right[:, 1] for left, right in flat])
-    epipolar = float(np.sqrt(np.mean(off**2)))
+    rectified = [
+        _rectify_points(rectification, calibration, *sighting.common(board)[1:]) for sighting in used
+    ]
+    row_errors = np.concatenate([left[:, 1] - right[:, 1] for left, right in rectified])
+    epipolar = float(np.sqrt(np.mean(row_errors**2)))
     return replace(calibration, epipolar=epipolar), np.asarray(errors).reshape(len(used), -1).max(1)
 
 
@@ -156,7 +158,7 @@ def _lens(matrix: Float, distortion: Float) -> StereoLens:
     return StereoLens(fx, fy, cx, cy, (k1, k2, p1, p2, k3))
 
 
-def _flat(
+def _rectify_points(
     rectification: Rectification, calibration: StereoCalibration, left: Float, right: Float
 ) -> tuple[Float, Float]:
     """Returns (N, 2) and (N, 2), the given pixels of both cameras in the rectified images."""
@@ -171,14 +173,14 @@ def _flat(
     return flat_left, flat_right
 
 
-def _held_out(board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]) -> float:
+def _cross_validate(board: CalibrationBoard, used: list[BoardSighting], size: tuple[int, int]) -> float:
     """Returns the cross-validated disparity error, root mean square pixels: each half is tested with the
     other."""
     off = []
-    for half in (0, 1):
-        calibration, _ = _fitted(board, used[half::2], size)
+    for training in (0, 1):
+        calibration, _ = _fit(board, used[training::2], size)
         rectification = Rectification(calibration)
-        off += [disparity_offset(board, each, rectification, calibration) for each in used[1 - half :: 2]]
+        off += [disparity_offset(board, test, rectification, calibration) for test in used[1 - training :: 2]]
     return float(np.sqrt(np.mean(np.square(off))))
 
 
@@ -187,9 +189,9 @@ def _widest_tilt(board: CalibrationBoard, used: list[BoardSighting], calibration
     cv = opencv()
     lens = calibration.left
     normals = []
-    for each in used:
-        points, left, _ = each.common(board)
+    for sighting in used:
+        points, left, _ = sighting.common(board)
         _, turn, _ = cv.solvePnP(points, left, lens.matrix(), np.array(lens.distortion))
         normals.append(cv.Rodrigues(turn)[0][:, 2])
-    least = float(np.min(np.array(normals) @ np.array(normals).T))
-    return float(np.degrees(np.arccos(np.clip(least, -1, 1))))
+    smallest = float(np.min(np.array(normals) @ np.array(normals).T))
+    return float(np.degrees(np.arccos(np.clip(smallest, -1, 1))))

@@ -26,12 +26,12 @@ _MIN_LENGTH_M = 1e-3
 """Length below which a bone has no direction, in metres. A millimetre is below the noise of joints."""
 
 
-def standing() -> Float:
+def standing_directions() -> Float:
     """Returns (20, 3) unit directions of the bones that end at the joints: upright, facing +Z, arms
     hanging."""
-    at = np.tile(np.array(_DOWN), (len(Joint), 1))
+    directions = np.tile(np.array(_DOWN), (len(Joint), 1))
     for joint in (Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD):
-        at[joint] = _UP
+        directions[joint] = _UP
     for joint, direction in (
         (Joint.SHOULDER_LEFT, (0.94, -0.34, 0.0)),
         (Joint.SHOULDER_RIGHT, (-0.94, -0.34, 0.0)),
@@ -40,8 +40,8 @@ def standing() -> Float:
         (Joint.FOOT_LEFT, _FOOT_DIRECTION),
         (Joint.FOOT_RIGHT, _FOOT_DIRECTION),
     ):
-        at[joint] = direction
-    return at
+        directions[joint] = direction
+    return directions
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,32 +70,32 @@ class Bones:
 
     def __init__(self, ease: float) -> None:
         self._ease = ease
-        self._directions = standing()
+        self._directions = standing_directions()
         self._trust = np.zeros(len(Joint))
         self._turns = np.tile(np.eye(3), (3, 1, 1))
-        self._sure = np.zeros(3)
+        self._trunk_trust = np.zeros(3)
         self._yaw: float | None = None
-        self._fresh = True
+        self._is_first = True
 
-    def see(self, body: Body, seconds: float) -> BonePose:
+    def update(self, body: Body, seconds: float) -> BonePose:
         """Updates the bones from a body ``seconds`` after the last one, and returns them."""
         is_tracked = (body.confidence > 0) & np.isfinite(body.joints).all(1)
-        gain = 1.0 if self._fresh or self._ease <= 0.0 else seconds / self._ease
-        turns, sure = _trunk(body, is_tracked)
+        gain = 1.0 if self._is_first or self._ease <= 0.0 else seconds / self._ease
+        turns, sure = _trunk_rotations(body, is_tracked)
         # If the performer is too near for the hips to be visible, use the chest as the facing direction.
-        self._turn(turns[0] if sure[0] else turns[1], bool(sure[0] or sure[1]))
+        self._update_yaw(turns[0] if sure[0] else turns[1], bool(sure[0] or sure[1]))
         yaw = self._yaw or 0.0
-        back = turn_about_y(-yaw)
-        self._trunk(back @ turns, sure, gain)
+        world_to_front = turn_about_y(-yaw)
+        self._blend_trunk(world_to_front @ turns, sure, gain)
         joints = np.where(is_tracked[:, None], body.joints, 0.0)
-        vectors = (joints - joints[_PARENT]) @ back.T
+        vectors = (joints - joints[_PARENT]) @ world_to_front.T
         lengths = np.linalg.norm(vectors, axis=1)
-        both = is_tracked & is_tracked[_PARENT] & (lengths > _MIN_LENGTH_M)
-        self._trust = np.where(both, np.minimum(self._trust + gain, 1.0), 0.0)
+        is_known = is_tracked & is_tracked[_PARENT] & (lengths > _MIN_LENGTH_M)
+        self._trust = np.where(is_known, np.minimum(self._trust + gain, 1.0), 0.0)
         directions = vectors / np.maximum(lengths, _MIN_LENGTH_M)[:, None]
         before = self._directions
-        self._directions = _unit(before + self._trust[:, None] * (directions - before), before)
-        self._fresh = False
+        self._directions = _normalise(before + self._trust[:, None] * (directions - before), before)
+        self._is_first = False
         return self.seen
 
     @property
@@ -104,24 +104,24 @@ class Bones:
         pelvis, chest, head = self._turns
         return BonePose(self._directions, pelvis, chest, head, self._yaw or 0.0)
 
-    def _turn(self, pelvis: Float, sure: bool) -> None:
+    def _update_yaw(self, pelvis: Float, sure: bool) -> None:
         """Updates the yaw continuously, without a jump of a whole turn at +-pi."""
         if not sure:
             return
-        yaw = _yaw_of(pelvis)
+        yaw = _yaw_from_rotation(pelvis)
         before = yaw if self._yaw is None else self._yaw
         self._yaw = before + float((yaw - before + np.pi) % (2.0 * np.pi) - np.pi)
 
-    def _trunk(self, turns: Float, sure: Bool, gain: float) -> None:
-        self._sure = np.where(sure, np.minimum(self._sure + gain, 1.0), 0.0)
-        mixed = self._turns + self._sure[:, None, None] * (turns - self._turns)
+    def _blend_trunk(self, turns: Float, sure: Bool, gain: float) -> None:
+        self._trunk_trust = np.where(sure, np.minimum(self._trunk_trust + gain, 1.0), 0.0)
+        mixed = self._turns + self._trunk_trust[:, None, None] * (turns - self._turns)
         left, _, right = np.linalg.svd(mixed)
         rotations = left @ right
-        fine = np.linalg.det(rotations) > 0
-        self._turns = np.where(fine[:, None, None], rotations, self._turns)
+        is_proper = np.linalg.det(rotations) > 0
+        self._turns = np.where(is_proper[:, None, None], rotations, self._turns)
 
 
-def _trunk(body: Body, known: Bool) -> tuple[Float, Bool]:
+def _trunk_rotations(body: Body, known: Bool) -> tuple[Float, Bool]:
     """Returns (3, 3, 3) world rotations of pelvis, chest and head, and (3,) flags of those with all joints
     visible."""
     at, j = body.joints, Joint
@@ -159,13 +159,13 @@ def _frame(left: Float, up: Float) -> Float | None:
     return np.stack([x, y, np.cross(x, y)], axis=1)
 
 
-def _yaw_of(turn: Float) -> float:
+def _yaw_from_rotation(turn: Float) -> float:
     """Returns the radians about +Y of a rotation (3, 3), as :func:`enliven.examples.performer.yaw_of`
     does."""
     return float(np.arctan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2]))
 
 
-def _unit(vectors: Float, otherwise: Float) -> Float:
+def _normalise(vectors: Float, otherwise: Float) -> Float:
     """Returns (N, 3) unit vectors. Vectors without length are replaced by those of ``otherwise``."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.asarray(np.where(lengths > 1e-6, vectors / np.maximum(lengths, 1e-6), otherwise))

@@ -44,17 +44,17 @@ class ControlPointHold:
     _hips: complex | None = None
     _legs: list[float] = field(default_factory=lambda: [0.0, 0.0])
 
-    def see(self, body: Body, retargeting: Retargeting, time_ns: int, *, mirror: bool) -> None:
+    def update(self, body: Body, retargeting: Retargeting, time_ns: int, *, mirror: bool) -> None:
         """Updates the pose and the footing from a performer in view."""
         seconds = max(time_ns - self.seen_ns, 0) * 1e-9
         if mirror:
             body = mirrored(body, *_MIRROR)
-        seen = self.bones.see(body, seconds)
+        seen = self.bones.update(body, seconds)
         self.pose, self.yaw, self.seen_ns = retargeting.pose(seen), seen.yaw, time_ns
-        self.footing = self.feet.see(body, seconds)
-        self._walk(body, retargeting.legs)
+        self.footing = self.feet.update(body, seconds)
+        self._add_step(body, retargeting.legs)
 
-    def _walk(self, body: Body, legs: float) -> None:
+    def _add_step(self, body: Body, legs: float) -> None:
         """Adds the step of the hips to the path, scaled to the size of the performer of the key poses.
 
         Args:
@@ -69,7 +69,7 @@ class ControlPointHold:
                 self.way += (hips - self._hips) * legs * self._legs[1] / self._legs[0]
             self._hips = hips
 
-    def away(self, time_ns: int) -> float:
+    def seconds_away(self, time_ns: int) -> float:
         """Returns the seconds since, or until, the performer was last in view: the clock may run
         backwards."""
         return abs(time_ns - self.seen_ns) * 1e-9

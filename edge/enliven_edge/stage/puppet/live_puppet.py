@@ -47,7 +47,7 @@ class LivePuppet:
         lag: samples from a pose to the answer.
 
     Attributes:
-        loose: indices of the control points that no performer moves. They stay at ``rest``.
+        free_points: indices of the control points that no performer moves. They stay at ``rest``.
         rest: (P, 3) metres, all control points at rest.
     """
 
@@ -59,7 +59,7 @@ class LivePuppet:
         self._last: tuple[int, PerformerInput] | None = None
         self._due_ns = 0
         self._before = self._after = State(np.zeros((0, 3)), 0.0, np.zeros(3))
-        self.loose: Int = np.zeros(0, np.int64)
+        self.free_points: Int = np.zeros(0, np.int64)
         self.rest: Float = np.zeros((0, 3))
 
     def begin(self, time_ns: int, sample: PerformerInput, state: State) -> State:
@@ -77,29 +77,29 @@ class LivePuppet:
         self._last, self._due_ns = (time_ns, sample), time_ns + self._step_ns
         for _ in range(self._lag + 2):
             self._push(sample)
-        if self._locomotion.goes:
-            by = self._locomotion.stands(state) - self._locomotion.stands(self._after)
-            by = by * np.array([1.0, 0.0, 1.0])
-            self._locomotion.shift(by)
-            self._after = replace(self._after, root=self._after.root + by)
+        if self._locomotion.can_step:
+            offset = self._locomotion.stands(state) - self._locomotion.stands(self._after)
+            offset = offset * np.array([1.0, 0.0, 1.0])
+            self._locomotion.shift(offset)
+            self._after = replace(self._after, root=self._after.root + offset)
         self._before = self._after
         return self._after
 
-    def go_on(self, time_ns: int, sample: PerformerInput) -> State:
+    def advance(self, time_ns: int, sample: PerformerInput) -> State:
         """Adds the next sample and returns the current state to show."""
         assert self._last is not None
         before_ns, before = self._last
         while self._due_ns <= time_ns:
-            share = (self._due_ns - before_ns) / max(time_ns - before_ns, 1)
-            self._push(_between(before, sample, share))
+            fraction = (self._due_ns - before_ns) / max(time_ns - before_ns, 1)
+            self._push(_interpolate(before, sample, fraction))
             self._due_ns += self._step_ns
         self._last = time_ns, sample
-        share = 1.0 - (self._due_ns - time_ns) / self._step_ns
+        fraction = 1.0 - (self._due_ns - time_ns) / self._step_ns
         a, b = self._before, self._after
         return State(
-            a.places + share * (b.places - a.places),
-            a.yaw + share * (b.yaw - a.yaw),
-            a.root + share * (b.root - a.root),
+            a.places + fraction * (b.places - a.places),
+            a.yaw + fraction * (b.yaw - a.yaw),
+            a.root + fraction * (b.root - a.root),
         )
 
     def _push(self, sample: PerformerInput) -> None:
@@ -108,18 +108,18 @@ class LivePuppet:
         self._waiting.append(sample)
         if places is None:
             return
-        places[self.loose] = self.rest[self.loose]
-        out = self._waiting.popleft()
-        places, root = self._locomotion.go(places, out.yaw, out.footing, out.size, out.way)
-        self._before, self._after = self._after, State(places, out.yaw, root)
+        places[self.free_points] = self.rest[self.free_points]
+        delayed = self._waiting.popleft()
+        places, root = self._locomotion.go(places, delayed.yaw, delayed.footing, delayed.size, delayed.way)
+        self._before, self._after = self._after, State(places, delayed.yaw, root)
 
 
-def _between(a: PerformerInput, b: PerformerInput, share: float) -> PerformerInput:
-    lift = a.footing.lift + share * (b.footing.lift - a.footing.lift)
+def _interpolate(a: PerformerInput, b: PerformerInput, fraction: float) -> PerformerInput:
+    lift = a.footing.lift + fraction * (b.footing.lift - a.footing.lift)
     return PerformerInput(
-        a.pose + share * (b.pose - a.pose),
-        a.yaw + share * (b.yaw - a.yaw),
-        replace((a if share < 0.5 else b).footing, lift=lift),
+        a.pose + fraction * (b.pose - a.pose),
+        a.yaw + fraction * (b.yaw - a.yaw),
+        replace((a if fraction < 0.5 else b).footing, lift=lift),
         b.size,
-        a.way + share * (b.way - a.way),
+        a.way + fraction * (b.way - a.way),
     )

@@ -83,7 +83,7 @@ class Feet:
         self._path: deque[tuple[float, Float]] = deque()
         self._down = [False, False]
 
-    def see(self, body: Body, seconds: float) -> Footing:
+    def update(self, body: Body, seconds: float) -> Footing:
         """Returns the footing of a body, ``seconds`` after the last one."""
         self._seconds += seconds
         joints = np.array(_SIDES)
@@ -96,7 +96,7 @@ class Feet:
         stands = self._down[0], self._down[1]
         if not seen.any(1).all() or self._contacts(body).any():
             return Footing(stands=stands)
-        lift = min(float(above.min()) / height_of(body), _MAX_LIFT)
+        lift = min(float(above.min()) / performer_height(body), _MAX_LIFT)
         if lift <= _MIN_LIFT:
             return Footing(stands=stands)
         return Footing(False, lift - _MIN_LIFT)
@@ -113,7 +113,7 @@ class Feet:
         since = max(self._seconds - self._path[0][0], 1e-9)
         velocity = (places - self._path[0][1]) / since
         speeds = np.linalg.norm(velocity, axis=1)
-        leg = _LEG_RATIO * height_of(body)
+        leg = _LEG_RATIO * performer_height(body)
         # A runner's standing foot rolls fast, but it is slow relative to the mean of both feet.
         slow = max(self._how.speed * leg, self._runner * float(np.linalg.norm(velocity.mean(0)[[0, 2]])))
         for k in range(2):
@@ -129,7 +129,7 @@ class Feet:
         return np.asarray(body.contacts >= least)
 
 
-def height_of(body: Body) -> float:
+def performer_height(body: Body) -> float:
     """Returns the performer's height in metres, or an adult's height if it is unknown."""
     height = body.height
     return height if np.isfinite(height) and height > _MIN_HEIGHT_M else _DEFAULT_HEIGHT_M
@@ -155,7 +155,7 @@ def leg_length(body: Body) -> float:
     joints = np.array(_LEGS)
     seen = ((body.confidence[joints] > 0) & np.isfinite(body.joints[joints]).all(2)).all(1)
     if not seen.any():
-        return _LEG_RATIO * height_of(body)
+        return _LEG_RATIO * performer_height(body)
     bones = np.linalg.norm(np.diff(body.joints[joints[seen]], axis=1), axis=2)
     return max(float(bones.sum(1).mean()), _LEG_RATIO * _MIN_HEIGHT_M)
 
@@ -193,7 +193,7 @@ class Locomotion:
         self._roots: deque[Float] = deque(maxlen=max(round(settings.throw / step), 1) + 1)
         self._velocity = np.zeros(3)
         self._before: Float | None = None
-        self.goes = travel is not None
+        self.can_step = travel is not None
         self.anchor = -1
         self.root = np.zeros(3)
 
@@ -229,23 +229,23 @@ class Locomotion:
             size: metres that the puppet rises for a lift of 1.
             way: the performer's path on the floor, in the puppet's strides and axes.
         """
-        if not self.goes:
+        if not self.can_step:
             return places, self.root
         turned = turned_about_y(places, np.asarray(yaw))
         root = self.root.copy()
         if not self._steps.any():
-            self._glide(turned, root)
+            self._move_without_steps(turned, root)
         elif footing.touches:
             self._stand(turned, root, footing.stands)
         else:
-            self._fly(root)
-        places = self._follow(places, yaw, root, way, footing)
+            self._move_in_air(root)
+        places = self._follow_path(places, yaw, root, way, footing)
         if len(self._feet):
             root[1] = self._sole - turned[self._feet, 1].min() + footing.lift * size
         self._before, self.root = turned, root
         return places, root
 
-    def _follow(self, places: Float, yaw: float, root: Float, way: complex, footing: Footing) -> Float:
+    def _follow_path(self, places: Float, yaw: float, root: Float, way: complex, footing: Footing) -> Float:
         """Pulls the root towards the path. Returns the places (P, 3), with standing feet locked."""
         stands = (self._known(footing.stands) | (self._feet == self.anchor)) & footing.touches
         stands = stands[: len(self._following.held)]
@@ -257,7 +257,7 @@ class Locomotion:
         out[self._feet] += turned_about_y(from_floor(np.array(self._following.held)), np.asarray(-yaw))
         return out
 
-    def _glide(self, turned: Float, root: Float) -> None:
+    def _move_without_steps(self, turned: Float, root: Float) -> None:
         """Moves the root of a puppet that does not step, so that the centre of its feet stays fixed."""
         if len(self._feet) and self._before is not None:
             went = turned[self._feet].mean(0) - self._before[self._feet].mean(0)
@@ -287,7 +287,7 @@ class Locomotion:
         does."""
         return np.asarray(np.array([*stands, any(stands)])[self._sides] & self._steps)
 
-    def _fly(self, root: Float) -> None:
+    def _move_in_air(self, root: Float) -> None:
         if self.anchor >= 0:
             frames = len(self._roots) - 1
             self._velocity = (self._roots[-1] - self._roots[0]) / max(frames * self._step, 1e-9)

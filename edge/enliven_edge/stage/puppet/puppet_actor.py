@@ -43,11 +43,11 @@ class PuppetActor(Actor):
         self._retargeting = Retargeting(reference_of(project, puppet), self._examples.joints)
         self.character = character_of_puppet(puppet)
         self.holds: list[ControlPointHold] = []
-        walks = self.settings.place == "walks"
+        can_walk = self.settings.place == "walks"
         feet = [k for k, point in enumerate(puppet.points) if point.foot]
         sides = [side_of_foot(self._retargeting.joints[k]) for k in feet]
         self._travel = travel_of(project, puppet)
-        how = (1.0 / self.settings.rate, puppet.locomotion, sides, self._travel if walks else None)
+        how = (1.0 / self.settings.rate, puppet.locomotion, sides, self._travel if can_walk else None)
         locomotion = Locomotion(puppet.rest, feet, *how)
         mapping = ExampleMap(self._examples, puppet.examples)
         self._locomotion = locomotion
@@ -89,12 +89,12 @@ class PuppetActor(Actor):
         Raises:
             InputError: for an unknown part, or one without a paired control point.
         """
-        points = self._points(parts)
+        points = self._paired_points(parts)
         if not points:
             raise InputError(
                 f"no control point goes with {parts!r}",
                 where=f"possessing {self.character.id!r}",
-                mend=f"They go with: {', '.join(self._followed())}.",
+                mend=f"They go with: {', '.join(self._followed_names())}.",
             )
         if not ((body.confidence > 0) & np.isfinite(body.joints).all(1)).any():
             where, mend = f"possessing {self.character.id!r}", "Step in front of the sensor again."
@@ -102,25 +102,25 @@ class PuppetActor(Actor):
         own = next((hold for hold in self.holds if hold.body == body.id), None)
         if own is not None and mode == "extend":
             points |= own.points
-        hold = own or self._new(body.id, points)
+        hold = own or self._create_hold(body.id, points)
         hold.points = points
-        hold.see(body, self._retargeting, self._time_ns, mirror=self.settings.mirror)
+        hold.update(body, self._retargeting, self._time_ns, mirror=self.settings.mirror)
         others = [] if mode == "alone" else [other for other in self.holds if other is not hold]
         for other in others:
             other.points -= points
-        self._hold([*(other for other in others if other.points), hold])
+        self._replace_holds([*(other for other in others if other.points), hold])
         self._candidate = (None, parts)
 
     def release(self, body: int | None = None) -> None:
         self._need_holder(body, ("move", "moved"))
         left = [hold for hold in self.holds if body is not None and hold.body != body]
-        self._hold(left)
+        self._replace_holds(left)
 
     def cues(self, bodies: list[Body]) -> Cues:
         who, parts = self._candidate
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         held = [(hold.body, self._strengths(hold.points)) for hold in self.holds]
-        preview = None if body is None else (body.id, self._strengths(self._points(parts)))
+        preview = None if body is None else (body.id, self._strengths(self._paired_points(parts)))
         return cues_of(held, preview)
 
     def warm_up(self) -> None:
@@ -132,19 +132,19 @@ class PuppetActor(Actor):
             if frame == 1:
                 rehearsal.possess(body)
 
-    def _new(self, body: int, points: frozenset[int]) -> ControlPointHold:
+    def _create_hold(self, body: int, points: frozenset[int]) -> ControlPointHold:
         how = self._puppet.locomotion
         feet = Feet(how.contact, how.runner)
         return ControlPointHold(body, points, Bones(self.settings.ease), feet, seen_ns=self._time_ns)
 
-    def _points(self, parts: str) -> frozenset[int]:
+    def _paired_points(self, parts: str) -> frozenset[int]:
         """Returns the control points that are paired with some parts of the performer's own body."""
         joints = {int(joint) for joint in parts_named(parts)}
         if self.settings.mirror:
             joints = {MIRROR[joint] for joint in joints}
         return frozenset(k for k, joint in enumerate(self._retargeting.joints) if int(joint) in joints)
 
-    def _followed(self) -> list[str]:
+    def _followed_names(self) -> list[str]:
         """Returns the names of the joints that control points are paired with."""
         return sorted({joint.name.lower().replace("_", " ") for joint in self._retargeting.joints})
 
@@ -154,12 +154,12 @@ class PuppetActor(Actor):
         strengths[[1 + point for point in points]] = 1.0
         return strengths
 
-    def _hold(self, holds: list[ControlPointHold]) -> None:
+    def _replace_holds(self, holds: list[ControlPointHold]) -> None:
         """Replaces the holds. The shown state eases to the new one."""
         self.holds = holds
         held = frozenset[int]().union(*(hold.points for hold in holds))
         count = len(self._puppet.points)
-        self._live.loose = np.array([k for k in range(count) if k not in held], np.int64)
+        self._live.free_points = np.array([k for k in range(count) if k not in held], np.int64)
         self._restarts = True
         self._easing.restart_fade()
         if not holds:
@@ -168,7 +168,7 @@ class PuppetActor(Actor):
 
     def _rest(self) -> None:
         still = State(self._puppet.rest.copy(), self._state.yaw, np.zeros(3))
-        if self._locomotion.goes:
+        if self._locomotion.can_step:
             by = self._locomotion.stands(self._state) - self._locomotion.stands(still)
             still = State(still.places, still.yaw, by * np.array([1.0, 0.0, 1.0]))
         self._state = still
@@ -180,9 +180,9 @@ class PuppetActor(Actor):
             body = present.get(hold.body)
             if body is None:
                 continue
-            if hold.away(time_ns) > self.settings.pause:
+            if hold.seconds_away(time_ns) > self.settings.pause:
                 self._restarts = True
-            hold.see(body, self._retargeting, time_ns, mirror=self.settings.mirror)
+            hold.update(body, self._retargeting, time_ns, mirror=self.settings.mirror)
 
     def _update_state(self, time_ns: int, paused: bool) -> None:
         """Updates the state from the holds' last poses."""
@@ -193,7 +193,7 @@ class PuppetActor(Actor):
         for hold in self.holds:
             rows = list(hold.points)
             pose[rows] = hold.pose[rows]
-        yaw = self._yaw_offset + lead.yaw if self._locomotion.goes else 0.0
+        yaw = self._yaw_offset + lead.yaw if self._locomotion.can_step else 0.0
         size = self.settings.jump * float(np.ptp(self._puppet.mesh.vertices[:, 1]))
         way = self._travel.stride * lead.way * cmath.exp(-1j * self._yaw_offset)
         sample = PerformerInput(pose, yaw, lead.footing, size, way)
@@ -202,7 +202,7 @@ class PuppetActor(Actor):
             self._easing.restart_fade()
             self._state = self._live.begin(time_ns, sample, self._state)
         else:
-            self._state = self._live.go_on(time_ns, sample)
+            self._state = self._live.advance(time_ns, sample)
 
     def _leader(self) -> ControlPointHold:
         """Returns the hold that moves the puppet through the world: one with a foot, or else the oldest."""
@@ -212,13 +212,13 @@ class PuppetActor(Actor):
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
         """Gives the hold of a performer that has been away for long to the only idle performer in view."""
         patience, present = self.settings.hand_over, {body.id for body in bodies}
-        away = [h for h in self.holds if h.body not in present and h.away(time_ns) > patience]
+        away = [h for h in self.holds if h.body not in present and h.seconds_away(time_ns) > patience]
         idle = self._free_bodies(bodies)
         if patience > 0 and away and len(idle) == 1:
-            old = max(away, key=lambda hold: hold.away(time_ns))
-            new = self._new(idle[0].id, old.points)
-            new.see(idle[0], self._retargeting, time_ns, mirror=self.settings.mirror)
-            self._hold([new if hold is old else hold for hold in self.holds])
+            old = max(away, key=lambda hold: hold.seconds_away(time_ns))
+            new = self._create_hold(idle[0].id, old.points)
+            new.update(idle[0], self._retargeting, time_ns, mirror=self.settings.mirror)
+            self._replace_holds([new if hold is old else hold for hold in self.holds])
 
     def _place_beside(self, body: Body) -> None:
         """Places the puppet next to the first performer, on the right side as the sensor sees it."""

@@ -19,7 +19,7 @@ from enliven_edge.stage.puppet.spec import MADE, file_of
 log = logging.getLogger(__name__)
 
 
-def cast_puppet(
+def create_puppet_actor(
     spec: str,
     settings: PuppetSettings | None = None,
     name: str = "",
@@ -39,12 +39,12 @@ def cast_puppet(
     """
     project, puppet = _read(spec)
     named = puppet.with_changes(id=unused(name or puppet.id, taken or {}))
-    actor = cast_from_project(project, named, settings, f"puppet {puppet.id!r} of {spec}")
+    actor = create_actor_from_project(project, named, settings, f"puppet {puppet.id!r} of {spec}")
     character_to_message(actor.character, 0)  # Raises now if the character cannot be sent to viewers.
     return actor
 
 
-def cast_from_project(
+def create_actor_from_project(
     project: Project, puppet: Puppet, settings: PuppetSettings | None = None, where: str = ""
 ) -> PuppetActor:
     """Returns the actor of a puppet of a project, with the takes of its key poses. Errors name ``where``.
@@ -52,9 +52,9 @@ def cast_from_project(
     Raises:
         InputError: if the puppet cannot move yet. The message lists what is missing.
     """
-    lacking = missing(project, puppet)
-    if lacking:
-        mend = f"{' '.join(lacking)} Do so in enliven studio, or in the session's file."
+    problems = missing(project, puppet)
+    if problems:
+        mend = f"{' '.join(problems)} Do so in enliven studio, or in the session's file."
         raise InputError("it cannot move yet", where=where or puppet.where, mend=mend)
     return PuppetActor(project, puppet, settings)
 

@@ -80,8 +80,8 @@ class Retargeting:
         self._skeleton = skeleton
         numbers = [skeleton.index(name) for name in joints]
         same = _same_bones(skeleton)
-        bones = same or _like_bones(skeleton)
-        self._facing = turn_about_y(_front(skeleton, same) if same else facing_of(skeleton))
+        bones = same or _similar_bones(skeleton)
+        self._facing = turn_about_y(_rest_yaw(skeleton, same) if same else facing_of(skeleton))
         self._paths = [skeleton.path(0, number)[1:] for number in numbers]
         used = sorted({joint for path in self._paths for joint in path})
         for joint in used:
@@ -116,10 +116,10 @@ class Retargeting:
 
 def _same_bones(skeleton: Skeleton) -> dict[int, _Bone]:
     """Returns the bones of a tracked person's skeleton, paired one to one. Empty for other skeletons."""
-    joints_by_name = {_plain(name): Joint(k) for k, name in enumerate(BODY_NAMES)}
-    if {_plain(name) for name in skeleton.names} != set(joints_by_name):
+    joints_by_name = {_normalise_name(name): Joint(k) for k, name in enumerate(BODY_NAMES)}
+    if {_normalise_name(name) for name in skeleton.names} != set(joints_by_name):
         return {}
-    return {k: _Bone(joints_by_name[_plain(name)]) for k, name in enumerate(skeleton.names)}
+    return {k: _Bone(joints_by_name[_normalise_name(name)]) for k, name in enumerate(skeleton.names)}
 
 
 def _leg_length(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
@@ -132,34 +132,34 @@ def _leg_length(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
     return 0.5 * float(np.sum(legs) if legs else np.ptp(skeleton.positions, axis=0).max())
 
 
-def _front(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
+def _rest_yaw(skeleton: Skeleton, bones: dict[int, _Bone]) -> float:
     """Returns the facing of a tracked person at rest in radians about +Y, computed from the hips."""
     joints = np.zeros((len(Joint), 3))
     joints[[bone.joint for bone in bones.values()]] = skeleton.positions
-    return Bones(0.0).see(Body(0, joints, np.ones(len(Joint))), 0.0).yaw
+    return Bones(0.0).update(Body(0, joints, np.ones(len(Joint))), 0.0).yaw
 
 
-def _plain(name: str) -> str:
+def _normalise_name(name: str) -> str:
     return name.lower().replace("_", "").replace(" ", "")
 
 
-def _like_bones(skeleton: Skeleton) -> dict[int, _Bone]:
+def _similar_bones(skeleton: Skeleton) -> dict[int, _Bone]:
     """Returns the bones paired by anatomy. Bones that are not similar to any of a person's are left out."""
     anatomy = anatomy_of(skeleton)
     bones: dict[int, _Bone] = {}
-    _take_trunk(anatomy, bones)
+    _add_trunk(anatomy, bones)
     for pairs, chains, lengths in ((anatomy.arms, ARMS, _ARM), (anatomy.legs, LEGS, _LEG)):
         for pair in pairs[:1]:
             for limb, chain in zip(pair, chains, strict=True):
-                _take_limb(skeleton, limb, chain, lengths, bones)
+                _add_limb(skeleton, limb, chain, lengths, bones)
     if anatomy.head is not None:
         for joint in anatomy.head.chain[1:]:
             bones[joint] = _Bone(Joint.HEAD, _HEAD)
-    _take_twigs(skeleton, anatomy, bones)
+    _add_small_branches(skeleton, anatomy, bones)
     return bones
 
 
-def _take_trunk(anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
+def _add_trunk(anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
     """Adds the trunk: the lower half turns with the pelvis, the upper half with the chest."""
     trunk = anatomy.trunk[1:]
     for k, joint in enumerate(trunk):
@@ -167,7 +167,7 @@ def _take_trunk(anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
         bones[joint] = _Bone(Joint.SPINE if low else Joint.SHOULDER_CENTER, _PELVIS if low else _CHEST)
 
 
-def _take_limb(
+def _add_limb(
     skeleton: Skeleton, limb: SkeletonLimb, chain: Sequence[Joint], lengths: Float, bones: dict[int, _Bone]
 ) -> None:
     """Adds a limb.
@@ -186,7 +186,7 @@ def _take_limb(
         bones[joint] = _Bone(chain[1 + min(int(np.searchsorted(ends, middle)), len(ends) - 1)])
 
 
-def _take_twigs(skeleton: Skeleton, anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
+def _add_small_branches(skeleton: Skeleton, anatomy: Anatomy, bones: dict[int, _Bone]) -> None:
     """Adds small branches at hands, feet, head or root: each follows its parent. Tails follow nothing."""
     tail = set(anatomy.tail.chain[1:]) if anatomy.tail is not None else set()
     limbs = {

@@ -50,7 +50,7 @@ class Binding:
     seen_ns: int = 0
     trust: Float = field(default_factory=lambda: np.ones(len(PARENTS)))
 
-    def see(self, body: Body, time_ns: int, ease: float) -> None:
+    def update(self, body: Body, time_ns: int, ease: float) -> None:
         """Updates the rotations of the bones since the start of the binding.
 
         A joint that is not visible is a guess and must not pull: its bone keeps its direction. When the joint
@@ -91,7 +91,7 @@ class LiveShape:
         self._rebuild()
         self.joints: Float = self._player.at(0.0).joints
 
-    def stand(self, place: Float) -> None:
+    def move_root(self, place: Float) -> None:
         """Moves the root to ``place`` (3,), metres from its modelled position."""
         self.shape = self.shape.with_changes(place=place)
         self._rebuild()
@@ -135,7 +135,7 @@ class LiveShape:
         for binding in self.bindings:
             body = present.get(binding.body)
             if body is not None:
-                binding.see(body, time_ns, self._fade)
+                binding.update(body, time_ns, self._fade)
             if binding.turns is not None:
                 self._player.feed(binding.take.id, binding.turns, binding.joints[0])
         self._time_ns = time_ns

@@ -106,7 +106,7 @@ class RigActor(ChosenActor):
         own, chooser = self.character.id, self.chooser
         if self.holds:
             # While a performer drives the rig, another performer's match would hide the driven chains.
-            rows = tuple(self._driven(hold) for hold in self.holds)
+            rows = tuple(self._describe_driven(hold) for hold in self.holds)
             return MatchList(own, "playing", self.holds[0].body, self._time_ns, 0, rows, len(rows))
         rows, shown = chooser.rows(self.live_shape.joints)
         if shown < 0:
@@ -114,7 +114,7 @@ class RigActor(ChosenActor):
         details = (chooser.body, self._time_ns, shown, rows, chooser.total, chooser.pick.held)
         return MatchList(own, "choosing", *details)
 
-    def _driven(self, hold: Binding) -> MatchRow:
+    def _describe_driven(self, hold: Binding) -> MatchRow:
         """Returns the chains that a performer drives, each with the limb that drives it."""
         lines = tuple(self.live_shape.joints[list(target)] for _, target in hold.pairs)
         limbs = tuple(limb_number(source) for source, _ in hold.pairs)
@@ -136,7 +136,7 @@ class RigActor(ChosenActor):
         self._placed = True
         low, high = self.character.vertices.min(0), self.character.vertices.max(0)
         across = body.joints[0, 0] + self.settings.beside + self.aside - low[0]
-        self.live_shape.stand(np.array([across, 0.0, body.joints[0, 2] - (low[2] + high[2]) / 2]))
+        self.live_shape.move_root(np.array([across, 0.0, body.joints[0, 2] - (low[2] + high[2]) / 2]))
 
     def _choose(self, bodies: list[Body]) -> None:
         """Ranks and picks for the requested performer, or for the first one that drives nothing."""
@@ -158,15 +158,15 @@ class RigActor(ChosenActor):
                 "no part of it is similar to the pose", where=where, mend="It needs at least one bone."
             )
         if mode == "extend":
-            pairs += self._kept(body.id, pairs)
+            pairs += self._keep_pairs(body.id, pairs)
         self.live_shape.bind(body, pairs, self.view, mirrored=self.settings.mirror, alone=mode == "alone")
         self.chooser.forget()
 
-    def _kept(self, body: int, pairs: list[Pair]) -> list[Pair]:
+    def _keep_pairs(self, body: int, pairs: list[Pair]) -> list[Pair]:
         """Returns a performer's current pairs, without the limbs that now drive something else."""
-        anew = {source for source, _ in pairs}
-        own = [pair for hold in self.holds if hold.body == body for pair in hold.pairs]
-        return [pair for pair in own if pair[0] not in anew]
+        new_limbs = {source for source, _ in pairs}
+        current_pairs = [pair for hold in self.holds if hold.body == body for pair in hold.pairs]
+        return [pair for pair in current_pairs if pair[0] not in new_limbs]
 
 
 def _strengths(count: int, chains: Sequence[Sequence[int]]) -> Float:
@@ -180,7 +180,7 @@ def _strengths(count: int, chains: Sequence[Sequence[int]]) -> Float:
 log = logging.getLogger(__name__)
 
 
-def cast_rig(spec: str, settings: MatchingSettings | None = None, name: str = "") -> RigActor:
+def create_rig_actor(spec: str, settings: MatchingSettings | None = None, name: str = "") -> RigActor:
     """Returns the actor of a rigged glTF model, on the floor and scaled to the settings' height.
 
     Args:

@@ -12,7 +12,7 @@ from .posture import (
     chest_axes_about as chest_axes_about,
     leaning_back as leaning_back,
 )
-from .joint_limits import RELAXED as RELAXED, mirrored as mirrored, standing as standing
+from .joint_limits import RELAXED as RELAXED, mirror_rotations as mirror_rotations, standing as standing
 from .kinematics import (
     capsules_into as capsules_into,
     deviation_into as deviation_into,
@@ -24,7 +24,7 @@ from .model import height_of as height_of, lengths_for_height as lengths_for_hei
 from .posture import (
     Posture as Posture,
     capsules_of as capsules_of,
-    continued as continued,
+    predict_next as predict_next,
     frames_of as frames_of,
     joints_into as joints_into,
     rotation as rotation,

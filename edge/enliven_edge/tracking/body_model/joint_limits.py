@@ -22,7 +22,7 @@ _NO_LIMIT = 10.0
 """Half width, in radians, that means no limit. It is larger than any rotation vector."""
 
 
-def mirrored(rotations: Float) -> Float:
+def mirror_rotations(rotations: Float) -> Float:
     """Returns (13, 3, 3) the mirrored posture: left and right exchanged, x reversed."""
     return _SIDE @ rotations[model.MIRROR] @ _SIDE
 
@@ -41,7 +41,7 @@ def _middle() -> Float:
 
 def _with_right_side(rotations: Float) -> Float:
     """Copies the left limbs' rotations to the right, mirrored."""
-    mirror = mirrored(rotations)
+    mirror = mirror_rotations(rotations)
     for right in (model.UPPER_ARM_R, model.FOREARM_R, model.THIGH_R, model.SHIN_R, model.FOOT_R):
         rotations[right] = mirror[right]
     return rotations

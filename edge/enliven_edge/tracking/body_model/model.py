@@ -49,7 +49,7 @@ REFERENCE_LENGTHS = np.array([0.12, 0.31, 0.18, 0.185, 0.285, 0.25, 0.085, 0.085
 """(12,) metres of an adult of the reference height. The girth is a factor on every radius."""
 
 
-def by_frame(usual: float, others: dict[int, float]) -> Float:
+def frame_weights(usual: float, others: dict[int, float]) -> Float:
     """Returns (13,) a weight for each frame: ``usual``, except for the frames in ``others``."""
     weights = np.full(len(FRAME_PARENTS), usual)
     for frame, weight in others.items():

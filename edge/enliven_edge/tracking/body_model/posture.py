@@ -149,7 +149,7 @@ def capsules_of(position, rotations, lengths, parents, offsets, frames, local, t
 
 def rotation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float:
     """Returns (3, 3) Rz(z) Ry(y) Rx(x): rotations about the fixed x, then y, then z axis, radians."""
-    cx, sx, cy, sy, cz, sz = *_both(x), *_both(y), *_both(z)
+    cx, sx, cy, sy, cz, sz = *_cos_sin(x), *_cos_sin(y), *_cos_sin(z)
     return np.array(
         [
             [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
@@ -159,7 +159,7 @@ def rotation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Float:
     )
 
 
-def _both(angle: float) -> tuple[float, float]:
+def _cos_sin(angle: float) -> tuple[float, float]:
     """Returns cosine and sine."""
     return math.cos(angle), math.sin(angle)
 
@@ -173,7 +173,7 @@ _MAX_TURN = 0.25
 """Maximum predicted rotation of a joint per frame in radians: 7.5 rad/s at 30 frames per second."""
 
 
-def continued(before: Posture, now: Posture) -> Posture:
+def predict_next(before: Posture, now: Posture) -> Posture:
     """Returns the posture predicted for the next frame.
 
     The motion continues, slightly slower and with limited speed.
@@ -204,7 +204,7 @@ def chest_axes(rotations):
 
 @njit(cache=True, nogil=True)
 def chest_axes_about(rotations):
-    """Returns the chest axes of the flipped posture (:func:`appearance.turned_about`) without creating it.
+    """Returns the chest axes of the flipped posture (:func:`appearance.flip_posture`) without creating it.
 
     The flip mirrors left and right and adds half a turn about the pelvis' upright axis. So the chest is
     mirrored front to back in the pelvis' frame.

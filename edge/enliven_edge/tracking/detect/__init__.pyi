@@ -2,7 +2,7 @@ from .appearance import (
     EstimateAtPoints as EstimateAtPoints,
     estimate_at_points as estimate_at_points,
     facing as facing,
-    turned_about as turned_about,
+    flip_posture as flip_posture,
 )
 from .arm_starts import fullest_ball as fullest_ball
 from .detection import (
@@ -12,5 +12,5 @@ from .detection import (
 )
 from .fit_quality import Facing as Facing
 from .fit_quality import cost as cost, quality as quality
-from .hypotheses import aligned_to as aligned_to
+from .hypotheses import align_to_estimate as align_to_estimate
 from .recovery import PoseRecovery as PoseRecovery

@@ -204,9 +204,9 @@ def _facing(rotations, place, eye):
     return facing_in_plan(left, place, eye)
 
 
-def turned_about(posture: Posture) -> Posture:
+def flip_posture(posture: Posture) -> Posture:
     """Returns the posture flipped: rotated by 180 degrees about its trunk's axis, with exchanged limbs."""
     flipped = posture.copy()
-    flipped.rotations = joint_limits.mirrored(posture.rotations)
+    flipped.rotations = joint_limits.mirror_rotations(posture.rotations)
     flipped.rotations[model.PELVIS] = posture.rotations[model.PELVIS] @ rotation(y=np.pi)
     return flipped

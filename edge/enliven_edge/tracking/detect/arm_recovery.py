@@ -51,7 +51,7 @@ class ArmRecovery:
         self._usual = np.inf
         self._backoff = Backoff(_MAX_ATTEMPT_INTERVAL)
 
-    def tried(
+    def try_arms(
         self,
         observation: Observation,
         posture: Posture,
@@ -71,12 +71,12 @@ class ArmRecovery:
             seen: the network's estimate; None without the network.
             steps: steps of the full fit.
         """
-        worse = self._costs_more_than_usual(report.energy)
+        costs_more = self._costs_more_than_usual(report.energy)
         enough = 1 if seen is None else _MIN_SIGNS
         arms = [
             arm
             for arm in ARM_JOINTS
-            if worse + (arm in doubtful) + _seen_elsewhere(posture, arm, seen) >= enough
+            if costs_more + (arm in doubtful) + _seen_elsewhere(posture, arm, seen) >= enough
         ]
         if not arms or not self._backoff.is_due(report.energy):
             return None
@@ -84,13 +84,13 @@ class ArmRecovery:
         some = [starts[(self._turn + n) % len(starts)]() for n in range(min(_TRIALS_PER_FRAME, len(starts)))]
         self._turn += _TRIALS_PER_FRAME
         thinned = observation.thinned(_TRIAL_STRIDE)
-        now, *others = (
+        now, *other_starts = (
             self._fitter.fit(thinned, start, iterations=_TRIAL_STEPS) for start in (posture, *some)
         )
-        best = min(others, key=lambda fit: fit[1].energy)
-        hopeful = best[1].energy < _MAX_TRIAL_ENERGY * now[1].energy
-        self._backoff.tried(report.energy, better=hopeful)
-        if not hopeful:
+        best = min(other_starts, key=lambda fit: fit[1].energy)
+        promising = best[1].energy < _MAX_TRIAL_ENERGY * now[1].energy
+        self._backoff.tried(report.energy, better=promising)
+        if not promising:
             return None
         return self._fitter.fit(observation, best[0], iterations=steps)
 

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float, Float32, Int
 from enliven.kernels import njit, quantile
 from enliven.person import Joint
-from enliven_edge.tracking.body_model import Posture, clear_of_rays, mirrored, model, standing_out
+from enliven_edge.tracking.body_model import Posture, clear_of_rays, mirror_rotations, model, standing_out
 from enliven_edge.tracking.detect.appearance import EstimateAtPoints
 from enliven_edge.tracking.fit import align
 from enliven_edge.tracking.frame import Observation
@@ -70,8 +70,8 @@ def arm_starts(
         nearer = np.linalg.norm(own - eye, axis=1) - np.linalg.norm(before - eye, axis=1)
         if nearer[1:].max() > _MAX_DEPTH_ERROR_M:
             starts.append(partial(with_arm, before))
-        starts.append(partial(_as_the_other, posture, arm))
-    return starts + _where_it_stands_out(observation, posture, joints, arms)
+        starts.append(partial(_mirror_other_arm, posture, arm))
+    return starts + _starts_at_protrusion(observation, posture, joints, arms)
 
 
 def _with_arm(posture: Posture, joints: Float, arm: Arm, places: Float) -> Posture:
@@ -91,10 +91,10 @@ def _with_arm(posture: Posture, joints: Float, arm: Arm, places: Float) -> Postu
     )[0]
 
 
-def _as_the_other(posture: Posture, arm: Arm) -> Posture:
+def _mirror_other_arm(posture: Posture, arm: Arm) -> Posture:
     """Returns the posture with an arm posed as the mirror image of the other one."""
     symmetric, index = posture.copy(), list(arm)
-    symmetric.rotations[index] = mirrored(posture.rotations)[index]
+    symmetric.rotations[index] = mirror_rotations(posture.rotations)[index]
     return symmetric
 
 
@@ -127,23 +127,23 @@ def _at_surface(view, joints):
     return moved
 
 
-def _where_it_stands_out(
+def _starts_at_protrusion(
     observation: Observation, posture: Posture, joints: Float, arms: list[Arm]
 ) -> list[Start]:
     """Returns functions that create the posture with a forearm along the protruding points.
 
     Both directions of the forearm are tried.
     """
-    out = _before_trunk(observation, posture)
+    out = _protruding_points(observation, posture)
     if len(out) < _MIN_GROUP_POINTS:
         return []
     group = out[fullest_ball(out, np.float32(_GROUP_RADIUS_M))].astype(float)
     if len(group) < _MIN_GROUP_POINTS:
         return []
     middle = group.mean(0)
-    apart = group - middle
-    way = np.linalg.eigh(apart.T @ apart)[1][:, -1]
-    along = np.sort(apart @ way)
+    distances = group - middle
+    direction = np.linalg.eigh(distances.T @ distances)[1][:, -1]
+    along = np.sort(distances @ direction)
     low, high = quantile(along, 0.1), quantile(along, 0.9)
     inward = middle - observation.view.world_from_camera[:3, 3]
     middle = middle + _WRIST_RADIUS_M * inward / np.linalg.norm(inward)
@@ -153,10 +153,12 @@ def _where_it_stands_out(
     else:
         fore, hand = posture.lengths[model.FORE], posture.lengths[model.HAND]
         places = []
-        for tip, back in ((high, -way), (low, way)):
-            end = middle + tip * way
-            places.append(np.stack([end + (hand + fore) * back, end + hand * back, end]))
-    return [partial(_with_arm, posture, joints, arm, each) for arm in arms for each in places]
+        for tip, elbow_end in ((high, -direction), (low, direction)):
+            hand_end = middle + tip * direction
+            places.append(
+                np.stack([hand_end + (hand + fore) * elbow_end, hand_end + hand * elbow_end, hand_end])
+            )
+    return [partial(_with_arm, posture, joints, arm, target_arm) for arm in arms for target_arm in places]
 
 
 @njit(cache=True, nogil=True)
@@ -178,7 +180,7 @@ def fullest_ball(points, radius):
     return near
 
 
-def _before_trunk(observation: Observation, posture: Posture) -> Float32:
+def _protruding_points(observation: Observation, posture: Posture) -> Float32:
     """Returns the (N, 3) points that protrude from the whole model, on rays that hit the trunk behind them.
 
     Furniture next to a person, and another person's arm, protrude too, but next to the trunk.

@@ -21,15 +21,15 @@ class Backoff:
         """
         self.longest = longest
         self._worse = worse
-        self._wait, self._since, self._in_vain = 1, 0, np.inf
+        self._wait, self._since, self._failed_badness = 1, 0, np.inf
 
     def is_due(self, badness: float) -> bool:
         """Returns True if a trial should run in this frame. Call it once in every bad frame."""
         self._since += 1
-        return self._since >= self._wait or badness > self._worse * self._in_vain
+        return self._since >= self._wait or badness > self._worse * self._failed_badness
 
     def tried(self, badness: float, *, better: bool) -> None:
         """Records the result of a trial in a frame of this badness: whether it found something better."""
         self._since = 0
         self._wait = 1 if better else min(2 * self._wait, self.longest)
-        self._in_vain = np.inf if better else badness
+        self._failed_badness = np.inf if better else badness

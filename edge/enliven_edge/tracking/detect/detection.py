@@ -13,11 +13,11 @@ from enliven.arrays import Float
 from enliven_edge.tracking.body_model import Posture, model
 from enliven_edge.tracking.detect.appearance import (
     EstimateAtPoints,
-    turned_about,
+    flip_posture,
 )
 from enliven_edge.tracking.detect.extremities import extremities
 from enliven_edge.tracking.detect.fit_quality import likely_builds, oddness
-from enliven_edge.tracking.detect.hypotheses import banked_starts, posed, standing_starts
+from enliven_edge.tracking.detect.hypotheses import bank_starts, pose_from_estimate, standing_starts
 from enliven_edge.tracking.estimator import FACINGS, Estimate, PoseEstimator
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation
@@ -32,7 +32,7 @@ the same fit."""
 _FACING_CANDIDATES = 3
 """Number of likeliest facings that the network is conditioned on, in addition to none and the opposite. Each
 costs a run."""
-_LOOSE = np.full(len(model.LENGTHS), 30.0)
+_LENGTH_WEIGHTS = np.full(len(model.LENGTHS), 30.0)
 """(12,) weights of the lengths in a refinement. They are low, because the person is not measured yet."""
 _COARSE_POINTS = 160
 """Points of the coarse fits of a tracked person: a third of all, because the fits are only compared."""
@@ -109,12 +109,12 @@ def detect(
         lengths: (12,) metres, of this person if they are known already.
     """
     coarse = _CoarseFits(fitter, observation, seen, eye, height, _FIRST_POINTS)
-    starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
+    starts = yield from _create_hypotheses(observation, by_facing or [], eye, height, lengths)
     ranked = yield from coarse.ranked(starts)
     kept = _best_distinct(ranked, _REFINED_HYPOTHESES)
-    best = yield from _refined(fitter, observation, seen, kept, height)
+    best = yield from _refine(fitter, observation, seen, kept, height)
     # Also try the best posture flipped, because front and back are easily confused.
-    other = yield from _refined(fitter, observation, seen, [turned_about(best[1])], height)
+    other = yield from _refine(fitter, observation, seen, [flip_posture(best[1])], height)
     _, posture, report = min(best, other, key=lambda found: found[0])
     return posture, report
 
@@ -141,13 +141,13 @@ def detect_another(
     coarse = _CoarseFits(fitter, observation, seen, eye, height, _COARSE_POINTS)
     mark, _ = coarse.fitted(now)
     yield 1
-    starts = yield from _starts(observation, by_facing or [], eye, height, lengths)
+    starts = yield from _create_hypotheses(observation, by_facing or [], eye, height, lengths)
     ranked = yield from coarse.ranked(starts)
     promising = [pair for pair in ranked if pair[0] < _MAX_REFINED_COST * mark]
     if not promising:
         return None
     kept = _best_distinct(promising, _REFINED_HYPOTHESES)
-    _, posture, report = yield from _refined(fitter, observation, seen, kept, height, _MIDDLE_POINTS)
+    _, posture, report = yield from _refine(fitter, observation, seen, kept, height, _MIDDLE_POINTS)
     return posture, report
 
 
@@ -167,7 +167,7 @@ class _CoarseFits:
         self._cost = _FIXED_COST_FRACTION + (1.0 - _FIXED_COST_FRACTION) / step
         self._fitter, self._eye, self._height = fitter, eye, height
         self._seen = None if seen is None else seen.thinned(step)
-        self._observation = _guided(observation.thinned(step), self._seen, _AFFINITY)
+        self._observation = _add_affinities(observation.thinned(step), self._seen, _AFFINITY)
 
     def ranked(self, starts: list[Posture]) -> Steps[list[tuple[float, Posture]]]:
         """Returns the costs and postures of the better half of some hypotheses.
@@ -218,7 +218,7 @@ def estimates_by_facing(
     return estimates
 
 
-def _starts(
+def _create_hypotheses(
     observation: Observation, by_facing: list[Estimate], eye: Float, height: float, lengths: Float | None
 ) -> Steps[list[Posture]]:
     """Returns the initial hypotheses: from the network, standing, and from the bank.
@@ -234,18 +234,18 @@ def _starts(
     """
     z, mask, _, camera, pose = observation.view
     builds = [lengths] if lengths is not None else likely_builds(observation, height)
-    by_estimate = [posed(estimate, build) for build in builds for estimate in by_facing]
+    by_estimate = [pose_from_estimate(estimate, build) for build in builds for estimate in by_facing]
     yield _POSTURE_COST * len(builds)
     ends = extremities(z, mask, camera, pose)
     yield _EXTREMITIES_COST
-    banked = banked_starts(
+    banked = bank_starts(
         observation, ends, eye, builds[0], _EXTRA_BANK_HYPOTHESES if by_facing else _BANK_HYPOTHESES
     )
     yield _BANK_COST
     return [*by_estimate, *standing_starts(observation, eye, builds[-1]), *banked]
 
 
-def _refined(
+def _refine(
     fitter: Fitter,
     observation: Observation,
     seen: EstimateAtPoints | None,
@@ -269,9 +269,9 @@ def _refined(
         few, guide = observation.thinned(step), None if seen is None else seen.thinned(step)
     halfway = []
     for start in starts:
-        guided = _guided(few, guide, _HALF_AFFINITY * _AFFINITY)
+        guided = _add_affinities(few, guide, _HALF_AFFINITY * _AFFINITY)
         posture, report = fitter.fit(
-            guided, start, iterations=_HALF_STEPS, width=_HALF_WIDTH, proportions=_LOOSE
+            guided, start, iterations=_HALF_STEPS, width=_HALF_WIDTH, proportions=_LENGTH_WEIGHTS
         )
         halfway.append((report.energy, posture))
         yield _REFINEMENT_COST
@@ -279,13 +279,15 @@ def _refined(
     ready = []
     for energy, posture in halfway:
         if energy <= most:
-            posture, report = fitter.fit(observation, posture, iterations=_HALF_STEPS, proportions=_LOOSE)
+            posture, report = fitter.fit(
+                observation, posture, iterations=_HALF_STEPS, proportions=_LENGTH_WEIGHTS
+            )
             odd = oddness(seen, posture, observation.view.world_from_camera[:3, 3], height)
             ready.append((report.energy + odd, posture, report))
             yield _REFINEMENT_COST
     return min(ready, key=lambda found: found[0])
 
 
-def _guided(observation: Observation, seen: EstimateAtPoints | None, metres: float) -> Observation:
+def _add_affinities(observation: Observation, seen: EstimateAtPoints | None, metres: float) -> Observation:
     """Returns the observation with affinities: points prefer the limbs of their body part, left or right."""
     return observation if seen is None else observation.guided(seen.sideless_affinity(metres))

@@ -11,7 +11,7 @@ from enliven_edge.tracking.body_model import (
     RELAXED,
     Posture,
     joint_limits,
-    mirrored,
+    mirror_rotations,
     misfits,
     model,
     rotation,
@@ -30,14 +30,14 @@ _RELAXED_STEPS = 20
 """Steps of aligning a posture that starts relaxed. Its limbs have farther to go."""
 
 
-def posed(estimate: Estimate, lengths: Float) -> Posture:
+def pose_from_estimate(estimate: Estimate, lengths: Float) -> Posture:
     """Returns a posture of (12,) lengths, aligned with the estimate's joints from a relaxed start."""
     start = Posture(estimate.joints[Joint.HIP_CENTER].copy(), joint_limits.RELAXED.copy(), lengths.copy())
     start.rotations[model.PELVIS] = _trunk_axes(estimate.joints)
-    return aligned_to(start, estimate, _RELAXED_STEPS)
+    return align_to_estimate(start, estimate, _RELAXED_STEPS)
 
 
-def aligned_to(posture: Posture, estimate: Estimate, steps: int = _NEAR_STEPS) -> Posture:
+def align_to_estimate(posture: Posture, estimate: Estimate, steps: int = _NEAR_STEPS) -> Posture:
     """Aligns a posture with the estimate's joints, weighted by their confidence. Keeps its lengths."""
     weights = estimate.landmarks[:, 3]
     aligned, _ = align(
@@ -90,7 +90,7 @@ _BEHIND_TIP = 0.04
 """Metres from a visible extremity back to the middle of a hand, foot or the head's top."""
 
 
-def _bent(
+def _bent_rotations(
     *,
     pitch: float = 0.0,
     bend: float = 0.0,
@@ -114,22 +114,26 @@ def _bent(
 def _bank() -> list[Float]:
     """Returns postures: crouching, kneeling, sitting, reaching for the floor, one leg up, lunging."""
     both = [
-        _bent(pitch=0.3, bend=0.3, thighs=(2.0, 2.0), knees=(2.2, 2.2), spread=(0.3, 0.3), arm_forward=0.8),
-        _bent(pitch=0.3, bend=0.3, thighs=(1.2, 1.2), knees=(1.4, 1.4), spread=(0.2, 0.2), arm_forward=0.4),
-        _bent(thighs=(0.05, 0.05), knees=(1.6, 1.6)),
-        _bent(thighs=(1.5, 1.5), knees=(1.5, 1.5), arm_forward=0.3, elbow=0.8),
-        _bent(pitch=1.1, bend=0.7, thighs=(1.0, 1.0), knees=(0.1, 0.1), arm_forward=1.5, elbow=0.1),
-        _bent(pitch=0.6, bend=0.5, thighs=(0.6, 0.6), knees=(0.2, 0.2), arm_forward=1.0, elbow=0.1),
+        _bent_rotations(
+            pitch=0.3, bend=0.3, thighs=(2.0, 2.0), knees=(2.2, 2.2), spread=(0.3, 0.3), arm_forward=0.8
+        ),
+        _bent_rotations(
+            pitch=0.3, bend=0.3, thighs=(1.2, 1.2), knees=(1.4, 1.4), spread=(0.2, 0.2), arm_forward=0.4
+        ),
+        _bent_rotations(thighs=(0.05, 0.05), knees=(1.6, 1.6)),
+        _bent_rotations(thighs=(1.5, 1.5), knees=(1.5, 1.5), arm_forward=0.3, elbow=0.8),
+        _bent_rotations(pitch=1.1, bend=0.7, thighs=(1.0, 1.0), knees=(0.1, 0.1), arm_forward=1.5, elbow=0.1),
+        _bent_rotations(pitch=0.6, bend=0.5, thighs=(0.6, 0.6), knees=(0.2, 0.2), arm_forward=1.0, elbow=0.1),
     ]
     left = [
-        _bent(thighs=(1.5, 0.05), knees=(1.5, 1.6)),
-        _bent(thighs=(1.4, 0.05), knees=(1.3, 0.1)),
-        _bent(thighs=(1.3, 0.05), knees=(0.1, 0.1)),
-        _bent(spread=(1.0, 0.0)),
-        _bent(thighs=(-0.4, 0.05), knees=(1.3, 0.1)),
-        _bent(pitch=0.1, thighs=(1.2, -0.4), knees=(1.2, 0.5)),
+        _bent_rotations(thighs=(1.5, 0.05), knees=(1.5, 1.6)),
+        _bent_rotations(thighs=(1.4, 0.05), knees=(1.3, 0.1)),
+        _bent_rotations(thighs=(1.3, 0.05), knees=(0.1, 0.1)),
+        _bent_rotations(spread=(1.0, 0.0)),
+        _bent_rotations(thighs=(-0.4, 0.05), knees=(1.3, 0.1)),
+        _bent_rotations(pitch=0.1, thighs=(1.2, -0.4), knees=(1.2, 0.5)),
     ]
-    return [*both, *left, *(mirrored(rotations) for rotations in left)]
+    return [*both, *left, *(mirror_rotations(rotations) for rotations in left)]
 
 
 BANK = _bank()
@@ -145,47 +149,51 @@ def standing_starts(observation: Observation, eye: Float, lengths: Float) -> lis
         lengths: (12,) metres, of this person or an average one.
     """
     centre = np.median(observation.points, axis=0).astype(np.float64)
-    facing = _towards(eye, centre)
+    facing = _yaw_towards(eye, centre)
     return [
-        _under_crown(observation, centre, _turned(rotations, facing + yaw), lengths)
+        _place_under_crown(observation, centre, _rotate_about_vertical(rotations, facing + yaw), lengths)
         for rotations, yaw in _STANDING
     ]
 
 
-def banked_starts(
+def bank_starts(
     observation: Observation, extremities: Extremities, eye: Float, lengths: Float, most: int
 ) -> list[Posture]:
     """Returns the ``most`` postures of the bank that fit the points best, aligned with the extremities."""
     points = np.ascontiguousarray(observation.points[:: max(1, len(observation.points) // _BANK_POINTS)])
     centre = np.median(points, axis=0).astype(np.float64)
-    facing = _towards(eye, centre)
+    facing = _yaw_towards(eye, centre)
     bank_postures = [Posture(np.zeros(3), rotations, lengths) for rotations in (*BANK, RELAXED)]
     shapes = np.stack([posture.capsules()[0] for posture in bank_postures])
     turns = np.stack([rotation(y=facing + yaw) for yaw in _YAWS])
     ends = np.einsum("yij,pcej->pycei", turns, shapes).reshape(-1, *shapes.shape[1:])
     radii = bank_postures[0].capsules()[1]
-    positions = _around(points, centre, ends, radii, eye)
+    positions = _centre_on_points(points, centre, ends, radii, eye)
     misfit = misfits(np.ascontiguousarray(points.T), ends + positions[:, None, None], radii, _MAX_MISFIT_M)
     starts = []
     for index in np.argsort(misfit, kind="stable")[:most]:
-        rotations = _turned(bank_postures[index // len(turns)].rotations, facing + _YAWS[index % len(turns)])
-        starts.append(_reaching(Posture(positions[index], rotations, lengths.copy()), extremities, eye))
+        rotations = _rotate_about_vertical(
+            bank_postures[index // len(turns)].rotations, facing + _YAWS[index % len(turns)]
+        )
+        starts.append(
+            _reach_extremities(Posture(positions[index], rotations, lengths.copy()), extremities, eye)
+        )
     return starts
 
 
-def _towards(eye: Float, centre: Float) -> float:
+def _yaw_towards(eye: Float, centre: Float) -> float:
     """Returns the angle about +Y in radians from +Z to the direction of the eye."""
     return float(np.arctan2(eye[0] - centre[0], eye[2] - centre[2]))
 
 
-def _turned(rotations: Float, yaw: float) -> Float:
+def _rotate_about_vertical(rotations: Float, yaw: float) -> Float:
     """Returns the (13, 3, 3) posture rotated about the vertical."""
     turned = rotations.copy()
     turned[model.PELVIS] = rotation(y=yaw) @ rotations[model.PELVIS]
     return turned
 
 
-def _one_raised(limbs: list[int]) -> Float:
+def _raise_one_arm(limbs: list[int]) -> Float:
     """Returns the (13, 3, 3) posture with one arm up and out, the other hanging."""
     rotations = standing()
     rotations[limbs] = standing(arm_raise=2.2, elbow=0.2)[limbs]
@@ -194,13 +202,13 @@ def _one_raised(limbs: list[int]) -> Float:
 
 _STANDING = [
     *((standing(**arms), 0.0) for arms in _ARMS),
-    *((_one_raised(limbs), 0.0) for limbs in (_LEFT_ARM, _RIGHT_ARM)),
+    *((_raise_one_arm(limbs), 0.0) for limbs in (_LEFT_ARM, _RIGHT_ARM)),
     *((RELAXED, yaw) for yaw in (_SIDE_YAW, -_SIDE_YAW)),
 ]
 """Postures, and their radians from facing the sensor."""
 
 
-def _under_crown(observation: Observation, centre: Float, rotations: Float, lengths: Float) -> Posture:
+def _place_under_crown(observation: Observation, centre: Float, rotations: Float, lengths: Float) -> Posture:
     """Returns a posture with its highest end, head or raised hand, at the top of the observed points."""
     posture = Posture(np.zeros(3), rotations, lengths.copy())
     ends, radii = posture.capsules()
@@ -218,7 +226,7 @@ def _under_crown(observation: Observation, centre: Float, rotations: Float, leng
     return posture
 
 
-def _around(points: Float32, centre: Float, ends: Float, radii: Float, eye: Float) -> Float:
+def _centre_on_points(points: Float32, centre: Float, ends: Float, radii: Float, eye: Float) -> Float:
     """Returns (N, 3) positions that align middle, top and bottom of N postures with those of the points.
 
     They are moved back from the visible surface.
@@ -258,7 +266,7 @@ _MAX_EXTREMITY_DISTANCE_M = 0.45
 another limb."""
 
 
-def _reaching(posture: Posture, ends: Extremities, eye: Float) -> Posture:
+def _reach_extremities(posture: Posture, ends: Extremities, eye: Float) -> Posture:
     """Moves head, hands and feet of a posture to their extremities, assigned at the least total distance."""
     if len(ends.points) == 0:
         return posture

@@ -12,12 +12,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_edge.tracking.body_model import Posture, mirrored, model, rotation, standing
-from enliven_edge.tracking.detect.appearance import DISAGREEMENT, EstimateAtPoints, agreement, turned_about
+from enliven_edge.tracking.body_model import Posture, mirror_rotations, model, rotation, standing
+from enliven_edge.tracking.detect.appearance import DISAGREEMENT, EstimateAtPoints, agreement, flip_posture
 from enliven_edge.tracking.detect.arm_recovery import ArmRecovery
 from enliven_edge.tracking.detect.backoff import Backoff
 from enliven_edge.tracking.detect.fit_quality import quality
-from enliven_edge.tracking.detect.hypotheses import BEHIND_SURFACE, aligned_to, posed
+from enliven_edge.tracking.detect.hypotheses import BEHIND_SURFACE, align_to_estimate, pose_from_estimate
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import Observation
 
@@ -108,32 +108,32 @@ class PoseRecovery:
             seen: the network's estimate of the frame; None without the network.
             arms: whether there is time to try arms elsewhere.
         """
-        doubtful = self._doubtful(posture, confidence)
+        doubtful = self._find_doubtful_limbs(posture, confidence)
         badly = quality(report) < _DOUBTFUL_QUALITY
         elsewhere = seen is not None and seen.estimate.count_apart(posture.joints()) > 0
         self._turn += 1
         doubted = [*doubtful, *_ARMS] if badly else doubtful
-        look = self._arms.tried
-        arm = look(observation, posture, report, doubted, seen, steps=_FIT_STEPS) if arms else None
+        checks_limbs = self._arms.try_arms
+        arm = checks_limbs(observation, posture, report, doubted, seen, steps=_FIT_STEPS) if arms else None
         if arm is not None and self._is_better(arm, observation, posture, seen, _MAX_LIMB_COST):
             return arm
         if not (badly or doubtful or elsewhere):
             return posture, report
-        borne_out = seen is not None and not (badly or elsewhere)
-        if borne_out and not self._limbs.is_due(report.energy):
+        is_confirmed = seen is not None and not (badly or elsewhere)
+        if is_confirmed and not self._limbs.is_due(report.energy):
             return posture, report
         if seen is not None and elsewhere and (self._turn % 2 or not (badly or doubtful)):
-            tried = self._where_seen(observation, posture, seen)
+            candidate = self._fit_to_estimate(observation, posture, seen)
         elif badly and (not doubtful or self._turn % 4 < 2):
             return self._whole_body(observation, posture, report, seen)
         else:
-            start = self._limb_elsewhere(posture, doubtful) if doubtful else posture
-            tried = self._fitter.fit(observation, start, iterations=_FIT_STEPS)
-        taken = badly or _same_way(tried[0], posture)
-        taken = taken and self._is_better(tried, observation, posture, seen, _MAX_LIMB_COST)
-        if borne_out:
-            self._limbs.tried(report.energy, better=taken)
-        return tried if taken else (posture, report)
+            start = self._move_next_limb(posture, doubtful) if doubtful else posture
+            candidate = self._fitter.fit(observation, start, iterations=_FIT_STEPS)
+        is_accepted = badly or _face_same_way(candidate[0], posture)
+        is_accepted = is_accepted and self._is_better(candidate, observation, posture, seen, _MAX_LIMB_COST)
+        if is_confirmed:
+            self._limbs.tried(report.energy, better=is_accepted)
+        return candidate if is_accepted else (posture, report)
 
     def _whole_body(
         self, observation: Observation, posture: Posture, report: FitReport, seen: EstimateAtPoints | None
@@ -141,25 +141,26 @@ class PoseRecovery:
         """Returns the posture, or the next proposal of a whole body if it is due and much better."""
         if not self._bodies.is_due(report.energy):
             return posture, report
-        tried = self._elsewhere(observation, posture, seen)
-        taken = self._is_better(tried, observation, posture, seen, _MAX_BODY_COST)
-        self._bodies.tried(report.energy, better=taken)
-        return tried if taken else (posture, report)
+        candidate = self._fit_next_proposal(observation, posture, seen)
+        is_accepted = self._is_better(candidate, observation, posture, seen, _MAX_BODY_COST)
+        self._bodies.tried(report.energy, better=is_accepted)
+        return candidate if is_accepted else (posture, report)
 
     def _is_better(
         self,
-        tried: tuple[Posture, FitReport],
+        candidate: tuple[Posture, FitReport],
         observation: Observation,
         posture: Posture,
         seen: EstimateAtPoints | None,
-        share: float,
+        max_cost_ratio: float,
     ) -> bool:
-        """Returns True if a posture costs less than ``share`` of another, both without the temporal term."""
+        """Returns True if a posture costs less than ``max_cost_ratio`` of another, both without temporal
+        term."""
         _, same = self._fitter.fit(observation, posture, iterations=1)
-        before, after = cost(same, posture, seen), cost(tried[1], tried[0], seen)
-        return after < share * before and same.explained - tried[1].explained <= _MAX_UNEXPLAINED
+        before, after = cost(same, posture, seen), cost(candidate[1], candidate[0], seen)
+        return after < max_cost_ratio * before and same.explained - candidate[1].explained <= _MAX_UNEXPLAINED
 
-    def _doubtful(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
+    def _find_doubtful_limbs(self, posture: Posture, confidence: Float) -> list[tuple[int, ...]]:
         """Returns the limbs that explain little of the frame. Remembers the poses of confident limbs."""
         doubtful: list[tuple[int, ...]] = []
         sure_of = confidence.tolist()
@@ -173,30 +174,30 @@ class PoseRecovery:
                 doubtful.append(limb)
         return doubtful
 
-    def _where_seen(
+    def _fit_to_estimate(
         self, observation: Observation, posture: Posture, seen: EstimateAtPoints
     ) -> tuple[Posture, FitReport]:
         """Aligns the posture with the joints that the network sees, then fits it."""
-        return self._fitter.fit(observation, aligned_to(posture, seen.estimate), iterations=_FIT_STEPS)
+        return self._fitter.fit(observation, align_to_estimate(posture, seen.estimate), iterations=_FIT_STEPS)
 
-    def _elsewhere(
+    def _fit_next_proposal(
         self, observation: Observation, posture: Posture, seen: EstimateAtPoints | None
     ) -> tuple[Posture, FitReport]:
         """Fits the next proposal of a whole body, first with a wide and then with the usual robust width."""
         proposal = next(self._proposals, None)
         if proposal is None:
-            self._proposals = whole_bodies(observation, posture, seen)
+            self._proposals = propose_bodies(observation, posture, seen)
             proposal = next(self._proposals)
         wide, _ = self._fitter.fit(observation, proposal, iterations=_WIDE_STEPS, width=_WIDE_WIDTH_M)
         return self._fitter.fit(observation, wide, iterations=_FIT_STEPS)
 
-    def _limb_elsewhere(self, posture: Posture, doubtful: list[tuple[int, ...]]) -> Posture:
+    def _move_next_limb(self, posture: Posture, doubtful: list[tuple[int, ...]]) -> Posture:
         """Returns the posture with the next doubtful limb in the next pose to try."""
         turn, self._limb_turn = self._limb_turn, self._limb_turn + 1
         limb = doubtful[turn % len(doubtful)]
         index = list(limb)
         poses = _ARM_POSES if limb in _ARMS else _LEG_POSES
-        places = [mirrored(posture.rotations)[index], *(pose[index] for pose in poses)]
+        places = [mirror_rotations(posture.rotations)[index], *(pose[index] for pose in poses)]
         if limb in self._remembered:
             places.insert(0, self._remembered[limb])
         start = posture.copy()
@@ -209,7 +210,7 @@ def cost(report: FitReport, posture: Posture, seen: EstimateAtPoints | None) -> 
     return report.energy + (0.0 if seen is None else DISAGREEMENT * (1.0 - agreement(seen, posture)))
 
 
-def whole_bodies(
+def propose_bodies(
     observation: Observation, posture: Posture, seen: EstimateAtPoints | None
 ) -> Iterator[Posture]:
     """Yields proposals of a whole body: as the network sees it, rotated a little, and standing.
@@ -218,8 +219,8 @@ def whole_bodies(
     turn that far in a frame.
     """
     if seen is not None:
-        proposed = posed(seen.estimate, posture.lengths)
-        yield proposed if _same_way(proposed, posture) else turned_about(proposed)
+        proposed = pose_from_estimate(seen.estimate, posture.lengths)
+        yield proposed if _face_same_way(proposed, posture) else flip_posture(proposed)
     for yaw in _YAWS:
         turned = posture.copy()
         turned.rotations[model.PELVIS] = rotation(y=yaw) @ posture.rotations[model.PELVIS]
@@ -227,10 +228,10 @@ def whole_bodies(
     ahead = posture.rotations[model.PELVIS][:, 2]
     facing = float(np.arctan2(ahead[0], ahead[2]))
     for yaw in (0.0, *_YAWS):
-        yield _standing_at(observation, posture, facing + yaw)
+        yield _stand_at_points(observation, posture, facing + yaw)
 
 
-def _same_way(one: Posture, other: Posture) -> bool:
+def _face_same_way(one: Posture, other: Posture) -> bool:
     """Returns True if two postures face within a right angle of each other, by hips and by shoulders."""
     turns = [
         (p.rotations[model.PELVIS], p.rotations[model.PELVIS] @ p.rotations[model.CHEST])
@@ -239,7 +240,7 @@ def _same_way(one: Posture, other: Posture) -> bool:
     return all(bool(a[:, 0] @ b[:, 0] > 0) for a, b in zip(*turns, strict=True))
 
 
-def _standing_at(observation: Observation, posture: Posture, facing: float) -> Posture:
+def _stand_at_points(observation: Observation, posture: Posture, facing: float) -> Posture:
     """Returns a person that stands at the place of the points, with the heading ``facing`` in radians."""
     person = Posture(posture.position.copy(), standing(facing), posture.lengths.copy())
     centre = np.median(observation.points.astype(float), axis=0)

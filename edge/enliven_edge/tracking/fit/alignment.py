@@ -28,7 +28,7 @@ _MIN_GAIN = 1e-3
 """Minimum gain of a step as a fraction of the energy to try another step. The actual fit does the rest."""
 _LIMIT_WEIGHT = 100.0
 """Weight of the joint limits, square centimetres per square radian."""
-_REST_WEIGHTS = model.by_frame(1.5, {model.PELVIS: 0.0, model.CHEST: 15.0, model.HEAD: 10.0})
+_REST_WEIGHTS = model.frame_weights(1.5, {model.PELVIS: 0.0, model.CHEST: 15.0, model.HEAD: 10.0})
 """(13,) weights of the relaxed posture, square centimetres per square radian. Few targets constrain the trunk
 little. The pelvis' heading is free."""
 _SKELETON = (

@@ -14,13 +14,13 @@ from enliven.arrays import Float, Int
 from enliven.kernels import HeldArguments, hold
 from enliven_edge.tracking.body_model import Posture, joint_limits, model
 from enliven_edge.tracking.fit.gauss_newton import minimise
-from enliven_edge.tracking.fit.structures import FitConstants, FitModel, weights_of
+from enliven_edge.tracking.fit.structures import FitConstants, FitModel, create_weights
 from enliven_edge.tracking.frame import Observation
 from enliven_edge.tracking.settings import FitSettings
 
-_TEMPORAL_FACTORS = model.by_frame(1.0, {model.CHEST: 3.0, model.HEAD: 2.0})
+_TEMPORAL_FACTORS = model.frame_weights(1.0, {model.CHEST: 3.0, model.HEAD: 2.0})
 """(13,) factors on ``FitSettings.temporal``: the trunk rotates less between two frames than the limbs."""
-_RELAXED = model.by_frame(
+_RELAXED = model.frame_weights(
     1.0, {model.PELVIS: 0.0, model.CHEST: 12.0, model.HEAD: 6.0, model.FOOT_L: 3.0, model.FOOT_R: 3.0}
 )
 """(13,) factors on ``FitSettings.rest``. Depth constrains the back, the head and the feet least. The pelvis'
@@ -52,7 +52,7 @@ def _touching_pairs() -> Int:
     return np.array([(i, j) for a, b in meet for i in groups[a] for j in groups[b]])
 
 
-def shape() -> FitModel:
+def create_fit_model() -> FitModel:
     """Returns the body model in the form that the compiled fit takes."""
     c = model.CAPSULES
     skeleton = (model.FRAME_PARENTS, model.PIVOTS, model.MOVES, model.DOF_FRAME, model.DOF_AXIS)
@@ -63,7 +63,7 @@ def shape() -> FitModel:
 _LOW_HIP_RATIO = 0.65
 """Height of the hips relative to leg length below which the hips of a tracked person bend farther. If the
 wider range also applied to standing people, four people next to each other lost 4 % of their joints."""
-_SHAPE = shape()
+_SHAPE = create_fit_model()
 _NO_LENGTHS = np.zeros(0)
 """The weights of no lengths: they are frozen."""
 _NO_ROTATION_WEIGHTS = np.zeros(13)
@@ -137,7 +137,7 @@ class Fitter:
         prior = self._prior(start, predicted, proportions)
         support, violated = np.zeros(len(model.CAPSULES.frame)), np.zeros(len(model.CAPSULES.frame))
         information = np.zeros((model.DOFS, model.DOFS))
-        constants = self._constants_of(width, self._bends_far(start))
+        constants = self._create_constants(width, self._hips_bend_far(start))
         energy, explained = minimise(
             fitted.position, fitted.rotations, fitted.lengths, observation.held, constants, *prior,
             self.settings.iterations if iterations is None else iterations, support, violated, information,
@@ -153,12 +153,12 @@ class Fitter:
             return start.rotations, _NO_ROTATION_WEIGHTS, start.lengths, firmness
         return predicted.rotations, self._stiffness, start.lengths, firmness
 
-    def _bends_far(self, posture: Posture) -> bool:
+    def _hips_bend_far(self, posture: Posture) -> bool:
         """Returns True if hips have the wider range: a tracked person crouches, kneels or sits."""
         leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
         return self._strict is not None and float(posture.position[1]) < _LOW_HIP_RATIO * leg
 
-    def _constants_of(self, width: float | None, bends_far: bool) -> HeldArguments:
+    def _create_constants(self, width: float | None, bends_far: bool) -> HeldArguments:
         """Returns the constant data, with weights and body, for a width in metres.
 
         The default is the width in the settings.
@@ -170,5 +170,5 @@ class Fitter:
             middle, reach = joint_limits.LIMBER if bends_far else (joint_limits.MIDDLE, joint_limits.REACH)
             limits = joint_limits.RELAXED, self._relaxedness, middle, reach
             settings = self.settings if has_floor else replace(self.settings, floor=0.0)
-            self._constants[key] = hold(FitConstants(_SHAPE, weights_of(settings, width), *limits))
+            self._constants[key] = hold(FitConstants(_SHAPE, create_weights(settings, width), *limits))
         return self._constants[key]

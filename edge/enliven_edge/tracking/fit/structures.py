@@ -79,7 +79,7 @@ class FrameSums(NamedTuple):
 
 
 class FitPrior(NamedTuple):
-    """The prior: the expectations besides the frame.
+    """The prior: expectations that do not come from the frame.
 
     ``stiffness`` and ``relaxedness`` (F,) are weights of rotations.
 
@@ -112,6 +112,6 @@ FitWeights: Any = namedtuple("FitWeights", _NAMES)  # type: ignore[misc]
 """The numbers of :class:`FitSettings` by their names. A new setting is a weight that every term can use."""
 
 
-def weights_of(settings: FitSettings, width: float) -> Any:
+def create_weights(settings: FitSettings, width: float) -> Any:
     """Returns the weights in the form that the compiled fit takes, all of one type, with another width."""
     return FitWeights(*(float(getattr(settings, name)) for name in _NAMES))._replace(width=width)

@@ -1,6 +1,6 @@
 from .reduction import DepthSurvey as DepthSurvey, is_same as is_same, known_pixels as known_pixels
 from .reduction import survey as survey
-from .frame_check import FrameCheck as FrameCheck, flaw_of as flaw_of
+from .frame_check import FrameCheck as FrameCheck, find_flaw as find_flaw
 from .frame_check import FrameTiming as FrameTiming
 from .observation import (
     ImageView as ImageView,

@@ -48,7 +48,7 @@ class FrameTiming:
         if newest is not None and time_ns == newest:
             self.repeated += 1
             return False
-        if newest is not None and time_ns < newest and not self._set_back(time_ns):
+        if newest is not None and time_ns < newest and not self._is_set_back(time_ns):
             self.late += 1
             return False
         if newest is None or not 0 < time_ns - newest < _MAX_STEP_NS:
@@ -74,7 +74,7 @@ class FrameTiming:
         """Returns the estimated share of frames that are missing between the received ones."""
         return self._lost
 
-    def _set_back(self, time_ns: int) -> bool:
+    def _is_set_back(self, time_ns: int) -> bool:
         """Returns True if the clock has restarted: several old frames arrived in increasing order."""
         if self._behind and time_ns <= self._behind[-1]:
             self._behind.clear()
@@ -119,12 +119,12 @@ class FrameCheck:
 
     def flaw(self, frame: Frame) -> Flaw | None:
         """Returns why the frame cannot be used, or None if it can."""
-        why = flaw_of(frame)
-        if why:
-            return HealthKind.BAD_FRAME, why
-        return self._resized(frame) if isinstance(frame, DepthFrame) else None
+        reason = find_flaw(frame)
+        if reason:
+            return HealthKind.BAD_FRAME, reason
+        return self._check_size(frame) if isinstance(frame, DepthFrame) else None
 
-    def _resized(self, frame: DepthFrame) -> Flaw | None:
+    def _check_size(self, frame: DepthFrame) -> Flaw | None:
         """Returns the flaw of a frame with a new size, or None. A size that stays is accepted."""
         height, width = frame.depth.shape
         size = (width, height)
@@ -140,7 +140,7 @@ class FrameCheck:
         return HealthKind.RESIZED, f"{width}x{height} pixels instead of {before[0]}x{before[1]}"
 
 
-def flaw_of(frame: Frame) -> str:
+def find_flaw(frame: Frame) -> str:
     """Returns the fault of a single frame, or an empty string."""
     if not isinstance(frame, DepthFrame | BodyFrame):
         return "it is neither an image nor a list of bodies"

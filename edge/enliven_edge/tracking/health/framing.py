@@ -20,7 +20,7 @@ _NAMES = ("hips", "head", "feet", "feet")
 """The name of each in a sentence."""
 
 
-def touching(bodies: list[Body]) -> tuple[int, ...]:
+def find_touching(bodies: list[Body]) -> tuple[int, ...]:
     """Returns the ids of the first two people with touching joints, or an empty tuple."""
     for i, body in enumerate(bodies):
         for other in bodies[i + 1 :]:
@@ -31,7 +31,7 @@ def touching(bodies: list[Body]) -> tuple[int, ...]:
     return ()
 
 
-def cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
+def find_cut_off(local: Float, camera: Intrinsics) -> tuple[str, str]:
     """Returns a watched joint outside the image and the border. Two empty strings if all are inside.
 
     Args:

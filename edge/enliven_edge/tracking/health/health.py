@@ -15,7 +15,7 @@ from enliven_edge.sensors import CHECK_IT, Condition
 from enliven_edge.tracking.frame import DepthSurvey, FrameCheck, FrameTiming, survey
 from enliven_edge.tracking.health.alarm import Alarms
 from enliven_edge.tracking.health.device_health import judge_condition
-from enliven_edge.tracking.health.framing import WATCHED, cut_off, touching
+from enliven_edge.tracking.health.framing import WATCHED, find_cut_off, find_touching
 
 _FROZEN_FRAMES = 4
 """Consecutive equal images above which a sensor may be frozen. Fewer may be chance."""
@@ -136,7 +136,7 @@ class HealthMonitor:
         self.settings = settings or HealthSettings()
         self._fps = fps or self.settings.frame_rate
         self._far = far
-        self._rhythm = FrameTiming()
+        self._timing = FrameTiming()
         self._alarms = Alarms(f"Sensor {name}" if name else "The sensor")
         self.fault = ""
         self._check = FrameCheck()
@@ -157,7 +157,7 @@ class HealthMonitor:
     @property
     def late(self) -> int:
         """Returns the number of frames that have come out of order."""
-        return self._rhythm.late
+        return self._timing.late
 
     @property
     def states(self) -> list[HealthState]:
@@ -177,34 +177,34 @@ class HealthMonitor:
         self._fps = fps or self._fps
         flaw = self._check.flaw(frame)
         if flaw is not None:
-            self._note_fault(*flaw)
+            self._update_faults(*flaw)
             return False
-        self._note_fault(None, "")
-        late = self._rhythm.late
-        good = self._rhythm.admit(frame.time_ns)
-        if good:
+        self._update_faults(None, "")
+        is_late = self._timing.late
+        is_usable = self._timing.admit(frame.time_ns)
+        if is_usable:
             if frame.time_ns < self._now_ns:
                 self._forget_times()
             self._now_ns = frame.time_ns
-        elif self._rhythm.late > late:
+        elif self._timing.late > is_late:
             self._late_ns = self._now_ns
         now = self._now_ns
         self._alarms.note(HealthKind.NO_FRAMES, False, now)
-        self._judge_rhythm(now)
-        seen = survey(frame.depth) if good and isinstance(frame, DepthFrame) else None
-        self._judge_freeze(seen, now)
-        if seen is not None:
-            self._judge_image(seen, now)
+        self._judge_frame_rate(now)
+        depth_survey = survey(frame.depth) if is_usable and isinstance(frame, DepthFrame) else None
+        self._judge_freeze(depth_survey, now)
+        if depth_survey is not None:
+            self._judge_image(depth_survey, now)
         self._alarms.tell()
-        return good
+        return is_usable
 
     def failed(self, error: Exception) -> None:
         """Records that a read raised ``error`` instead of returning a frame."""
-        why, mend = str(error) or "it gives no reason", ""
+        reason, mend = str(error) or "it gives no reason", ""
         if isinstance(error, EnlivenError):
-            why, mend = error.what, error.mend
+            reason, mend = error.what, error.mend
         kind = HealthKind.BAD_FRAME if isinstance(error, InputError) else HealthKind.SENSOR_LOST
-        self._note_fault(kind, why, mend)
+        self._update_faults(kind, reason, mend)
 
     def silent(self, seconds: float) -> None:
         """Records that no frame has come for ``seconds``, by the wall clock."""
@@ -230,9 +230,9 @@ class HealthMonitor:
         now = frame.time_ns
         if tracker is not None:
             self._judge_tracker(tracker, now)
-        together = (tracker.joined if tracker is not None else ()) or touching(bodies)
-        names = " and ".join(str(i) for i in sorted(together))
-        self._alarms.note(HealthKind.JOINED, len(together) > 1, now, names=names)
+        touching = (tracker.joined if tracker is not None else ()) or find_touching(bodies)
+        names = " and ".join(str(i) for i in sorted(touching))
+        self._alarms.note(HealthKind.JOINED, len(touching) > 1, now, names=names)
         # Do not check confidences from fused bodies, or from sensors that track people themselves.
         if isinstance(frame, DepthFrame):
             for body in bodies:
@@ -249,18 +249,18 @@ class HealthMonitor:
 
     # --- the sensor ----------------------------------------------------------------------------------------
 
-    def _note_fault(self, kind: HealthKind | None, why: str, mend: str = "") -> None:
+    def _update_faults(self, kind: HealthKind | None, reason: str, mend: str = "") -> None:
         """Updates the alarms of unusable frames and reads. ``kind`` None: the last one was usable."""
-        self.fault, do = why, mend or CHECK_IT
+        self.fault, do = reason, mend or CHECK_IT
         for each in (HealthKind.SENSOR_LOST, HealthKind.BAD_FRAME, HealthKind.RESIZED):
             # A frame of any kind proves that the sensor is connected. If the sensor is lost, the state of its
             # frames is unknown (None).
             wrong = None if kind is HealthKind.SENSOR_LOST and each is not kind else each is kind
-            self._alarms.note(each, wrong, self._now_ns, why=why.rstrip("."), mend=do.rstrip("."))
+            self._alarms.note(each, wrong, self._now_ns, why=reason.rstrip("."), mend=do.rstrip("."))
         self._alarms.tell()
 
-    def _judge_rhythm(self, now: int) -> None:
-        rate, lost = self._rhythm.rate, self._rhythm.lost
+    def _judge_frame_rate(self, now: int) -> None:
+        rate, lost = self._timing.rate, self._timing.lost
         slow = self._alarms.between(
             HealthKind.SLOW, rate, _SLOW_CLEARED_RATE * self._fps, _SLOW_RATE * self._fps
         )
@@ -269,36 +269,40 @@ class HealthMonitor:
         dropped = None if rate is None else self._alarms.between(HealthKind.DROPPED, -lost, *limits)
         self._alarms.note(HealthKind.DROPPED, dropped, now, percent=100 * lost)
         late = self._late_ns is not None and 0 <= now - self._late_ns < _LATE_SHOWN_NS
-        self._alarms.note(HealthKind.OUT_OF_ORDER, late, now, count=self._rhythm.late)
+        self._alarms.note(HealthKind.OUT_OF_ORDER, late, now, count=self._timing.late)
 
-    def _judge_freeze(self, seen: DepthSurvey | None, now: int) -> None:
+    def _judge_freeze(self, depth_survey: DepthSurvey | None, now: int) -> None:
         """Checks whether the same image, or the same time, comes repeatedly."""
-        if seen is not None:
-            same = seen.mark == self._mark and seen.usable > 0
-            self._same, self._same_ns = (self._same + 1, self._same_ns) if same else (1, now)
-            self._mark = seen.mark
-        still = self._same > _FROZEN_FRAMES and now - self._same_ns >= self.settings.frozen * 1e9
-        self._alarms.note(HealthKind.FROZEN, still or self._rhythm.repeated >= _REPEATED_FRAMES, now)
+        if depth_survey is not None:
+            is_same = depth_survey.mark == self._mark and depth_survey.usable > 0
+            self._same, self._same_ns = (self._same + 1, self._same_ns) if is_same else (1, now)
+            self._mark = depth_survey.mark
+        is_still = self._same > _FROZEN_FRAMES and now - self._same_ns >= self.settings.frozen * 1e9
+        self._alarms.note(HealthKind.FROZEN, is_still or self._timing.repeated >= _REPEATED_FRAMES, now)
 
-    def _judge_image(self, seen: DepthSurvey, now: int) -> None:
-        covered = self._alarms.between(HealthKind.COVERED, seen.usable, _UNCOVERED_DEPTH, _COVERED_DEPTH)
+    def _judge_image(self, depth_survey: DepthSurvey, now: int) -> None:
+        covered = self._alarms.between(
+            HealthKind.COVERED, depth_survey.usable, _UNCOVERED_DEPTH, _COVERED_DEPTH
+        )
         self._alarms.note(HealthKind.COVERED, covered, now)
         if covered:
             return
-        rate = self._rhythm.rate or self._fps
-        share = _USUAL_RISE_WEIGHT if seen.known > self._normal else 1.0 / (rate * _USUAL_FALL_S)
-        self._normal += share * (seen.known - self._normal)
-        enough = 1.0 - self.settings.missing
-        least = self._alarms.between(
+        rate = self._timing.rate or self._fps
+        share = _USUAL_RISE_WEIGHT if depth_survey.known > self._normal else 1.0 / (rate * _USUAL_FALL_S)
+        self._normal += share * (depth_survey.known - self._normal)
+        clear_known = 1.0 - self.settings.missing
+        min_known = self._alarms.between(
             HealthKind.MISSING_DEPTH,
-            seen.known,
-            (enough + _DEPTH_MARGIN) * self._normal,
-            enough * self._normal,
+            depth_survey.known,
+            (clear_known + _DEPTH_MARGIN) * self._normal,
+            clear_known * self._normal,
         )
         holes = self._alarms.between(
-            HealthKind.MISSING_DEPTH, -seen.speckle, -_SPECKLE_CLEARED_FRACTION, -_SPECKLE_FRACTION
+            HealthKind.MISSING_DEPTH, -depth_survey.speckle, -_SPECKLE_CLEARED_FRACTION, -_SPECKLE_FRACTION
         )
-        self._alarms.note(HealthKind.MISSING_DEPTH, least or holes, now, percent=100 * (1 - seen.known))
+        self._alarms.note(
+            HealthKind.MISSING_DEPTH, min_known or holes, now, percent=100 * (1 - depth_survey.known)
+        )
 
     # --- the tracker and the performers --------------------------------------------------------------------
 
@@ -311,9 +315,11 @@ class HealthMonitor:
         self._alarms.note(HealthKind.LEARNING_ROOM, tracker.room_age < self.settings.learning, now)
 
     def _judge_body(self, body: Body, now: int) -> None:
-        sure = float(body.confidence.mean())
+        confidence = float(body.confidence.mean())
         limit = self.settings.unclear
-        unclear = self._alarms.between(HealthKind.UNCLEAR, sure, limit + _UNCLEAR_MARGIN, limit, body.id)
+        unclear = self._alarms.between(
+            HealthKind.UNCLEAR, confidence, limit + _UNCLEAR_MARGIN, limit, body.id
+        )
         self._alarms.note(HealthKind.UNCLEAR, unclear, now, body.id)
 
     def _judge_place(self, body: Body, camera: Intrinsics, world_from_camera: Float, now: int) -> None:
@@ -325,7 +331,7 @@ class HealthMonitor:
         self._alarms.note(HealthKind.TOO_NEAR, close, now, body.id, metres=distance)
         away = self._alarms.between(HealthKind.TOO_FAR, -distance, _PLACE_MARGIN - far, -far, body.id)
         self._alarms.note(HealthKind.TOO_FAR, away, now, body.id, metres=distance)
-        cut_part, side = cut_off(local, camera)
+        cut_part, side = find_cut_off(local, camera)
         self._alarms.note(HealthKind.CUT_OFF, bool(cut_part), now, body.id, what=cut_part, side=side)
 
     def _forget_times(self) -> None:

@@ -1,2 +1,2 @@
-from .output import Output as Output, mirror_of as mirror_of
-from .surfaces import mirrored_surfaces as mirrored_surfaces, seen_surfaces as seen_surfaces
+from .output import Output as Output, mirror_plane as mirror_plane
+from .surfaces import mirror_surfaces as mirror_surfaces, visible_surfaces as visible_surfaces

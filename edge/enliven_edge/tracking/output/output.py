@@ -79,7 +79,7 @@ class Output:
         self._forget(time_ns)
         output_bodies = [self._person(body.id)(body, time_ns, self.ahead) for body in bodies]
         if self.settings.output.mirror:
-            plane = mirror_of(world_from_camera)
+            plane = mirror_plane(world_from_camera)
             output_bodies = [mirrored(body, *plane) for body in output_bodies]
         return output_bodies
 
@@ -139,7 +139,7 @@ class _Person:
         )
 
 
-def mirror_of(world_from_camera: Float | None) -> tuple[Float, Float]:
+def mirror_plane(world_from_camera: Float | None) -> tuple[Float, Float]:
     """Returns a (3,) point and (3,) unit normal of the vertical plane through the sensor's line of sight."""
     if world_from_camera is None:
         return np.zeros(3), np.array([1.0, 0.0, 0.0])

@@ -46,10 +46,10 @@ class _Filter:
             self._value, self._velocity = np.array(value, np.float64), np.zeros((len(value), 3))
             self.delay = np.zeros(len(value))
             return value
-        self._value = self._stepped(self._value, value, seconds)
+        self._value = self._filter_step(self._value, value, seconds)
         return self._value.copy()
 
-    def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
+    def _filter_step(self, filtered: Float, value: Float, seconds: float) -> Float:
         """Filters one more value and updates the velocity. May return the same array, modified."""
         raise NotImplementedError
 
@@ -61,7 +61,7 @@ class OneEuro(_Filter):
     axes.
     """
 
-    def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
+    def _filter_step(self, filtered: Float, value: Float, seconds: float) -> Float:
         raw = np.ascontiguousarray(value, np.float64)
         cutoff, slope = self.settings.cutoff / self.amount, self.settings.speed / self.amount
         filter_places(filtered, self._velocity, self.delay, raw, seconds, cutoff, slope)
@@ -76,7 +76,7 @@ class OneEuroTurns(_Filter):
     So the result rotates with the world, and does not depend on the axes chosen for a bone.
     """
 
-    def _stepped(self, filtered: Float, value: Float, seconds: float) -> Float:
+    def _filter_step(self, filtered: Float, value: Float, seconds: float) -> Float:
         raw = np.ascontiguousarray(value, np.float64)
         cutoff, slope = self.settings.cutoff / self.amount, self.settings.turn / self.amount
         filter_turns(filtered, self._velocity, self.delay, raw, seconds, cutoff, slope)

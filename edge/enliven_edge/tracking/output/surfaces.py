@@ -10,7 +10,9 @@ from enliven.kernels import njit
 from enliven_edge.tracking.frame import FrameView, sampled, surface_samples
 
 
-def seen_surfaces(view: FrameView, owner: Int16, ids: Int, points: int = 1200) -> dict[int, ObservedPoints]:
+def visible_surfaces(
+    view: FrameView, owner: Int16, ids: Int, points: int = 1200
+) -> dict[int, ObservedPoints]:
     """Returns points and normals of each performer's visible surface, by id, in the world frame.
 
     Args:
@@ -28,7 +30,7 @@ def seen_surfaces(view: FrameView, owner: Int16, ids: Int, points: int = 1200) -
     return surfaces
 
 
-def mirrored_surfaces(
+def mirror_surfaces(
     surfaces: dict[int, ObservedPoints], point: Float, normal: Float
 ) -> dict[int, ObservedPoints]:
     """Mirrors the surfaces at the plane through ``point`` (3,) with the unit ``normal`` (3,)."""

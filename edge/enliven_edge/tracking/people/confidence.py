@@ -64,7 +64,7 @@ def confidence(evidence: Float, *, alone: bool = False) -> Float:
     return np.asarray(_likely(evidence, _weights_of_joints(ALONE if alone else WITH_NETWORK)))
 
 
-def bounded_when_seated(sure: Float, posture: Posture) -> Float:
+def limit_when_seated(sure: Float, posture: Posture) -> Float:
     """Returns (20,) confidence with that of the legs limited if the person sits on the floor, y = 0."""
     leg = float(posture.lengths[model.THIGH] + posture.lengths[model.SHIN])
     if float(posture.position[1]) > _SEATED_HIP_RATIO * leg:

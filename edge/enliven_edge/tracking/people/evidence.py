@@ -47,7 +47,7 @@ _SURFACE_TOLERANCE_M = 0.07
 the fit's error."""
 
 
-def _beside() -> tuple[Float, Float]:
+def _neighbour_averages() -> tuple[Float, Float]:
     """Returns two (20, C) averages over capsules: of a joint's own bone, and of the neighbouring one.
 
     A joint's own bone ends at the joint.
@@ -63,7 +63,7 @@ def _beside() -> tuple[Float, Float]:
     return first, second
 
 
-_FIRST, _SECOND = _beside()
+_FIRST, _SECOND = _neighbour_averages()
 _SKELETON = (model.FRAME_PARENTS, model.PIVOTS)
 _TURNS = (model.MOVES, model.DOF_FRAME, model.DOF_AXIS, model.FRAME_LENGTHS)
 _JOINTS = (model.JOINT_FRAMES, model.JOINT_OFFSETS)
@@ -133,7 +133,7 @@ def gathered(shares, support, violated, explained, loose, unsupported, joints, s
         unsupported: (20,) frames since each joint was last supported.
         joints: (20, 3) metres, of the posture.
         seen, spread: (20, 3) and (20,) metres, the network's joints; both empty without a network.
-        first, second: (20, C) from :func:`_beside`.
+        first, second: (20, C) from :func:`_neighbour_averages`.
     """
     out = np.zeros((len(joints), _COUNT))
     through = violated.mean()

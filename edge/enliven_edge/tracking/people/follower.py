@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven_edge.tracking.body_model import Posture, continued, model
+from enliven_edge.tracking.body_model import Posture, model, predict_next
 from enliven_edge.tracking.detect import (
     EstimateAtPoints,
     Facing,
@@ -19,20 +19,20 @@ from enliven_edge.tracking.detect import (
 from enliven_edge.tracking.estimator import shipped_estimator
 from enliven_edge.tracking.fit import FitReport, Fitter
 from enliven_edge.tracking.frame import FrameView, Observation
-from enliven_edge.tracking.people.confidence import bounded_when_seated, confidence
+from enliven_edge.tracking.people.confidence import confidence, limit_when_seated
 from enliven_edge.tracking.people.evidence import NAMES, capsule_confidence, evidence
 from enliven_edge.tracking.people.redetection import (
     Redetection,
-    conditioned_on_facing,
-    guided_by,
-    new_detection,
-    observation_of,
+    add_guides,
+    create_observation,
+    estimate_with_facing,
+    flip_with_estimate,
     run_network,
-    turned_around,
+    start_detection,
 )
-from enliven_edge.tracking.segment import lying_on
+from enliven_edge.tracking.segment import pixels_near_bodies
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.work_budget import LOOK, Budget, BudgetedTask, Steps, whole
+from enliven_edge.tracking.work_budget import NETWORK_COST, Budget, BudgetedTask, Steps, run_to_end
 
 _MIN_DETECTION_QUALITY = 0.68
 """Minimum quality in [0, 1], see :func:`detection.quality`, for a detected body to be accepted as a
@@ -86,7 +86,7 @@ _CLOTHES_DISTANCE_M = 0.12
 within."""
 _MIN_BARE_FRACTION = 0.5
 """Minimum fraction of a blob on the model for a search without the other pixels to be worth it."""
-FEWEST_PIXELS = 60
+MIN_PERSON_PIXELS = 60
 """Minimum number of pixels of the working image in which a posture is visible."""
 
 
@@ -117,20 +117,20 @@ class Follower:
         self._facing = Facing()
         self._before: Posture | None = None
         self._fitted = 0
-        self._bad = 0
+        self._bad_frames = 0
         self._unsupported = np.zeros(20)
         self._velocity, self._time_ns = np.zeros(3), 0
         self.budget = Budget(np.inf)
         self._since_detected = 0
         self._redetection: Redetection | None = None
-        self._wait, self._cost_in_vain = _FIRST_REDETECTION_FRAMES, np.inf
+        self._wait, self._failed_cost = _FIRST_REDETECTION_FRAMES, np.inf
 
     @classmethod
     def found(
         cls, view: FrameView, pixels: Bool, settings: TrackerSettings, fitter: Fitter
     ) -> tuple[Follower, float] | None:
         """Returns a person in the (h, w) ``pixels`` and its quality, up to 1. None without a person."""
-        return whole(cls.sought(view, pixels, settings, fitter))
+        return run_to_end(cls.sought(view, pixels, settings, fitter))
 
     @classmethod
     def sought(
@@ -146,13 +146,13 @@ class Follower:
             entire: whether the body must explain all pixels; otherwise a second search leaves out touching
                 objects.
         """
-        if np.count_nonzero(pixels) < FEWEST_PIXELS:
+        if np.count_nonzero(pixels) < MIN_PERSON_PIXELS:
             return None
-        observation = observation_of(view, pixels, settings)
+        observation = create_observation(view, pixels, settings)
         seen, by_facing = None, None
         if settings.estimator:
             seen = run_network(view, pixels, observation, None)
-            yield LOOK
+            yield NETWORK_COST
             if seen.estimate.person_probability < (
                 _MIN_PROBABILITY if view.has_floor else _MIN_FLOORLESS_PROBABILITY
             ):
@@ -162,7 +162,7 @@ class Follower:
         height = settings.body_height
         posture, report = yield from detect(fitter, observation, view.eye, height, seen, by_facing)
         if quality(report) < _MIN_DETECTION_QUALITY:
-            bare = pixels & lying_on(view, [posture], 0.0, _CLOTHES_DISTANCE_M)
+            bare = pixels & pixels_near_bodies(view, [posture], 0.0, _CLOTHES_DISTANCE_M)
             # Search again without the pixels of objects that touch the person, such as a table.
             if entire or not _MIN_BARE_FRACTION < bare.sum() / pixels.sum() < 1.0:
                 return None
@@ -183,7 +183,7 @@ class Follower:
 
     def predicted(self) -> Posture:
         """Returns the posture expected in the next frame, extrapolated from the last two."""
-        return self.posture.copy() if self._before is None else continued(self._before, self.posture)
+        return self.posture.copy() if self._before is None else predict_next(self._before, self.posture)
 
     def carry(self, step: Float) -> None:
         """Moves the posture as a whole by (3,) metres, in a frame that is not fitted."""
@@ -200,41 +200,41 @@ class Follower:
             predicted: the result of :meth:`predicted`, if it is already known.
         """
         self.confidence = np.zeros(20)
-        if np.count_nonzero(pixels) < FEWEST_PIXELS:
-            return self._missed()
+        if np.count_nonzero(pixels) < MIN_PERSON_PIXELS:
+            return self._count_bad_frame()
         predicted = self.predicted() if predicted is None else predicted
-        observation = observation_of(view, pixels, self.settings)
+        observation = create_observation(view, pixels, self.settings)
         seen = None
         if self.settings.estimator:
             seen = run_network(view, pixels, observation, facing(predicted, view.eye))
             self.person_probability = seen.estimate.person_probability
-            observation = guided_by(observation, seen, self.settings.fit.affinity)
-        posture, report = self._fitted_to(observation, predicted, self._proportions())
+            observation = add_guides(observation, seen, self.settings.fit.affinity)
+        posture, report = self._fit_frame(observation, predicted, self._length_weights())
         certain = capsule_confidence(report, observation, posture)
         # Run only one kind of search per frame, because a frame with both kinds would be the slowest.
         reconsider, arms = self._recovery.reconsider, not self.redetecting
         posture, report = reconsider(observation, posture, report, certain, seen, arms=arms)
-        velocity = self._moving(posture.position, view.time_ns)
+        velocity = self._update_velocity(posture.position, view.time_ns)
         flipped = seen is not None and self._facing.is_wrong(seen, posture, view.eye, velocity)
         if flipped and seen is not None:
-            posture, seen = turned_around(posture, seen, view)
-            observation = guided_by(observation, seen, self.settings.fit.affinity)
+            posture, seen = flip_with_estimate(posture, seen, view)
+            observation = add_guides(observation, seen, self.settings.fit.affinity)
             posture, report = self._fitter.fit(observation, posture)
-        redetected = self._redetected(observation, posture, report, seen, view.eye)
+        redetected = self._try_redetection(observation, posture, report, seen, view.eye)
         if redetected is not None:
             posture, report = redetected
-            seen = None if seen is None else conditioned_on_facing(posture, seen, view)
+            seen = None if seen is None else estimate_with_facing(posture, seen, view)
         bad = quality(report) <= _BAD_QUALITY
-        if bad and not self._missed() and self.lost:
+        if bad and not self._count_bad_frame() and self.lost:
             return False
         self._before, self.posture = (None if flipped or redetected else self.posture), posture
         self._update_evidence(report, observation, seen)
         if bad:
             return False
-        self._fitted, self._bad = self._fitted + 1, 0
+        self._fitted, self._bad_frames = self._fitted + 1, 0
         return True
 
-    def _fitted_to(
+    def _fit_frame(
         self, observation: Observation, predicted: Posture, proportions: Float | None
     ) -> tuple[Posture, FitReport]:
         """Returns the better of two fits: from the prediction, and after a wider fit from the last one."""
@@ -246,7 +246,7 @@ class Follower:
         other = fit(observation, wide, predicted=predicted, proportions=proportions)
         return other if other[1].energy < best[1].energy else best
 
-    def _redetected(
+    def _try_redetection(
         self,
         observation: Observation,
         posture: Posture,
@@ -266,16 +266,16 @@ class Follower:
         plain = observation.guided(_NO_AFFINITY, _NO_LANDMARKS)
         # Start a detection if the tracking is doubtful and the waiting time is over.
         if self._redetection is None:
-            if current_cost < _DOUBTFUL_COST or current_cost > _RESET_COST_RATIO * self._cost_in_vain:
+            if current_cost < _DOUBTFUL_COST or current_cost > _RESET_COST_RATIO * self._failed_cost:
                 self._wait = _FIRST_REDETECTION_FRAMES
-            doubted = current_cost >= _DOUBTFUL_COST and self._since_detected >= self._wait
-            if not doubted or _is_borne_out(posture, report, seen):
+            is_doubtful = current_cost >= _DOUBTFUL_COST and self._since_detected >= self._wait
+            if not is_doubtful or _is_confirmed(posture, report, seen):
                 return None
             self._since_detected = 0
             known_lengths = posture.lengths if self._fitted > _KNOWN_LENGTHS_FRAMES else None
-            steps = new_detection(self._fitter, plain, seen, eye, height, posture, known_lengths)
-            begun = (observation, seen, posture, current_cost, known_lengths is not None)
-            self._redetection = Redetection(BudgetedTask(steps), *begun)
+            steps = start_detection(self._fitter, plain, seen, eye, height, posture, known_lengths)
+            redetection = (observation, seen, posture, current_cost, known_lengths is not None)
+            self._redetection = Redetection(BudgetedTask(steps), *redetection)
         under_way = self._redetection
         if not under_way.task.go_on(self.budget):
             return None
@@ -288,18 +288,22 @@ class Follower:
             <= _MAX_COST_RATIO * under_way.cost
         )
         if detection is not None and better and under_way.observation is not observation:
-            detection = self._brought(detection[0], posture.position - under_way.posture.position, plain)
+            detection = self._carry_to_frame(
+                detection[0], posture.position - under_way.posture.position, plain
+            )
             better = cost(detection[1], detection[0], seen, eye, height) <= _MAX_COST_RATIO * current_cost
         if not better:
             self._wait = min(2 * self._wait, _MAX_REDETECTION_INTERVAL)
-            self._cost_in_vain = current_cost
+            self._failed_cost = current_cost
             return None
         self._wait = _FIRST_REDETECTION_FRAMES
         self._fitted = self._fitted if under_way.known else 0
         self._recovery, self._facing = PoseRecovery(self._fitter), Facing()
         return detection
 
-    def _brought(self, posture: Posture, step: Float, observation: Observation) -> tuple[Posture, FitReport]:
+    def _carry_to_frame(
+        self, posture: Posture, step: Float, observation: Observation
+    ) -> tuple[Posture, FitReport]:
         """Moves an earlier frame's posture by (3,) metres and fits it to this frame.
 
         The first fit has a large robust width.
@@ -309,7 +313,7 @@ class Follower:
         wide, _ = self._fitter.fit(observation, moved, width=_WIDE_WIDTH_M)
         return self._fitter.fit(observation, wide)
 
-    def _moving(self, position: Float, time_ns: int) -> Float:
+    def _update_velocity(self, position: Float, time_ns: int) -> Float:
         """Returns the (3,) velocity of the hip centre, metres per second, averaged over the last frames."""
         seconds = (time_ns - self._time_ns) * 1e-9
         if 0.0 < seconds < 0.5:
@@ -320,11 +324,11 @@ class Follower:
         self._time_ns = time_ns
         return self._velocity
 
-    def _missed(self) -> bool:
+    def _count_bad_frame(self) -> bool:
         """Counts a bad frame. Always returns False."""
         self._redetection = None
-        self._bad += 1
-        self.lost = self._bad > self.settings.lost_after
+        self._bad_frames += 1
+        self.lost = self._bad_frames > self.settings.lost_after
         return False
 
     def _update_evidence(
@@ -338,9 +342,9 @@ class Follower:
         )
         self._unsupported = np.where(supported, 0.0, self._unsupported + 1.0)
         sure = confidence(self.evidence, alone=seen is None)
-        self.confidence = bounded_when_seated(sure, self.posture)
+        self.confidence = limit_when_seated(sure, self.posture)
 
-    def _proportions(self) -> Float | None:
+    def _length_weights(self) -> Float | None:
         """Returns (12,) weights of the prior on the bones' lengths, low at first.
 
         None if the lengths are frozen.
@@ -349,13 +353,15 @@ class Follower:
         """
         settings = self.settings.fit
         settled = self._fitted > 3 * settings.settle_frames
-        if settled or (self._fitted > _SHAPING_FRAMES and (self._fitted + self._bad) % _SHAPING_INTERVAL):
+        if settled or (
+            self._fitted > _SHAPING_FRAMES and (self._fitted + self._bad_frames) % _SHAPING_INTERVAL
+        ):
             return None
         firmness = settings.proportions * (1.0 + 30.0 * self._fitted / settings.settle_frames)
         return np.full(len(model.LENGTHS), firmness)
 
 
-def _is_borne_out(posture: Posture, report: FitReport, seen: EstimateAtPoints | None) -> bool:
+def _is_confirmed(posture: Posture, report: FitReport, seen: EstimateAtPoints | None) -> bool:
     """Returns True if a posture explains most of the frame and the network agrees except for a limb.
 
     At most one limb is clearly elsewhere for the network.

@@ -9,9 +9,9 @@ import numpy as np
 from enliven.kernels import quantile
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.person import Person
-from enliven_edge.tracking.people.search import likelihood
+from enliven_edge.tracking.people.search import person_probability
 from enliven_edge.tracking.scene import BackgroundModel
-from enliven_edge.tracking.segment import YOUNG, Candidate, Candidates, segmented
+from enliven_edge.tracking.segment import MAX_YOUNG_AGE_S, Candidate, Candidates, segment_people
 from enliven_edge.tracking.settings import TrackerSettings
 
 _MIN_STEP_M = 0.1
@@ -57,12 +57,12 @@ class GuessedFloor:
         self._frames = 0
         scene = self._settings.scene
         kind = room.classify(view, scene.near, scene.far, scene.floor_band)
-        groups = segmented(view, kind, [])
-        young = room.age < YOUNG
+        groups = segment_people(view, kind, [])
+        young = room.age < MAX_YOUNG_AGE_S
         seen = Candidates().update(view, kind, groups, lambda _: True, lambda _: False, young=young)
         likely = [each for each in seen if each.shape.human and each.area > _MIN_PERSON_AREA_M2]
         for group in likely[:_MAX_TRIED]:
-            step = self._step_for(group, view)
+            step = self._height_correction(group, view)
             if self._is_person(view.raised(step), group):
                 return step if abs(step) > _MIN_STEP_M else 0.0
         return 0.0
@@ -71,9 +71,9 @@ class GuessedFloor:
         """Returns True if a blob looks like a person in a frame that is placed by the guess from it."""
         if not self._settings.estimator:
             return group.shape.upright
-        return likelihood(view, group.pixels) > _MIN_PROBABILITY
+        return person_probability(view, group.pixels) > _MIN_PROBABILITY
 
-    def _step_for(self, person: Candidate, view: FrameView) -> float:
+    def _height_correction(self, person: Candidate, view: FrameView) -> float:
         """Returns the height correction in metres that puts a blob on the floor as a standing person."""
         shape = person.shape
         lowest = float(quantile(np.sort(view.points[..., 1][person.pixels]), _SOLE_QUANTILE))

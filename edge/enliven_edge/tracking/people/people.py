@@ -12,12 +12,12 @@ from enliven.arrays import Bool, Float, Int, UInt8
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView, is_same, known_pixels
-from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
+from enliven_edge.tracking.people.follower import MIN_PERSON_PIXELS, Follower
 from enliven_edge.tracking.people.people_finder import PeopleFinder
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.track_manager import Duplicates, TrackManager
-from enliven_edge.tracking.people.visibility import hidden_shares
-from enliven_edge.tracking.segment import Segments, segmented
+from enliven_edge.tracking.people.visibility import occluded_fractions
+from enliven_edge.tracking.segment import Segments, segment_people
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
@@ -114,21 +114,21 @@ class MultiPersonTracker:
             return self._wait_while_covered(view, kind)
         handicap = np.array([_HIDDEN_PENALTY_M if p.hidden else 0.0 for p in self.people])
         expected = [p.expected() for p in self.people]
-        segments = segmented(view, kind, expected, handicap)
+        segments = segment_people(view, kind, expected, handicap)
         self.track_manager.segmented = list(self.people)
         if self._blind_ns is not None and not frozen:
             if view.time_ns - self._blind_ns > _LONG_BLIND_NS:
                 self._refind_all(self._blind_ns, view, segments)
                 expected = [p.expected() for p in self.people]
             self._blind_ns = None
-        fitted = self._fitted_now()
+        fitted = self._choose_fitted()
         shown = [
-            self._visibility(p, expected[k], k, view, segments)
+            self._estimate_visibility(p, expected[k], k, view, segments)
             for k, p in enumerate(self.track_manager.segmented)
         ]
         self._fit_all([v for v in shown if not v.behind and (v.person in fitted or v.person.hidden)], view)
         for visibility in shown:
-            self._settle(visibility, view)
+            self._update_status(visibility, view)
         for second in self._duplicates.found(self.people):
             self.track_manager.drop_duplicate(second)
         self.track_manager.decide(view.time_ns)
@@ -156,7 +156,7 @@ class MultiPersonTracker:
             if person.hidden_for(view.time_ns) > self.settings.people.hidden:
                 self.track_manager.leave(person, view.time_ns)
         self.track_manager.segmented = list(self.people)
-        return segmented(view, kind, [])
+        return segment_people(view, kind, [])
 
     def _refind_all(self, blind_ns: int, view: FrameView, segments: Segments) -> None:
         """Searches for every person after a covered or frozen image that began at ``blind_ns``."""
@@ -179,7 +179,7 @@ class MultiPersonTracker:
             segments.owner[pixels], segments.labels[pixels] = k, 0
             segments.counts[k] = np.count_nonzero(pixels)
 
-    def _fitted_now(self) -> list[Person]:
+    def _choose_fitted(self) -> list[Person]:
         """Returns the people to fit in this frame: the first ones always, the others in turn."""
         seen = [p for p in self.people if p.hidden_ns is None]
         count = self.settings.people.full_rate
@@ -189,15 +189,15 @@ class MultiPersonTracker:
             always = [*always, others[self._turn % len(others)]]
         return always
 
-    def _visibility(
+    def _estimate_visibility(
         self, person: Person, expected: Posture, k: int, view: FrameView, segments: Segments
     ) -> _Visibility:
         """Estimates from the expected posture how much of a person a frame shows.
 
         ``k`` is the person's index in the segments.
         """
-        covered, outside = hidden_shares(view, expected, segments.owner, k)
-        few = bool(segments.counts[k] < 2 * FEWEST_PIXELS)
+        covered, outside = occluded_fractions(view, expected, segments.owner, k)
+        few = bool(segments.counts[k] < 2 * MIN_PERSON_PIXELS)
         behind = covered > _HIDDEN_OCCLUSION or (
             few and covered > 0.5 * _HIDDEN_OCCLUSION and outside < _LEFT_IMAGE_FRACTION
         )
@@ -233,7 +233,7 @@ class MultiPersonTracker:
         for other in others:
             other.result()
 
-    def _settle(self, visibility: _Visibility, view: FrameView) -> None:
+    def _update_status(self, visibility: _Visibility, view: FrameView) -> None:
         """Decides after a frame whether a person stays, is hidden, has left, or was an object."""
         person = visibility.person
         if visibility.behind and person.fleeting:

@@ -7,11 +7,19 @@ import numpy as np
 from enliven.arrays import Bool, Float, UInt8
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.people.search import Search, recognise
+from enliven_edge.tracking.people.search import Search, classify_candidates
 from enliven_edge.tracking.people.spread_search import DetectedBody, SpreadSearch
 from enliven_edge.tracking.people.track_manager import TrackManager
 from enliven_edge.tracking.scene import BACKGROUND, BackgroundModel
-from enliven_edge.tracking.segment import BESIDE, YOUNG, Candidate, Candidates, Segments, lying_on, segmented
+from enliven_edge.tracking.segment import (
+    MAX_CLOTHES_DISTANCE_M,
+    MAX_YOUNG_AGE_S,
+    Candidate,
+    Candidates,
+    Segments,
+    pixels_near_bodies,
+    segment_people,
+)
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget, frame_budget
 
@@ -101,25 +109,25 @@ class PeopleFinder:
             segments,
             self._tracks.admits,
             self._tracks.awaits,
-            young=room.age < YOUNG,
+            young=room.age < MAX_YOUNG_AGE_S,
         )
-        if self._tracks.people and room.age > YOUNG:
+        if self._tracks.people and room.age > MAX_YOUNG_AGE_S:
             self._budget.left *= _TRACKING_BUDGET
         self._budget.left -= _SHAPE_COST * len(newcomers)
         if self.settings.estimator:
-            recognise(newcomers, view, self._budget)
+            classify_candidates(newcomers, view, self._budget)
         free = [n for n in newcomers if n.shape.free > _MIN_FREE_OUTLINE or n in self._search.sought]
         hold = self._held_pixels(view, segments, free, room)
-        due = self._due(newcomers, view, room)
+        due = self._find_due(newcomers, view, room)
         if not believe or self._has_lost_all(view):
             self._search.stop()
         elif not self._search.busy:
             self._start_search(due, view)
-        self._limit_search(young=room.age < YOUNG)
+        self._limit_search(young=room.age < MAX_YOUNG_AGE_S)
         for body in self._search.go_on(self._budget):
-            pixels = self._caught_up(body, view, kind, segments, room)
+            pixels = self._move_to_frame(body, view, kind, segments, room)
             if pixels is not None:
-                self._welcome(body, pixels, view, segments)
+                self._add_body(body, pixels, view, segments)
         return hold
 
     def _has_lost_all(self, view: FrameView) -> bool:
@@ -151,11 +159,15 @@ class PeopleFinder:
         hold = np.zeros(view.z.shape, bool)
         for newcomer in free:
             hold |= newcomer.pixels
-        if room.age < YOUNG:
-            hold |= _fragments(segments, [n.centre for n in free] + [p.place for p in self._tracks.people])
+        if room.age < MAX_YOUNG_AGE_S:
+            hold |= _find_fragments(
+                segments, [n.centre for n in free] + [p.place for p in self._tracks.people]
+            )
         return hold
 
-    def _due(self, newcomers: list[Candidate], view: FrameView, room: BackgroundModel) -> list[Candidate]:
+    def _find_due(
+        self, newcomers: list[Candidate], view: FrameView, room: BackgroundModel
+    ) -> list[Candidate]:
         """Returns the candidates to search for a body now."""
         alone, missing = not self._tracks.people, self._tracks.missing
         return [
@@ -172,7 +184,7 @@ class PeopleFinder:
             others = [n for n in due if n not in sure]
             self._search.start(view, sure, others, alone=not self._tracks.people, most=most)
 
-    def _caught_up(
+    def _move_to_frame(
         self, body: DetectedBody, view: FrameView, kind: UInt8, segments: Segments, room: BackgroundModel
     ) -> Bool | None:
         """Fits a found body to this frame and returns its (h, w) pixels. None if it is not visible here."""
@@ -186,16 +198,18 @@ class PeopleFinder:
             follower.carry((newcomer.centre - body.centre) * _HORIZONTAL)
         free = np.where(segments.owner >= 0, BACKGROUND, kind).astype(np.uint8)
         if newcomer.seen_ns == view.time_ns and newcomer.area > body.shown.area / _MIN_AREA_RATIO:
-            came = newcomer.pixels & ~lying_on(view, [follower.posture], 0.0, BESIDE)
+            came = newcomer.pixels & ~pixels_near_bodies(
+                view, [follower.posture], 0.0, MAX_CLOTHES_DISTANCE_M
+            )
             room.absorb(came & (room.z == 0.0))
             free[came] = BACKGROUND
-        pixels = segmented(view, free, [follower.posture]).pixels(0)
+        pixels = segment_people(view, free, [follower.posture]).pixels(0)
         if follower.follow(view, pixels):
             return pixels
         newcomer.failed(view.time_ns)
         return None
 
-    def _welcome(self, body: DetectedBody, pixels: Bool, view: FrameView, segments: Segments) -> None:
+    def _add_body(self, body: DetectedBody, pixels: Bool, view: FrameView, segments: Segments) -> None:
         """Adds a found body to the tracks, and assigns the (h, w) pixels to the person in the segments."""
         person = self._tracks.welcome(
             body.newcomer, body.shown, body.follower, view.time_ns, has_floor=view.has_floor
@@ -205,7 +219,7 @@ class PeopleFinder:
         self._tracks.segmented.append(person)
 
 
-def _fragments(segments: Segments, places: list[Float]) -> Bool:
+def _find_fragments(segments: Segments, places: list[Float]) -> Bool:
     """Returns the (h, w) small blobs near (3,) places of people, such as a shank apart from its thigh."""
     fragments = np.zeros(segments.labels.shape, bool)
     for group in segments.loose:

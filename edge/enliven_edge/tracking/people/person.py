@@ -11,7 +11,7 @@ from enliven.kernels import njit, quantile
 from enliven.person import Joint
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.people.follower import FEWEST_PIXELS, Follower
+from enliven_edge.tracking.people.follower import MIN_PERSON_PIXELS, Follower
 from enliven_edge.tracking.people.reidentification import BodyMeasurements
 
 _MEASURE_INTERVAL = 5
@@ -168,7 +168,7 @@ class Person:
         )
         self._plain += self._person_probability > _CERTAIN_PROBABILITY
         if good:
-            self._seen(view, pixels, self.place - before, whole=whole)
+            self._update_measurements(view, pixels, self.place - before, whole=whole)
         return good
 
     def coast(self, view: FrameView, pixels: Bool) -> None:
@@ -208,7 +208,7 @@ class Person:
         self._velocity, self._centre = np.zeros(3), None
         self.seen_ns = self._time_ns = time_ns
 
-    def _seen(self, view: FrameView, pixels: Bool, step: Float, *, whole: bool) -> None:
+    def _update_measurements(self, view: FrameView, pixels: Bool, step: Float, *, whole: bool) -> None:
         """Updates velocity, proportions and stature after a good frame."""
         seconds = (view.time_ns - self._time_ns) * 1e-9
         if 0.0 < seconds < _MAX_VELOCITY_GAP_S:
@@ -228,9 +228,9 @@ class Person:
             crown = self._crown(view, pixels) if view.has_floor else None
             self.looks.see(self.follower.posture.lengths, crown)
         if self.doubted:
-            self._watch_limbs()
+            self._end_doubt_by_motion()
 
-    def _watch_limbs(self) -> None:
+    def _end_doubt_by_motion(self) -> None:
         """Ends the doubt about a person that moves: a visible limb moves farther than noise."""
         joints, sure = self.follower.posture.joints(), self.follower.confidence > _MIN_CONFIDENCE
         if self._first_joints is None:
@@ -257,7 +257,7 @@ class Person:
 
 def _centre(view: FrameView, pixels: Bool) -> Float | None:
     """Returns the (3,) mean of a person's points. None if there are too few."""
-    if np.count_nonzero(pixels) < FEWEST_PIXELS:
+    if np.count_nonzero(pixels) < MIN_PERSON_PIXELS:
         return None
     return np.asarray(mean_point(view.points, pixels))
 

@@ -8,12 +8,12 @@ from enliven.arrays import Bool, Float
 from enliven_edge.tracking.body_model import Posture
 from enliven_edge.tracking.detect import (
     EstimateAtPoints,
-    aligned_to,
+    align_to_estimate,
     detect_another,
     estimate_at_points,
     estimates_by_facing,
     facing,
-    turned_about,
+    flip_posture,
 )
 from enliven_edge.tracking.estimator import shipped_estimator
 from enliven_edge.tracking.fit import FitReport, Fitter
@@ -41,7 +41,7 @@ class Redetection:
     known: bool
 
 
-def new_detection(
+def start_detection(
     fitter: Fitter,
     observation: Observation,
     seen: EstimateAtPoints | None,
@@ -64,7 +64,7 @@ def new_detection(
     return (yield from steps)
 
 
-def observation_of(view: FrameView, pixels: Bool, settings: TrackerSettings) -> Observation:
+def create_observation(view: FrameView, pixels: Bool, settings: TrackerSettings) -> Observation:
     """Returns the observation of a person from its pixels."""
     return observe(view.z, view.points, pixels, view.camera, view.world_from_camera, settings.fit.points)
 
@@ -78,21 +78,21 @@ def run_network(
     return estimate_at_points(observation, estimate)
 
 
-def guided_by(observation: Observation, seen: EstimateAtPoints, affinity: float) -> Observation:
+def add_guides(observation: Observation, seen: EstimateAtPoints, affinity: float) -> Observation:
     """Returns the observation with the network's affinities of its points and landmarks of the joints."""
     return observation.guided(seen.affinity(affinity), seen.estimate.guides)
 
 
-def turned_around(
+def flip_with_estimate(
     posture: Posture, seen: EstimateAtPoints, view: FrameView
 ) -> tuple[Posture, EstimateAtPoints]:
     """Flips a posture by 180 degrees. Returns it with the network's estimate conditioned on that facing."""
-    turned = turned_about(posture)
-    now = conditioned_on_facing(turned, seen, view)
-    return aligned_to(turned, now.estimate), now
+    turned = flip_posture(posture)
+    now = estimate_with_facing(turned, seen, view)
+    return align_to_estimate(turned, now.estimate), now
 
 
-def conditioned_on_facing(posture: Posture, seen: EstimateAtPoints, view: FrameView) -> EstimateAtPoints:
+def estimate_with_facing(posture: Posture, seen: EstimateAtPoints, view: FrameView) -> EstimateAtPoints:
     """Runs the network on the same crop again, conditioned on the facing of a posture."""
     facings: list[float | None] = [facing(posture, view.eye)]
     return seen.of(shipped_estimator().estimates(seen.estimate.crop, view.world_from_camera, facings)[0])

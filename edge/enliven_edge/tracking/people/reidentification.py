@@ -133,9 +133,12 @@ class PersonGallery:
         if not self.absent:
             return [(None, True)] * len(found)
         cost = np.array(
-            [[looks.mismatch(a.looks) + _far(a, at, time_ns) for a in self.absent] for looks, at in found]
+            [
+                [looks.mismatch(a.looks) + _distance_cost(a, at, time_ns) for a in self.absent]
+                for looks, at in found
+            ]
         )
-        if len(found) == len(self.absent) == 1 and self._just_there(found[0], time_ns):
+        if len(found) == len(self.absent) == 1 and self._is_same_place(found[0], time_ns):
             return [(self.absent[0], True)]
         # Add columns for new people. Being a new person costs as much as the largest mismatch that is still
         # accepted.
@@ -154,7 +157,7 @@ class PersonGallery:
             matches.append((absent, sure))
         return matches
 
-    def _just_there(self, found: tuple[BodyMeasurements, Float], time_ns: int) -> bool:
+    def _is_same_place(self, found: tuple[BodyMeasurements, Float], time_ns: int) -> bool:
         """Returns True if the only new person stands where the only absent one was lost just before."""
         (absent,), (looks, at) = self.absent, found
         if absent.place is None or not 0 <= time_ns - absent.left_ns < _BRIEF_ABSENCE_NS:
@@ -168,7 +171,7 @@ class PersonGallery:
         self.absent.remove(absent)
 
 
-def _far(absent: AbsentPerson, place: Float, time_ns: int) -> float:
+def _distance_cost(absent: AbsentPerson, place: Float, time_ns: int) -> float:
     """Returns the cost of the distance from the place of leaving, in squared standard deviations."""
     if absent.place is None:
         return 0.0

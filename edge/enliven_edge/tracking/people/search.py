@@ -11,31 +11,31 @@ from enliven_edge.tracking.estimator import shipped_estimator
 from enliven_edge.tracking.fit import Fitter
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.people.follower import Follower
-from enliven_edge.tracking.people.visibility import trunk_shown
+from enliven_edge.tracking.people.visibility import visible_trunk_fraction
 from enliven_edge.tracking.segment import Candidate
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.work_budget import LOOK, Budget, Steps
+from enliven_edge.tracking.work_budget import NETWORK_COST, Budget, Steps
 
 _CERTAIN_PERSON = 0.97
 """Probability above which the network's classification outweighs the shape. Of objects found by mistake 95 %
 stay below 0.43."""
 
 
-def likelihood(view: FrameView, pixels: Bool) -> float:
+def person_probability(view: FrameView, pixels: Bool) -> float:
     """Returns the network's probability in [0, 1] that the (h, w) pixels are one person."""
     camera, pose = view.camera.camera, view.world_from_camera
     return shipped_estimator().estimate(view.z, pixels, camera, pose, None).person_probability
 
 
-def recognise(newcomers: Iterable[Candidate], view: FrameView, budget: Budget) -> None:
+def classify_candidates(newcomers: Iterable[Candidate], view: FrameView, budget: Budget) -> None:
     """Runs the network at intervals on candidates with a doubtful shape, within the budget."""
     for newcomer in newcomers:
         if budget.left > 0.0 and newcomer.needs_recognition(view.time_ns):
-            newcomer.recognised = likelihood(view, newcomer.pixels) > _CERTAIN_PERSON
-            budget.left -= LOOK
+            newcomer.recognised = person_probability(view, newcomer.pixels) > _CERTAIN_PERSON
+            budget.left -= NETWORK_COST
 
 
-TRIES = 3
+MAX_TRIES = 3
 """Blobs per search while no person is tracked. Otherwise it is one, because the fits need the time."""
 _MIN_EXPLAINED_LEAD = 0.05
 """Minimum lead of a less likely blob over a likelier one, as a fraction of explained points."""
@@ -90,7 +90,8 @@ class Search:
         alone: bool,
         most: int,
     ) -> Steps[None]:
-        """Adds bodies to ``made``: of candidates that are certainly people, else the best of the others.
+        """Adds bodies to ``made``: those of candidates that are certainly people, or else the best body of
+        the other candidates.
 
         Args:
             view: the frame.
@@ -100,7 +101,7 @@ class Search:
             alone: whether no person is tracked.
             most: maximum number of bodies.
         """
-        yield from self.found(view, sure[: min(most, TRIES if alone else 1)], made, alone=alone)
+        yield from self.found(view, sure[: min(most, MAX_TRIES if alone else 1)], made, alone=alone)
         if not made and most > 0 and (alone or not sure):
             made += yield from self.best_guess(view, others, alone=alone)
 
@@ -110,31 +111,36 @@ class Search:
         """Adds the candidates in which a body is found to ``made``. ``alone``: no person is tracked."""
         vain: list[Bool] = []
         for newcomer in newcomers:
-            body = None if _within(newcomer, made) else (yield from self._body(view, newcomer, vain))
-            if body is None or not _likely(view, newcomer, *body) or _again(body[0], made):
+            body = (
+                None
+                if _overlaps_found(newcomer, made)
+                else (yield from self._search_body(view, newcomer, vain))
+            )
+            if body is None or not _likely(view, newcomer, *body) or _is_found_already(body[0], made):
                 newcomer.failed(view.time_ns)
             elif newcomer.tall or newcomer.awaited or alone or _certain(view, newcomer, *body):
                 made.append((newcomer, *body))
             else:
                 newcomer.failed(view.time_ns)
 
-    def _body(
-        self, view: FrameView, newcomer: Candidate, vain: list[Bool]
+    def _search_body(
+        self, view: FrameView, newcomer: Candidate, failed_unions: list[Bool]
     ) -> Steps[tuple[Follower, float] | None]:
         """Searches the candidate joined with parts that were split from it, then the candidate alone.
 
         Args:
             view: the frame.
             newcomer: the candidate.
-            vain: (h, w) unions that were already searched without success; those of this candidate are added.
+            failed_unions: (h, w) unions that were already searched without success. Those of this candidate
+                are added.
         """
         expecting = self._expecting(newcomer, view.time_ns)
         for union in newcomer.unions if expecting.estimator else []:
-            if any(np.array_equal(union, other) for other in vain):
+            if any(np.array_equal(union, other) for other in failed_unions):
                 continue
-            vain.append(union)
-            likely = likelihood(view, union)
-            yield LOOK
+            failed_unions.append(union)
+            likely = person_probability(view, union)
+            yield NETWORK_COST
             if likely < _SINGLE_PERSON:
                 continue
             body = yield from Follower.sought(view, union, expecting, self._fitter, entire=True)
@@ -152,9 +158,9 @@ class Search:
         """
         best: list[ScoredDetection] = []
         guesses: list[ScoredDetection] = []
-        yield from self.found(view, due[: TRIES if alone else 1], guesses, alone=alone)
+        yield from self.found(view, due[: MAX_TRIES if alone else 1], guesses, alone=alone)
         for guess in guesses:
-            shown = trunk_shown(view, guess[1].posture, guess[0].pixels)
+            shown = visible_trunk_fraction(view, guess[1].posture, guess[0].pixels)
             borne_out = shown > _MIN_VISIBLE_TRUNK and float(guess[1].confidence.mean()) > _MIN_CONFIDENCE
             borne_out = borne_out and float(guess[1].posture.position[1]) < _MAX_HIP_HEIGHT_M
             if not borne_out or not (alone or guess[0].awaited or _certain(view, *guess)):
@@ -175,13 +181,13 @@ def _likely(view: FrameView, newcomer: Candidate, follower: Follower, explained:
     return view.has_floor and newcomer.shape.upright and explained > _CERTAIN_EXPLAINED
 
 
-def _within(newcomer: Candidate, found: list[ScoredDetection]) -> bool:
+def _overlaps_found(newcomer: Candidate, found: list[ScoredDetection]) -> bool:
     """Returns True if most of the candidate belongs to a person that was just found."""
     size = max(1, int(newcomer.pixels.sum()))
     return any(int((newcomer.pixels & other.pixels).sum()) > _MAX_OVERLAP * size for other, _, _ in found)
 
 
-def _again(follower: Follower, found: list[ScoredDetection]) -> bool:
+def _is_found_already(follower: Follower, found: list[ScoredDetection]) -> bool:
     """Returns True if a person was just found at the same place, in another piece of the same person."""
     place = follower.posture.position
     return any(
@@ -191,7 +197,7 @@ def _again(follower: Follower, found: list[ScoredDetection]) -> bool:
 
 def _certain(view: FrameView, newcomer: Candidate, follower: Follower, explained: float) -> bool:
     """Returns True if the evidence for a body is sufficient to accept it in an unlikely blob."""
-    shown = trunk_shown(view, follower.posture, newcomer.pixels)
+    shown = visible_trunk_fraction(view, follower.posture, newcomer.pixels)
     return (
         min(explained, shown) > _UNLIKELY_EXPLAINED
         and float(follower.confidence.mean()) > _UNLIKELY_CONFIDENCE

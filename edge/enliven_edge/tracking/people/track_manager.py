@@ -190,13 +190,13 @@ class TrackManager:
             if not sure and 0 <= time_ns - person.found_ns < _MAX_UNDECIDED_NS:
                 continue
             if absent is not None:
-                self._recognise(person, absent)
+                self._adopt_identity(person, absent)
             elif self.lock.closed:
                 self.people.remove(person)
             else:
                 person.id = self.gallery.new()
 
-    def _recognise(self, person: Person, absent: AbsentPerson) -> None:
+    def _adopt_identity(self, person: Person, absent: AbsentPerson) -> None:
         """Gives a person the id and the looks of an absent one."""
         self.gallery.take(absent)
         person.id = absent.id
@@ -222,7 +222,7 @@ class Duplicates:
         together, duplicates = set(), []
         for i, first in enumerate(ordered):
             for second in ordered[i + 1 :]:
-                if not _one(first, second):
+                if not _share_place(first, second):
                     continue
                 pair = (id(first), id(second))
                 together.add(pair)
@@ -233,7 +233,7 @@ class Duplicates:
         return duplicates
 
 
-def _one(first: Person, second: Person) -> bool:
+def _share_place(first: Person, second: Person) -> bool:
     """Returns True if two fits have their trunks in the same place."""
     if math.dist(first.place, second.place) >= _DUPLICATE_DISTANCE_M:
         return False

@@ -22,7 +22,7 @@ _TRUNK = np.flatnonzero(model.CAPSULES.frame <= model.HEAD)
 """The capsules of trunk, neck and head."""
 
 
-def hidden_shares(view: FrameView, posture: Posture, owner: Int16, index: int) -> tuple[float, float]:
+def occluded_fractions(view: FrameView, posture: Posture, owner: Int16, index: int) -> tuple[float, float]:
     """Returns the fractions of a body that are occluded and outside the image, each in [0, 1].
 
     Args:
@@ -36,7 +36,7 @@ def hidden_shares(view: FrameView, posture: Posture, owner: Int16, index: int) -
     return hidden, outside
 
 
-def trunk_shown(view: FrameView, posture: Posture, pixels: Bool) -> float:
+def visible_trunk_fraction(view: FrameView, posture: Posture, pixels: Bool) -> float:
     """Returns the fraction of the visible trunk and head that lies on the (h, w) ``pixels``, in [0, 1]."""
     ends, radii = posture.capsules()
     at = (view.z, pixels.astype(np.int16), 1, view.camera.camera, view.world_from_camera)
@@ -79,7 +79,7 @@ def _samples(ends, radii, depth, owner, mine, camera, pose):
 
 @njit(cache=True, nogil=True)
 def _hidden(ends, radii, depth, owner, mine, camera, pose):
-    """Computes :func:`hidden_shares` from the samples."""
+    """Computes :func:`occluded_fractions` from the samples."""
     seen = _samples(ends, radii, depth, owner, mine, camera, pose)
     count, hidden, inside = seen.shape[1], 0, 0
     for n in range(count):

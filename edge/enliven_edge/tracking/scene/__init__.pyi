@@ -1,4 +1,4 @@
-from .floor import corrected as corrected, world_from_floor as world_from_floor
+from .floor import correct_mounting as correct_mounting, world_from_floor as world_from_floor
 from .mounting import Mounting as Mounting
 from .background_model import BackgroundModel as BackgroundModel
 from .background_kernels import (
@@ -8,5 +8,5 @@ from .background_kernels import (
     UNSEEN as UNSEEN,
     widened as widened,
 )
-from .walls import without_walls as without_walls
+from .walls import remove_walls as remove_walls
 from .zone import Zone as Zone, ZoneLock as ZoneLock

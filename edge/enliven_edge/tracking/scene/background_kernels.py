@@ -80,7 +80,7 @@ class LearningRate(NamedTuple):
     dark: float
 
 
-def empty_room(shape: tuple[int, int]) -> BackgroundState:
+def empty_background(shape: tuple[int, int]) -> BackgroundState:
     """Returns the state of a background model before its first frame."""
     nearer, waited, away, guard_z, flips, still, still_z = np.zeros((7, *shape), np.float32)
     guarded = np.full(shape, -1, np.int32)

@@ -15,7 +15,7 @@ from enliven_edge.tracking.scene.background_fill import background_fill
 from enliven_edge.tracking.scene.background_kernels import (
     LearningRate,
     classified,
-    empty_room,
+    empty_background,
     guard,
     learn_frame,
     widened,
@@ -79,7 +79,7 @@ class BackgroundModel:
     def __init__(self, shape: tuple[int, int], settings: BackgroundSettings | None = None) -> None:
         self.settings = settings or BackgroundSettings()
         self.age = 0.0
-        self._state = empty_room(shape)
+        self._state = empty_background(shape)
         self._fill_z = np.zeros(shape)
         self._learnt_ns: int | None = None
         self._filled_ns: int | None = None

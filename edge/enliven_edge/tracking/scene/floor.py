@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.kernels import njit
 
-TILTED_BY = np.deg2rad(40.0)
+MAX_FLOOR_TILT = np.deg2rad(40.0)
 """Maximum angle in radians between the floor's normal and the sensor's up direction. A wall is 90 degrees off
 for a level sensor, and still 50 degrees off for one that is tilted by 40."""
 _MIN_SENSOR_HEIGHT_M = 0.2
@@ -30,7 +30,7 @@ def world_from_floor(
     upside_down: bool = False,
     *,
     up: Float | None = None,
-    within: float = TILTED_BY,
+    within: float = MAX_FLOOR_TILT,
     lowest: float = _MIN_SENSOR_HEIGHT_M,
     seed: int = 0,
 ) -> Float | None:
@@ -59,7 +59,7 @@ def world_from_floor(
     pose = world_above_floor(plane[:3], float(plane[3]))
     level = np.ascontiguousarray((points @ pose[:3, :3].T + pose[:3, 3]).T)
     fitted, _ = _level_plane(level, np.ascontiguousarray(points[:, 2]))
-    return _levelled(pose, fitted, 1.0)
+    return _level_mounting(pose, fitted, 1.0)
 
 
 def _triples(count: int, random: np.random.Generator) -> Int:
@@ -153,7 +153,7 @@ _MIN_SPREAD_M = 0.15
 constrain the tilt."""
 
 
-def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float) -> Float:
+def correct_mounting(world_from_camera: Float, points: Float, usable: Bool, gain: float) -> Float:
     """Returns (4, 4) the mounting moved slightly towards the observed floor.
 
     It is unchanged if too little floor is visible.
@@ -172,10 +172,10 @@ def corrected(world_from_camera: Float, points: Float, usable: Bool, gain: float
     plane, spread = _level_plane(np.ascontiguousarray(floor.T), ranges)
     if spread < _MIN_SPREAD_M or np.hypot(plane[0], plane[1]) > np.tan(_MAX_TILT):
         return world_from_camera
-    return _levelled(world_from_camera, plane, gain)
+    return _level_mounting(world_from_camera, plane, gain)
 
 
-def _levelled(world_from_camera: Float, plane: Float, gain: float) -> Float:
+def _level_mounting(world_from_camera: Float, plane: Float, gain: float) -> Float:
     """Returns (4, 4) a mounting that is rotated and lifted by a fraction of its deviation from a floor plane.
 
     Args:

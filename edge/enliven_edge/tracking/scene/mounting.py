@@ -9,7 +9,12 @@ from enliven.camera import unproject, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven_edge.tracking.frame import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.scene.background_model import Agreement
-from enliven_edge.tracking.scene.floor import TILTED_BY, corrected, world_above_floor, world_from_floor
+from enliven_edge.tracking.scene.floor import (
+    MAX_FLOOR_TILT,
+    correct_mounting,
+    world_above_floor,
+    world_from_floor,
+)
 from enliven_edge.tracking.settings import SceneSettings
 
 _USUAL_HEIGHT_M = 1.0
@@ -147,9 +152,9 @@ class Mounting:
         if frame.world_from_camera is not None:
             self._set_stated_pose(np.asarray(frame.world_from_camera, float))
         elif self.falling:
-            self._fall(z, frame.time_ns)
+            self._track_fall(z, frame.time_ns)
         elif not self._floor_known:
-            self._look_for_floor(z, no_people)
+            self._search_floor(z, no_people)
         assert self.world_from_camera is not None
         points = world_points(z, self._camera.ray, self.world_from_camera)
         return FrameView(frame.time_ns, z, points, self._camera, self.world_from_camera, self.height_known)
@@ -178,7 +183,9 @@ class Mounting:
             self._corrected_ns = view.time_ns
             assert self.world_from_camera is not None
             usable = ~people & (view.z > 0) & (view.z < self.settings.far)
-            self.world_from_camera = corrected(self.world_from_camera, view.points, usable, _CORRECTION_GAIN)
+            self.world_from_camera = correct_mounting(
+                self.world_from_camera, view.points, usable, _CORRECTION_GAIN
+            )
 
     @property
     def suspected(self) -> bool:
@@ -209,10 +216,10 @@ class Mounting:
         self.new_place, self.far_away = moved > _POSE_CHANGE, moved > _LARGE_POSE_CHANGE
         self.world_from_camera, self._floor_known, self.falling = given, True, False
 
-    def _fall(self, z: Float, time_ns: int) -> None:
+    def _track_fall(self, z: Float, time_ns: int) -> None:
         """Tracks the floor in a frame of a sensor that is being moved, until the image is still."""
         assert self._before is not None
-        self._still = self._still + 1 if _alike(z, self._before) > _MIN_STILL_FRACTION else 0
+        self._still = self._still + 1 if _unchanged_fraction(z, self._before) > _MIN_STILL_FRACTION else 0
         self._before = z
         self._follow_floor(z)
         if self._still >= _STILL_FRAMES or not 0 <= time_ns - self._fell_ns < _MAX_FALL_NS:
@@ -234,7 +241,7 @@ class Mounting:
         if pose is not None:
             self.world_from_camera, self._floor_known = pose, True
 
-    def _look_for_floor(self, z: Float, no_people: bool) -> None:
+    def _search_floor(self, z: Float, no_people: bool) -> None:
         """Sets the pose from the floor, or from the settings if no floor is found."""
         scene = self.settings
         if self.world_from_camera is None:
@@ -247,7 +254,7 @@ class Mounting:
         if self._looked % _FLOOR_SEARCH_FRAMES != 1:
             return
         points, before = unproject(z * 1e3, self.camera.ray)[has_depth], self._suggested
-        up, within = (None, TILTED_BY) if self.down is None else (-self.down, _MAX_GRAVITY_ANGLE)
+        up, within = (None, MAX_FLOOR_TILT) if self.down is None else (-self.down, _MAX_GRAVITY_ANGLE)
         self._suggested = pose = world_from_floor(
             points, scene.upside_down, up=up, within=within, seed=self._looked
         )
@@ -277,7 +284,7 @@ def _same_floor(one: Float, other: Float) -> bool:
     return turned <= _MOVED_ANGLE and abs(float(one[1, 3] - other[1, 3])) <= _MOVED_HEIGHT_M
 
 
-def _alike(z: Float, before: Float) -> float:
+def _unchanged_fraction(z: Float, before: Float) -> float:
     """Returns the fraction of nearly unchanged pixels among those known in both frames."""
     both = (z > 0) & (before > 0)
     count = max(1, int(np.count_nonzero(both)))

@@ -32,7 +32,7 @@ _MIN_POINT_DISTANCE_M = 0.3
 """Minimum distance in metres between the two points of a line. Nearer ones give no direction."""
 
 
-def without_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
+def remove_walls(view: FrameView, mask: Bool, seed: int = 0) -> Bool:
     """Returns the (h, w) mask without its large upright planes (RANSAC), or unchanged without such planes."""
     pixels = pixels_of(mask)
     pixel = 1.0 / (view.camera.intrinsics.fx * view.camera.intrinsics.fy)

@@ -9,10 +9,10 @@ from enliven.kernels import njit
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame import FrameView
 from enliven_edge.tracking.scene import FOREGROUND, UNLIKELY
-from enliven_edge.tracking.segment.person_shape import BlobShape, shape_of
+from enliven_edge.tracking.segment.person_shape import BlobShape, measure_shape
 from enliven_edge.tracking.segment.segmentation import LooseGroup
 
-YOUNG = 1.0
+MAX_YOUNG_AGE_S = 1.0
 """Age of the background model in seconds up to which nothing counts as having entered the scene, because all
 of the background is new."""
 _MIN_CROWN_M = 1.05
@@ -33,7 +33,7 @@ _MIN_AREA_PER_M2 = 0.1
 squared height."""
 _MAX_AREA_PER_M2 = 0.5
 """Maximum visible area in square metres of a person of one metre. It grows with the squared height."""
-STANDS = 1.3
+MIN_STANDING_CROWN_M = 1.3
 """Minimum crown height above the floor in metres of a standing person. Most seated people are lower."""
 _CHECK_INTERVAL_NS = 250_000_000
 """Nanoseconds between two checks of an unchanged object. Measuring the shape and evaluating the network are
@@ -105,8 +105,8 @@ class Candidate:
     def grow(self, view: FrameView, pixels: Bool) -> None:
         """Extends the candidate to these (h, w) pixels."""
         self.pixels = pixels
-        self.centre, self.area, _ = measured(view, pixels, np.zeros(pixels.shape, np.uint8))
-        self.shape = shape_of(view, pixels, self.area)
+        self.centre, self.area, _ = measure_blob(view, pixels, np.zeros(pixels.shape, np.uint8))
+        self.shape = measure_shape(view, pixels, self.area)
 
     @property
     def proven(self) -> bool:
@@ -157,11 +157,11 @@ class Candidate:
         whole = self.shape.cut or (self.shape.crown > _MIN_CROWN_M and stout)
         slim = self.shape.cut or self.area < _MAX_AREA_PER_M2 * self.shape.crown**2
         stands = self.shape.upright and whole and slim
-        is_recognised = self.recognised and self._knowable
+        is_recognised = self.recognised and self._would_convince
         return (stands or is_recognised) and self.area > _MIN_AREA_M2 and not self.refused
 
     @property
-    def _knowable(self) -> bool:
+    def _would_convince(self) -> bool:
         """Returns True if it would be convincing if the network classified it as a person.
 
         A panel never would.
@@ -175,7 +175,7 @@ class Candidate:
         """
         if self.area < _MIN_AREA_M2 or self.refused or (self.convincing and not self.recognised):
             return False
-        if not self._knowable:  # The answer of the network would not change the decision.
+        if not self._would_convince:  # The answer of the network would not change the decision.
             return False
         if self._asked_ns is not None and 0 <= time_ns - self._asked_ns < _CHECK_INTERVAL_NS:
             return False
@@ -185,12 +185,12 @@ class Candidate:
     @property
     def tall(self) -> bool:
         """Returns True if it is as tall as a standing person, or extends beyond the lower image border."""
-        return self.shape.crown > STANDS or self.shape.cut
+        return self.shape.crown > MIN_STANDING_CROWN_M or self.shape.cut
 
     @property
     def _stands(self) -> bool:
         """Returns True if it is as tall as a standing person, and enough of it is visible."""
-        return self.shape.crown > STANDS and self.area > _MIN_AREA_M2
+        return self.shape.crown > MIN_STANDING_CROWN_M and self.area > _MIN_AREA_M2
 
     @property
     def imaginable(self) -> bool:
@@ -212,16 +212,16 @@ class Candidate:
         """
         there = self.convincing or (self.imaginable and (alone or self.awaited or self._stands))
         late = self.convincing and self._stands and self.plain > 0.5
-        if not (self.proven or late or (room_age < YOUNG and there)):
+        if not (self.proven or late or (room_age < MAX_YOUNG_AGE_S and there)):
             return False
         # A person that comes out from behind an object may be a known one. Wait until re-identification is
         # possible.
         if missing and self.shape.behind > _MIN_OCCLUDED and 0 <= time_ns - self.first_ns < _MAX_WAIT_NS:
             return False
-        return self._otherwise or not 0 < self._next_ns - time_ns < 2 * _MAX_RETRY_NS
+        return self._has_shrunk or not 0 < self._next_ns - time_ns < 2 * _MAX_RETRY_NS
 
     @property
-    def _otherwise(self) -> bool:
+    def _has_shrunk(self) -> bool:
         """Returns True if the blob has shrunk enough since the last failed search to search again.
 
         Furniture was removed from it.
@@ -251,7 +251,7 @@ def _unions(part: Bool, parts: list[Bool]) -> list[Bool]:
     return [np.logical_or.reduce(parts), *sorted(pairs, key=lambda pair: -int(pair.sum()))]
 
 
-def measured(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple[float, float]]:
+def measure_blob(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, float, tuple[float, float]]:
     """Returns the (3,) mean in metres of (h, w) pixels, their area in square metres, and two fractions.
 
     The area is that towards the sensor.
@@ -271,7 +271,7 @@ def measured(view: FrameView, pixels: Bool, kind: UInt8) -> tuple[Float, float, 
 
 @njit(cache=True, nogil=True)
 def _measured(points, z, kind, part):
-    """See :func:`measured`. It returns the sum of z squared instead of the area."""
+    """See :func:`measure_blob`. It returns the sum of z squared instead of the area."""
     points, z, kind = points.reshape(-1, 3), z.ravel(), kind.ravel()
     x, y, deep, squares, before, plain, pixels = 0.0, 0.0, 0.0, 0.0, 0, 0, pixels_of(part)
     for i in pixels:

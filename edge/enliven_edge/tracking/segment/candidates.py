@@ -9,9 +9,9 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, UInt8
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.segment.candidate import Candidate, measured
-from enliven_edge.tracking.segment.person_shape import LARGEST_AREA, SMALLEST_AREA, BlobShape, shape_of
-from enliven_edge.tracking.segment.pieces import Part, all_of, beside_walls, parted
+from enliven_edge.tracking.segment.candidate import Candidate, measure_blob
+from enliven_edge.tracking.segment.person_shape import MAX_AREA_M2, MIN_AREA_M2, BlobShape, measure_shape
+from enliven_edge.tracking.segment.pieces import Part, add_fragments, split_people, split_walls
 from enliven_edge.tracking.segment.segmentation import Segments
 
 _MAX_MOVEMENT_M = 0.45
@@ -80,7 +80,7 @@ class Candidates:
             awaits: whether a person was lost near a (3,) place.
             young: whether the background model is new.
         """
-        groups = [g for g in segments.loose if g.area > SMALLEST_AREA and g.tall > 0.3]
+        groups = [g for g in segments.loose if g.area > MIN_AREA_M2 and g.tall > 0.3]
         groups = groups[: _MAX_GROUPS_AT_FIRST if young else _MAX_GROUPS]
         present = []
         for group in groups:
@@ -89,19 +89,19 @@ class Candidates:
                 same.seen_ns = view.time_ns
                 present.append(same)
                 continue
-            mask, shape = all_of(segments, group, view)
+            mask, shape = add_fragments(segments, group, view)
             if not mask.any():  # All pixels of the group belong to a known person again.
                 continue
-            bare = parted(view.points, mask) if group.area > _MIN_SPLIT_AREA_M2 else [mask]
+            bare = split_people(view.points, mask) if group.area > _MIN_SPLIT_AREA_M2 else [mask]
             parts: list[Part] = [(part, None) for part in bare]
             if young and group.area > _MIN_SPLIT_AREA_M2:
-                shape = shape or shape_of(view, mask, group.area)
+                shape = shape or measure_shape(view, mask, group.area)
                 if not replace(shape, area=_USUAL_AREA_M2).possible:
-                    parts += beside_walls(view, kind, mask)
+                    parts += split_walls(view, kind, mask)
             for part, walls in parts:
                 if any(_mostly(part, other.pixels) for other in present if other.convincing):
                     continue
-                candidate = self._one(view, kind, part, walls, shape if part is mask else None)
+                candidate = self._find_or_create(view, kind, part, walls, shape if part is mask else None)
                 if candidate is not None and candidate not in present:
                     candidate.parts = bare if walls is None else []
                     candidate.bystander = not admits(candidate.centre)
@@ -113,7 +113,7 @@ class Candidates:
         ]
         return sorted(present, key=lambda n: -n.shape.likeness)
 
-    def _one(
+    def _find_or_create(
         self, view: FrameView, kind: UInt8, part: Bool, walls: Bool | None, shape: BlobShape | None
     ) -> Candidate | None:
         """Returns the existing or new candidate for a blob of pixels, or None if its size is not a person's.
@@ -127,10 +127,10 @@ class Candidates:
         """
         if np.count_nonzero(part) < _MIN_PART_PIXELS:
             return None
-        centre, area, shares = measured(view, part, kind)
-        if not SMALLEST_AREA < area < LARGEST_AREA:
+        centre, area, shares = measure_blob(view, part, kind)
+        if not MIN_AREA_M2 < area < MAX_AREA_M2:
             return None
-        shape = shape_of(view, part, area, walls) if shape is None else replace(shape, area=area)
+        shape = measure_shape(view, part, area, walls) if shape is None else replace(shape, area=area)
         # In front of removed walls, any outline passes as a person. So the candidate also needs a head.
         if shape.likeness == 0 or (walls is not None and not shape.upright):
             return None

@@ -14,9 +14,9 @@ import numpy as np
 from enliven.arrays import Bool, Float32, Int16
 from enliven_edge.tracking.body_model import Posture, clear_of_rays, model
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.segment.segmentation import lying_on
+from enliven_edge.tracking.segment.segmentation import pixels_near_bodies
 
-BESIDE = 0.12
+MAX_CLOTHES_DISTANCE_M = 0.12
 """Distance in metres from a person's surface beyond which a pixel belongs to another object. Clothes stay
 within."""
 _SEARCH_START_M = -0.3
@@ -33,7 +33,7 @@ _BODY = np.flatnonzero(
 furniture."""
 
 
-def furniture_beside(
+def find_furniture(
     view: FrameView, still: Bool, owner: Int16, people: Sequence[Posture], floor: float
 ) -> Bool:
     """Returns the (h, w) pixels of furniture among those that never moved.
@@ -48,15 +48,15 @@ def furniture_beside(
     furniture = still & (view.z > 0.0) & (view.points[..., 1] > floor)
     theirs = furniture & (owner >= 0)
     if theirs.any():
-        furniture &= ~lying_on(view, people, floor, BESIDE, theirs)
+        furniture &= ~pixels_near_bodies(view, people, floor, MAX_CLOTHES_DISTANCE_M, theirs)
     if furniture.any():
-        furniture[furniture] = ~_before(
+        furniture[furniture] = ~_overlaps_bodies(
             np.ascontiguousarray(view.points[furniture], np.float32), view, people
         )
     return furniture
 
 
-def _before(points: Float32, view: FrameView, people: Sequence[Posture]) -> Bool:
+def _overlaps_bodies(points: Float32, view: FrameView, people: Sequence[Posture]) -> Bool:
     """Returns which of (N, 3) points lie in front of or behind a trunk, head or leg, seen from the sensor."""
     met = np.zeros(len(points), bool)
     for posture in people:

@@ -19,10 +19,10 @@ from enliven_edge.tracking.segment.shape_kernels import (
     widths_at,
 )
 
-SMALLEST_AREA = 0.06
+MIN_AREA_M2 = 0.06
 """Minimum visible area of a person in square metres: a head and a shoulder. Smaller blobs are noise or
 objects."""
-LARGEST_AREA = 1.6
+MAX_AREA_M2 = 1.6
 """Maximum visible area of a person in square metres: three times the usual."""
 _MIN_RISE_M = 0.3
 """Minimum vertical extent of a person in metres, lying down."""
@@ -115,7 +115,7 @@ class BlobShape:
 
         It is 0 if the blob is not a person.
         """
-        return min(self.area, _FULL_AREA_M2) * self.size if SMALLEST_AREA < self.area < LARGEST_AREA else 0.0
+        return min(self.area, _FULL_AREA_M2) * self.size if MIN_AREA_M2 < self.area < MAX_AREA_M2 else 0.0
 
     @property
     def possible(self) -> bool:
@@ -124,7 +124,7 @@ class BlobShape:
         It has a person's size, is not a panel, and is free at its sides.
         """
         flat = self.thickness < _FLAT_DEVIATION_M and self.wide > _MIN_PANEL_WIDTH_M
-        panel = flat and not (self._headed and self.fill < _PANEL_BOX_FILL)
+        panel = flat and not (self._has_head and self.fill < _PANEL_BOX_FILL)
         return (
             self.likeness > 0 and not panel and self.crown < _MAX_CROWN_M and self._free > _MIN_FREE_OUTLINE
         )
@@ -132,7 +132,7 @@ class BlobShape:
     @property
     def upright(self) -> bool:
         """Returns True if it has the shape of a standing or sitting person: a head above shoulders."""
-        return self.possible and self._headed and self.fill > _MIN_BOX_FILL
+        return self.possible and self._has_head and self.fill > _MIN_BOX_FILL
 
     @property
     def _free(self) -> float:
@@ -143,7 +143,7 @@ class BlobShape:
         return self.free / max(1e-6, 1.0 - self.behind) if self.behind < _UNDECIDED_OCCLUSION else 0.0
 
     @property
-    def _headed(self) -> bool:
+    def _has_head(self) -> bool:
         """Returns True if its top is as wide as a head, and it is wider below."""
         low, high = _HEAD_WIDTH
         return self.head < _MAX_HEAD_RATIO and low < self.head_width < high
@@ -160,7 +160,7 @@ class BlobShape:
         return self.behind < _MAX_OCCLUDED and self.border < _MAX_AT_BORDER
 
 
-def shape_of(view: FrameView, mask: Bool, area: float, walls: Bool | None = None) -> BlobShape:
+def measure_shape(view: FrameView, mask: Bool, area: float, walls: Bool | None = None) -> BlobShape:
     """Returns the shape of the (h, w) masked pixels, which cover ``area`` square metres towards the sensor.
 
     Args:

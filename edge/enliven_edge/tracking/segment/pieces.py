@@ -8,9 +8,9 @@ from enliven.arrays import Bool, Float, UInt8
 from enliven.kernels import njit, quantile
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame import FrameView
-from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY, widened, without_walls
-from enliven_edge.tracking.segment.candidate import STANDS
-from enliven_edge.tracking.segment.person_shape import LARGEST_AREA, BlobShape, samples, shape_of
+from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY, remove_walls, widened
+from enliven_edge.tracking.segment.candidate import MIN_STANDING_CROWN_M
+from enliven_edge.tracking.segment.person_shape import MAX_AREA_M2, BlobShape, measure_shape, samples
 from enliven_edge.tracking.segment.segmentation import LooseGroup, Segments, groups_of
 
 _SEARCH_SAMPLES = 3000
@@ -43,7 +43,7 @@ _MIN_LAYERS = 0.8
 hidden."""
 
 
-def parted(points: Float, mask: Bool) -> list[Bool]:
+def split_people(points: Float, mask: Bool) -> list[Bool]:
     """Returns [(h, w)] the mask, or its parts if several people stand in it next to each other.
 
     Seen from above, each person is a column from a head to the legs. A pixel belongs to the nearest column.
@@ -52,13 +52,13 @@ def parted(points: Float, mask: Bool) -> list[Bool]:
         points: (h, w, 3) world frame.
         mask: (h, w) the blob.
     """
-    columns = columns_of(samples(points, pixels_of(mask), _SEARCH_SAMPLES))
+    columns = find_columns(samples(points, pixels_of(mask), _SEARCH_SAMPLES))
     if len(columns) < 2:
         return [mask]
     return list(_nearest(points, mask, columns))
 
 
-def columns_of(points: Float) -> Float:
+def find_columns(points: Float) -> Float:
     """Returns (N, 2) x and z of the people in (3, M) points: peaks of the height map above filled columns."""
     height, origin = _seen_from_above(points)
     order = np.argsort(-height, axis=None)[:_MAX_PEAKS]
@@ -82,7 +82,7 @@ def _seen_from_above(points):
 
 @njit(cache=True, nogil=True)
 def _columns(points, height, order, origin):
-    """Computes (N, 2) for :func:`columns_of`.
+    """Computes (N, 2) for :func:`find_columns`.
 
     Args:
         points: (3, M) metres, world frame.
@@ -181,23 +181,25 @@ Part = tuple[Bool, Bool | None]
 """(h, w) some pixels of a group, and (h, w) those of the walls behind them. None without walls."""
 
 
-def beside_walls(view: FrameView, kind: UInt8, mask: Bool) -> list[Part]:
+def split_walls(view: FrameView, kind: UInt8, mask: Bool) -> list[Part]:
     """Returns parts of a group that may be people in front of a wall in the group, or next to one."""
-    rest = without_walls(view, mask)
+    rest = remove_walls(view, mask)
     walls = mask & ~rest
-    before: list[Part] = [(part, walls) for part in _before_walls(view, kind, rest, walls)]
-    return before + [(part, None) for part in _tight(view, kind, mask)]
+    before: list[Part] = [(part, walls) for part in _parts_before_walls(view, kind, rest, walls)]
+    return before + [(part, None) for part in _split_at_small_steps(view, kind, mask)]
 
 
-def _before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
+def _parts_before_walls(view: FrameView, kind: UInt8, rest: Bool, walls: Bool) -> list[Bool]:
     """Returns tall parts of a group without its walls, such as people in front of the walls."""
     if not walls.any():
         return []
-    parts = [part for group in _pieces(view, kind, rest, 1.0) for part in parted(view.points, group)]
-    return [part for part in parts if quantile(np.sort(view.points[..., 1][part]), 0.99) > STANDS]
+    parts = [part for group in _pieces(view, kind, rest, 1.0) for part in split_people(view.points, group)]
+    return [
+        part for part in parts if quantile(np.sort(view.points[..., 1][part]), 0.99) > MIN_STANDING_CROWN_M
+    ]
 
 
-def _tight(view: FrameView, kind: UInt8, mask: Bool) -> list[Bool]:
+def _split_at_small_steps(view: FrameView, kind: UInt8, mask: Bool) -> list[Bool]:
     """Returns the parts of a group within smaller depth steps, such as a person next to a wall."""
     return _pieces(view, kind, mask, _STEP_FACTOR)
 
@@ -210,19 +212,19 @@ def _pieces(view: FrameView, kind: UInt8, mask: Bool, tightness: float) -> list[
     return [labels == index for index in np.argsort(-size)[:_MAX_PIECES] if size[index] > 100]
 
 
-def all_of(segments: Segments, main: LooseGroup, view: FrameView) -> tuple[Bool, BlobShape | None]:
+def add_fragments(segments: Segments, main: LooseGroup, view: FrameView) -> tuple[Bool, BlobShape | None]:
     """Returns (h, w) the main group with its fragments, or without them if that looks more like a person.
 
     It also returns the shape if it was measured for this decision.
     """
     bare = segments.group(main)
     mask = _with_fragments(segments, main, bare, view)
-    if mask is bare or main.area >= LARGEST_AREA:
+    if mask is bare or main.area >= MAX_AREA_M2:
         return mask, None
-    shape = shape_of(view, mask, main.area)
+    shape = measure_shape(view, mask, main.area)
     if shape.upright:
         return mask, shape
-    without = shape_of(view, bare, main.area)
+    without = measure_shape(view, bare, main.area)
     return (bare, without) if without.upright else (mask, shape)
 
 

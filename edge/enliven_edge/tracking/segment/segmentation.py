@@ -33,7 +33,7 @@ front."""
 _MAX_LIMB_LENGTH_M = 0.95
 """Maximum diagonal of the box in metres of a group that touches a person to be a limb: the length of a
 leg."""
-SPECKLE = 0.004
+MIN_GROUP_AREA_M2 = 0.004
 """Minimum visible area of a loose group in square metres. Smaller ones are noise."""
 
 
@@ -89,7 +89,7 @@ class Segments:
         return np.asarray(self.labels == loose.label)
 
 
-def segmented(
+def segment_people(
     view: FrameView, kind: UInt8, postures: Sequence[Posture], handicap: Float | None = None
 ) -> Segments:
     """Segments a frame by the predicted postures of the people in it.
@@ -116,7 +116,7 @@ def segmented(
         grow_surfaces(owner, distance, view.z)
     pixels = _candidates(kind, owner)
     labels, groups = groups_of(view.z, pixels, 1.0)
-    loose, joined = _judged(_table(view, pixels, labels, groups, owner, count))
+    loose, joined = _classify_groups(_table(view, pixels, labels, groups, owner, count))
     counts = _join(owner, labels, pixels, joined, count) if count else np.zeros(0, np.int64)
     if count > 1:
         kept, counts = counts, return_detached(owner, view.z, counts)
@@ -127,7 +127,7 @@ def segmented(
     return Segments(owner, labels, loose, counts)
 
 
-def lying_on(
+def pixels_near_bodies(
     view: FrameView, postures: Sequence[Posture], above: float, reach: float, among: Bool | None = None
 ) -> Bool:
     """Returns (h, w) pixels near a person's surface and more than ``above`` metres high.
@@ -255,10 +255,10 @@ def _measured(z, points, pixels, labels, groups, owner, people, pixel):
     return out
 
 
-def _judged(table: Float) -> tuple[list[LooseGroup], Int]:
+def _classify_groups(table: Float) -> tuple[list[LooseGroup], Int]:
     """Returns the loose groups that remain, and (groups + 1,) the person that other groups join, or -1."""
     area, joined = table[:, 0], _limbs(table)
-    large = np.flatnonzero((area >= SPECKLE) & (joined < 0))
+    large = np.flatnonzero((area >= MIN_GROUP_AREA_M2) & (joined < 0))
     return [_loose(int(g), table[g]) for g in sorted(large, key=lambda g: -area[g])], joined
 
 

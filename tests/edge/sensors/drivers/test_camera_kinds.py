@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.recording import Recorder
 from enliven_edge.sensors.drivers import oak, orbbec, realsense
-from enliven_edge.sensors.drivers.lens import kind_of, within
+from enliven_edge.sensors.drivers.lens import create_range_filter, profile_from_name
 from enliven_edge.sensors.drivers.tof import TofSensor
 from enliven_synthesis.sensor.profile import load_profile
 
@@ -33,7 +33,7 @@ NAMES = [
 
 @pytest.mark.parametrize(("kinds", "otherwise", "called", "profile"), NAMES)
 def test_a_camera_gets_the_profile_of_its_kind(kinds, otherwise, called, profile):
-    assert load_profile(kind_of(called, kinds, otherwise)).name == profile
+    assert load_profile(profile_from_name(called, kinds, otherwise)).name == profile
 
 
 EDGES = [each + by for each in (500, 700, 1000, 2000, 3100, 5460) for by in (-1, 0, 1)]
@@ -50,14 +50,14 @@ def test_depths_out_of_reach_are_unknown_and_the_others_stay(values, reach, rehe
     near = reach[0] or (0.0 if rehearsed else typical.near)
     far = reach[1] or (65.535 if rehearsed else typical.far)
     depth = np.array(values, np.uint16)
-    kept = within(reach, "orbbec-femto-mega", rehearsed)(depth)
+    kept = create_range_filter(reach, "orbbec-femto-mega", rehearsed)(depth)
     for before, after in zip(values, kept.tolist(), strict=True):
         assert after == (before if round(1000 * near) <= before <= round(1000 * far) else 0)
 
 
 def test_an_empty_reach_is_refused():
     with pytest.raises(InputError, match=r"near is 3.0 m and far 2.0 m"):
-        within((3.0, 2.0), "arducam-tof", False)
+        create_range_filter((3.0, 2.0), "arducam-tof", False)
 
 
 @pytest.fixture(scope="module")
@@ -85,9 +85,9 @@ def test_a_depth_of_little_confidence_or_out_of_reach_is_unknown(played, seed, r
     depth[:32] = random.choice(odd, (32, 96)) + random.choice([-0.5, -0.1, 0.0, 0.5], (32, 96))
     depth, confidence = depth.astype(np.float32), confidence.astype(np.float32)
     with TofSensor(rehearse=played, confidence=least, near=reach[0], far=reach[1]) as sensor:
-        trusted = sensor._trusted(depth, confidence)
+        trusted = sensor._filter_depth(depth, confidence)
         with pytest.raises(InputError, match="shapes"):
-            sensor._trusted(depth[1:], confidence)
+            sensor._filter_depth(depth[1:], confidence)
     low, high = 1000 * reach[0], 1000 * reach[1] or 65535
     for actual, exact, sure in zip(trusted.ravel(), depth.ravel(), confidence.ravel(), strict=True):
         rounded = np.rint(exact)

@@ -17,11 +17,11 @@ from enliven.recording import Recorder
 from enliven_edge.importing.bags.reader import BagReader
 from enliven_edge.sensors.base import SensorFault
 from enliven_edge.sensors.drivers import orbbec, playback
-from enliven_edge.sensors.drivers.orbbec_library import opened_device
+from enliven_edge.sensors.drivers.orbbec_library import open_device
 from enliven_edge.sensors.drivers.playback import write_playback
 from enliven_edge.sensors.event_log import EventLog
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
-from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.sensors.reopening import open_reopening
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def test_old_playback_is_refused_before_the_library_hangs(take, tmp_path, monkey
     monkeypatch.setattr(playback, "_FILE_VERSION", 1.0)
     write_playback(take, tmp_path / "old.bag")
     with pytest.raises(InputError, match="only version 2 is known"):
-        kept_open(sensor_opener("orbbec", rehearse=str(tmp_path / "old.bag")))
+        open_reopening(sensor_opener("orbbec", rehearse=str(tmp_path / "old.bag")))
 
 
 ACCELERATION = (0.5, -9.7, -1.25)
@@ -89,14 +89,17 @@ def felt(time_us: int, number: int) -> bytes:
     unknown, reading = struct.pack("<4d9d3d9d", *(0.0,) * 25), struct.pack("<4f", *ACCELERATION, 36.5)
     own = struct.pack("<IQfQQQ", len(reading), number, 36.5, time_us, time_us, time_us)
     moved = struct.pack("<3d9d", *ACCELERATION, *(0.0,) * 9)
-    return playback._head(time_us) + unknown + moved + playback._sized(reading) + own
+    return playback._ros_header(time_us) + unknown + moved + playback._with_size(reading) + own
 
 
 def accelerometer() -> bytes:
     """Returns ``custom_msg/OBImuStreamProfileInfo``: 4 g, 100 readings per second."""
     stands = struct.pack("<9f3f", *TURN.ravel(), 0.0, 0.0, 0.0)
     return (
-        playback._head() + struct.pack("<6B", 4, 16, 2, 7, 0, 0) + stands + struct.pack("<27d", *(0.0,) * 27)
+        playback._ros_header()
+        + struct.pack("<6B", 4, 16, 2, 7, 0, 0)
+        + stands
+        + struct.pack("<27d", *(0.0,) * 27)
     )
 
 
@@ -215,20 +218,20 @@ class Connected:
     ],
 )
 def test_a_camera_is_opened_by_any_of_its_names(wanted, found):
-    assert opened_device(Connected, Connected(), wanted) == found
+    assert open_device(Connected, Connected(), wanted) == found
 
 
 def test_previous_one_of_several_cameras_is_reopened():
-    assert opened_device(Connected, Connected(), "", "CL2") == "CL2"
+    assert open_device(Connected, Connected(), "", "CL2") == "CL2"
     with pytest.raises(ResourceError, match=r"2 are connected: AY1, CL2\. Name .* --set device=AY1"):
-        opened_device(Connected, Connected(), "")
+        open_device(Connected, Connected(), "")
 
 
 def test_a_camera_that_is_not_there_or_does_not_open_is_a_sentence():
     with pytest.raises(ResourceError, match=r"camera called XX is not connected\. Connected: AY1, CL2"):
-        opened_device(Connected, Connected(), "XX")
+        open_device(Connected, Connected(), "XX")
     with pytest.raises(ResourceError, match=r"cannot be used \(createNetDevice failed\)\. Unplug it"):
-        opened_device(Connected, Connected(), "10.0.0.99")
+        open_device(Connected, Connected(), "10.0.0.99")
 
 
 def test_a_rehearsal_is_all_of_one_sensor_over_its_losses_and_lenses(tmp_path):

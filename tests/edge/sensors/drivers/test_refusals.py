@@ -23,10 +23,15 @@ from enliven.frames import DepthFrame
 from enliven.recording import Recorder
 from enliven_edge.sensors import attached_cameras as cameras
 from enliven_edge.sensors.drivers import refusals
-from enliven_edge.sensors.drivers.lens import known_or_typical
-from enliven_edge.sensors.drivers.refusals import SAID, SYSTEM, chosen, refused
+from enliven_edge.sensors.drivers.lens import choose_intrinsics
+from enliven_edge.sensors.drivers.refusals import (
+    LIBRARY_MESSAGES,
+    SYSTEM_MESSAGES,
+    choose_device,
+    convert_error,
+)
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
-from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.sensors.reopening import open_reopening
 
 LIBRARIES = {driver.name: driver for driver in DRIVERS if driver.needs[0]}
 MESSAGES = [
@@ -67,22 +72,22 @@ MESSAGES = [
 
 @pytest.mark.parametrize(("sensor", "message", "words"), MESSAGES)
 def test_library_message_becomes_an_error_with_advice(sensor, message, words):
-    error = refused(sensor, RuntimeError(message), "left camera")
+    error = convert_error(sensor, RuntimeError(message), "left camera")
     assert words in str(error) and str(error).startswith("left camera: ")
     assert error.exit_code == 4 and error.mend
 
 
 def test_no_message_is_without_its_sentence():
-    sentences = {str(refused(sensor, RuntimeError(message))) for sensor, message, _ in MESSAGES}
+    sentences = {str(convert_error(sensor, RuntimeError(message))) for sensor, message, _ in MESSAGES}
     assert len(sentences) >= 10
-    for pieces in SAID.values():
+    for pieces in LIBRARY_MESSAGES.values():
         assert len(dict(pieces)) == len(pieces)
 
 
 def test_the_system_s_own_words():
     if sys.platform.startswith("linux"):
         codes = (errno.EACCES, errno.EPERM, errno.EBUSY, errno.ENODEV, errno.ENOENT)
-        assert [piece for piece, _ in SYSTEM] == [os.strerror(code) for code in codes]
+        assert [piece for piece, _ in SYSTEM_MESSAGES] == [os.strerror(code) for code in codes]
 
 
 @pytest.mark.parametrize("driver", LIBRARIES.values(), ids=LIBRARIES)
@@ -92,7 +97,7 @@ def test_library_messages_still_exist(driver):
     near = Path(module.origin).parent
     own = [near] if module.submodule_search_locations else [near / f"{module.name}.libs"]
     files = [p for folder in own for p in folder.glob("*.so*") if "debug" not in p.name] + [module.origin]
-    left = {piece.encode() for piece, _ in SAID[driver.name]}
+    left = {piece.encode() for piece, _ in LIBRARY_MESSAGES[driver.name]}
     for path in files:
         with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as held:
             left = {piece for piece in left if held.find(piece) < 0}
@@ -106,21 +111,21 @@ names = st.text("0123456789ABCDEF", min_size=1, max_size=6)
 def test_the_camera_that_is_meant_or_none(found, wanted, before):
     """The requested camera; otherwise the only one, or the previous one; never another."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(refusals, "attached", list)
+        patch.setattr(refusals, "list_attached", list)
         may = wanted in found if wanted else len(found) == 1 or before in found
         if may:
             meant = wanted or (before if before in found else next(iter(found)))
-            assert chosen("oak", "an OAK", found, wanted, "device", before) == found[meant]
+            assert choose_device("oak", "an OAK", found, wanted, "device", before) == found[meant]
             return
         with pytest.raises(ResourceError) as raised:
-            chosen("oak", "an OAK", found, wanted, "device", before)
+            choose_device("oak", "an OAK", found, wanted, "device", before)
     reason = str(raised.value)
     assert all(name in reason for name in found) and ("--set " in reason) == bool(found) and wanted in reason
 
 
 def test_two_cameras_of_one_name_are_reported_with_advice():
     with pytest.raises(ResourceError) as raised:
-        chosen("oak", "an OAK", {"A1": 0, "B2": 1}, "", "device")
+        choose_device("oak", "an OAK", {"A1": 0, "B2": 1}, "", "device")
     reason = str(raised.value)
     assert "2 are connected: A1, B2" in reason and "--set device=A1" in reason
     assert "--sensor left=oak --sensor right=oak --set left.device=A1 --set right.device=B2" in reason
@@ -138,7 +143,7 @@ def test_a_library_of_a_version_that_does_not_work(monkeypatch, sensor, package,
     """Reported before the library is loaded."""
     monkeypatch.setattr(cameras, "version", {package: version}.__getitem__)
     with pytest.raises(ResourceError) as raised:
-        cameras.library(package, sensor)
+        cameras.import_library(package, sensor)
     reason = str(raised.value)
     assert f"{package} {version} is installed" in reason and why in reason
     assert f'pip install "enliven-edge[{sensor}]"' in reason
@@ -149,7 +154,9 @@ def test_versions_that_work_are_let_be():
         "depthai": ("3.6.1", "3.7.0", "3.11.0", "3.12.0"),
         "pyrealsense2": ("2.56.5.9235", "2.59.1.11053"),
     }
-    assert not any(cameras.unsupported(package, v) for package, versions in good.items() for v in versions)
+    assert not any(
+        cameras.explain_unsupported(package, v) for package, versions in good.items() for v in versions
+    )
 
 
 @pytest.fixture(scope="module", params=LIBRARIES)
@@ -238,20 +245,20 @@ def test_unusable_driver_options_are_refused(sensor, options):
     if "rehearse" in options:
         usable(LIBRARIES[sensor])
     with pytest.raises(InputError, match=r"nothing\.mcap|Did you mean width"):
-        kept_open(sensor_opener(sensor, **options))
+        open_reopening(sensor_opener(sensor, **options))
 
 
 def test_a_camera_that_does_not_know_its_lens_gets_that_of_its_kind():
-    lens, is_known = known_or_typical(640, 400, (450.0, 451.0, 320.0, 200.0), "oak-d", "oak 1")
+    lens, is_known = choose_intrinsics(640, 400, (450.0, 451.0, 320.0, 200.0), "oak-d", "oak 1")
     assert is_known and (lens.fx, lens.fy) == (450.0, 451.0)
-    typical, is_known = known_or_typical(320, 200, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
+    typical, is_known = choose_intrinsics(320, 200, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1")
     assert not is_known and typical.width == 320 and 200 < typical.fx < 240
     for rehearsed, mend in (
         (False, "Ask for 640x400, or cal"),
         (True, "Rehearse with .* or with one of 640x400"),
     ):
         with pytest.raises(InputError, match=rf"oak 1: it does not know its lens.* {mend}"):
-            known_or_typical(640, 480, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1", rehearsed)
+            choose_intrinsics(640, 480, (1.0, 1.0, 0.0, 0.0), "oak-d", "oak 1", rehearsed)
 
 
 @pytest.mark.parametrize("sensor", LIBRARIES)
@@ -287,7 +294,7 @@ def seen(sensor, errors: list[Exception]) -> bool:
 @pytest.mark.parametrize("sensor", LIBRARIES)
 @pytest.mark.parametrize("message", [message for _, message, _ in MESSAGES])
 def test_in_a_rehearsal_no_device_is_to_be_mended(sensor, message):
-    refusal = str(refused(sensor, RuntimeError(message), "a rehearsal", rehearsed=True))
+    refusal = str(convert_error(sensor, RuntimeError(message), "a rehearsal", rehearsed=True))
     assert " ".join(message.split()).rstrip(".") in refusal and "enliven inspect" in refusal
     assert not any(word in refusal for word in ("Plug it", "Unplug it", "Close", "cable", "Type: sudo"))
 
@@ -298,4 +305,4 @@ def test_a_recording_that_is_not_rectified_is_none_of_an_oak(tmp_path):
     with Recorder(tmp_path / "bent.mcap") as recorder:
         recorder.write_frame(DepthFrame(picture(0, 96, 64), lens, 0, "test"))
     with pytest.raises(InputError, match="not rectified"):
-        kept_open(sensor_opener("oak", rehearse=str(tmp_path / "bent.mcap")))
+        open_reopening(sensor_opener("oak", rehearse=str(tmp_path / "bent.mcap")))

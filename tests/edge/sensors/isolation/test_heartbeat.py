@@ -14,7 +14,7 @@ from wild import Wild
 from enliven.health import HealthKind
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.sensors.isolation import IsolatedOpener, helper_process, isolated
-from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.sensors.reopening import open_reopening
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
 from enliven_edge.stage.stage import Stage
@@ -62,13 +62,13 @@ class Viewer:
 def edge(tmp_path, monkeypatch):
     """Starts an edge on a thread that waits for a missing camera, and a viewer."""
     # Keeps a hanging call hanging.
-    monkeypatch.setattr(isolated, "SILENT", 10 * PATIENCE)
-    monkeypatch.setattr(helper_process, "OPENING", 10 * PATIENCE)
+    monkeypatch.setattr(isolated, "SILENCE_TIMEOUT_S", 10 * PATIENCE)
+    monkeypatch.setattr(helper_process, "OPEN_TIMEOUT_S", 10 * PATIENCE)
     (tmp_path / "gone").touch()
     warm_up_tracking(TrackerSettings())
     wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0)
     opener = IsolatedOpener("wild", Wild, {"folder": str(tmp_path), "pace": 0.02})
-    with kept_open(opener, awaited="the camera") as sensor, Outlet(wire, sensor.name) as outlet:
+    with open_reopening(opener, awaited="the camera") as sensor, Outlet(wire, sensor.name) as outlet:
         served = Edge(sensor, Tracker(), Stage([]), outlet)
         thread = threading.Thread(target=served.run, daemon=True)
         thread.start()

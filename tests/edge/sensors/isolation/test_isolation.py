@@ -11,8 +11,8 @@ from patience import until
 
 from enliven.errors import ResourceError
 from enliven_edge.sensors.base import SensorFault
-from enliven_edge.sensors.isolation.slots import SLOTS, SPARE, FrameSlots
-from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.sensors.isolation.slots import MIN_FREE_SLOTS, SLOTS, FrameSlots
+from enliven_edge.sensors.reopening import open_reopening
 
 
 def test_frames_come_whole_and_in_order(tmp_path, capfd):
@@ -59,7 +59,7 @@ def test_a_pause_does_not_become_a_lag(tmp_path):
     [("crashes", "crashed"), ("exits", "ended"), ("hangs", "no image"), ("goes silent", "no image")],
 )
 def test_any_library_failure_is_continued_by_another_process(tmp_path, mishap, said):
-    with kept_open(opener(tmp_path, mishap=mishap)) as sensor:
+    with open_reopening(opener(tmp_path, mishap=mishap)) as sensor:
         errors: list[Exception] = []
         frames = [next_frame(sensor, errors) for _ in range(20)]
     assert len(errors) == 1 and said in str(errors[0]) and isinstance(errors[0], SensorFault)
@@ -87,13 +87,13 @@ def test_driver_that_does_not_close_is_killed(tmp_path):
 
 def test_library_crash_during_opening_is_reported(tmp_path):
     with pytest.raises(ResourceError, match="crashed"):
-        kept_open(opener(tmp_path, mishap="crashes at open"))
+        open_reopening(opener(tmp_path, mishap="crashes at open"))
 
 
 def test_none_is_there(tmp_path):
     (tmp_path / "gone").touch()
     with pytest.raises(ResourceError, match=r"no device\. Plug it in"):
-        kept_open(opener(tmp_path))
+        open_reopening(opener(tmp_path))
 
 
 def ended(pid: int) -> bool:
@@ -143,7 +143,7 @@ def test_the_reader_copies_where_slots_run_short():
         slot = slots.write(depth + np.uint16(number), None)
         assert slot is not None, "the writer always finds one"
         views.append(slots.read(slot, (4, 6), None)[0])
-    assert slots.free >= SPARE - 1
+    assert slots.free >= MIN_FREE_SLOTS - 1
     for number, view in enumerate(views):
         np.testing.assert_array_equal(view, depth + number)
     del view, views

@@ -19,7 +19,7 @@ from enliven.errors import InputError
 from enliven_edge.sensors.stereo import Rectification, load_calibration
 from enliven_edge.sensors.stereo.board import CalibrationBoard
 from enliven_edge.sensors.stereo.calibration_quality import PairSelector, judge
-from enliven_edge.sensors.stereo.stereo_solver import LEAST_PAIRS, BoardSighting, _flat, solve
+from enliven_edge.sensors.stereo.stereo_solver import MIN_PAIRS, BoardSighting, _rectify_points, solve
 
 BOARD = CalibrationBoard()
 WIDTH, HEIGHT = 320, 200
@@ -183,7 +183,9 @@ def test_reported_disparity_error_covers_the_true_error(seed, noise):
     rectification = Rectification(solution.calibration)
     across, down = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-0.6, 0.6, 7))
     points = np.stack([across, down, np.full_like(across, 2.0)], -1).reshape(-1, 3)
-    left, right = _flat(rectification, solution.calibration, *(lens.pixels(points) for lens in lenses))
+    left, right = _rectify_points(
+        rectification, solution.calibration, *(lens.pixels(points) for lens in lenses)
+    )
     focal_baseline = rectification.intrinsics.fx * rectification.baseline
     true = focal_baseline / (points @ rectification.rotations[0].T)[:, 2]
     off = np.sqrt(np.mean((left[:, 0] - right[:, 0] - true) ** 2))
@@ -196,7 +198,7 @@ def test_reported_disparity_error_covers_the_true_error(seed, noise):
         ({"tilt": 3.0}, "Tilt the board"),
         ({"side": 0.05, "near": 0.7, "far": 0.8}, "has not seen the board at the upper left"),
         ({"noise": 1.5}, "Corners are off"),
-        ({"count": LEAST_PAIRS - 1}, f"Take {LEAST_PAIRS} pairs or more"),
+        ({"count": MIN_PAIRS - 1}, f"Take {MIN_PAIRS} pairs or more"),
     ],
 )
 def test_insufficient_calibration_gives_advice(of, sentence):

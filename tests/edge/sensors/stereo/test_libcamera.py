@@ -22,10 +22,10 @@ from enliven import cli
 from enliven.errors import EnlivenError, InputError, ResourceError
 from enliven.frames import BodyFrame
 from enliven_edge.sensors.drivers.libcamera import LibcameraSensor
-from enliven_edge.sensors.drivers.libcamera_library import COLOUR, GREY, image_of
+from enliven_edge.sensors.drivers.libcamera_library import COLOUR, GREY, copy_image
 from enliven_edge.sensors.isolation import IsolatedOpener
 from enliven_edge.sensors.registry import open_sensor, sensor_opener
-from enliven_edge.sensors.reopening import kept_open
+from enliven_edge.sensors.reopening import open_reopening
 from enliven_edge.sensors.stereo import Rectification, save_calibration
 
 FRAMES = 12
@@ -67,7 +67,7 @@ def test_recorded_pairs_become_depth_images_in_its_own_process(recorded, none_le
 
 
 def test_a_process_that_crashes_is_started_again(recorded, none_left):  # noqa: F811
-    with kept_open(sensor_opener("libcamera", **recorded[0])) as sensor:
+    with open_reopening(sensor_opener("libcamera", **recorded[0])) as sensor:
         errors: list[Exception] = []
         last = next_frame(sensor, errors).time_ns
         (process,) = helpers()
@@ -148,7 +148,7 @@ def test_an_image_is_read_out_of_its_buffer(which, width, height, spare):
     layout = table[name]
     stride = width * layout.bytes + spare
     plane = np.random.default_rng(width).integers(0, 256, height * stride + 3).astype(np.uint8)
-    image = image_of(plane, (width, height), stride, layout)
+    image = copy_image(plane, (width, height), stride, layout)
     assert image.flags.c_contiguous and not np.shares_memory(image, plane)
     for row in range(height):
         for column in range(width):
@@ -160,4 +160,4 @@ def test_an_image_is_read_out_of_its_buffer(which, width, height, spare):
             else:
                 offset = letters.index("G") if "G" in letters else 0
                 assert image[row, column] == plane[at + offset]
-    assert image_of(plane[: height * stride - 1], (width, height), stride, layout) is None
+    assert copy_image(plane[: height * stride - 1], (width, height), stride, layout) is None

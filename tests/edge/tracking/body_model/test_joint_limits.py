@@ -21,7 +21,7 @@ def with_thigh(side: int, **turn: float):
     """Returns a standing person with one thigh rotated from hanging; the right one is mirrored."""
     rotations = joint_limits.standing()
     rotations[model.THIGH_L] = rotation(**turn)
-    return rotations if side == model.THIGH_L else joint_limits.mirrored(rotations)
+    return rotations if side == model.THIGH_L else joint_limits.mirror_rotations(rotations)
 
 
 SIDES = pytest.mark.parametrize("side", [model.THIGH_L, model.THIGH_R])
@@ -84,7 +84,7 @@ def test_mirrored_posture_has_the_same_cost(seed):
     random = np.random.default_rng(seed)
     turns = random.normal(0, 0.8, (13, 3))
     posture = np.stack([rotation(x=x, y=y, z=z) for x, y, z in turns])
-    assert cost(posture) == pytest.approx(cost(joint_limits.mirrored(posture)))
+    assert cost(posture) == pytest.approx(cost(joint_limits.mirror_rotations(posture)))
 
 
 def test_standing_posture_has_zero_cost():
@@ -92,5 +92,5 @@ def test_standing_posture_has_zero_cost():
 
 
 def test_a_weight_by_frame_is_the_usual_one_but_where_another_is_given():
-    weights = model.by_frame(1.5, {model.PELVIS: 0.0, model.FOOT_R: 3.0})
+    weights = model.frame_weights(1.5, {model.PELVIS: 0.0, model.FOOT_R: 3.0})
     np.testing.assert_array_equal(weights, [0.0, *[1.5] * 11, 3.0])

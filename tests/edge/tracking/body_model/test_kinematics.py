@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.kinematics import deviation, exponential, logarithm
-from enliven_edge.tracking.body_model.posture import Posture, continued
+from enliven_edge.tracking.body_model.posture import Posture, predict_next
 
 
 @given(st.integers(0, 10_000))
@@ -69,7 +69,9 @@ def test_forward_kinematics_keeps_bone_lengths(seed):
 
 def test_mirroring_twice_changes_nothing():
     rotations = random_posture(5).rotations
-    np.testing.assert_allclose(joint_limits.mirrored(joint_limits.mirrored(rotations)), rotations, atol=1e-12)
+    np.testing.assert_allclose(
+        joint_limits.mirror_rotations(joint_limits.mirror_rotations(rotations)), rotations, atol=1e-12
+    )
 
 
 def test_standing_height_is_the_height_asked_for():
@@ -124,7 +126,7 @@ def test_predicted_posture_continues_its_rotation():
     slow, fast = np.array([0.1, -0.05, 0.02]), np.array([0.0, 2.0, 0.0])
     now.rotations[model.HEAD] = before.rotations[model.HEAD] @ exponential(slow)
     now.rotations[model.CHEST] = before.rotations[model.CHEST] @ exponential(fast)
-    predicted = continued(before, now)
+    predicted = predict_next(before, now)
     for frame, turn in ((model.HEAD, 0.8 * slow), (model.CHEST, np.array([0.0, 0.25, 0.0]))):
         expected = now.rotations[frame] @ exponential(turn)
         np.testing.assert_allclose(predicted.rotations[frame], expected, atol=1e-9)

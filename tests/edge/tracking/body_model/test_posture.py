@@ -8,7 +8,7 @@ import pytest
 from enliven.rotation import from_matrix, from_rotation_vector, to_matrix, to_rotation_vector
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
-from enliven_edge.tracking.body_model.posture import Posture, continued, forward, rotation
+from enliven_edge.tracking.body_model.posture import Posture, forward, predict_next, rotation
 
 
 def random_posture(seed: int, turns: float = 0.8) -> Posture:
@@ -76,7 +76,7 @@ def test_predicted_motion_is_damped_and_limited(seed):
     now, turns = before.copy(), random.normal(0, 0.2, (13, 3))
     now.position += random.normal(0, 0.08, 3)
     now.rotations = before.rotations @ to_matrix(from_rotation_vector(turns))
-    predicted = continued(before, now)
+    predicted = predict_next(before, now)
     step = 0.8 * (now.position - before.position)
     step *= min(1.0, 0.1 / np.linalg.norm(step))
     np.testing.assert_allclose(predicted.position, now.position + step, atol=1e-12)

@@ -19,7 +19,7 @@ from enliven_edge.tracking.detect.appearance import (
     estimate_at_points,
     facing,
     facing_score,
-    turned_about,
+    flip_posture,
 )
 from enliven_edge.tracking.estimator.labels import FACINGS, MIRRORED, PARTS, BodyPart
 
@@ -122,7 +122,7 @@ def test_thinning_keeps_what_each_point_looks_like(seed, step):
 @settings(max_examples=20, deadline=None)
 def test_a_posture_agrees_with_its_own_surface_more_than_turned_about(yaw):
     seen = seen_as(estimate_of(standing(yaw).joints()), *surface_of(standing(yaw)))
-    own, other = agreement(seen, standing(yaw)), agreement(seen, turned_about(standing(yaw)))
+    own, other = agreement(seen, standing(yaw)), agreement(seen, flip_posture(standing(yaw)))
     assert own > 0.8
     assert 0.0 <= other < own - 0.4
 
@@ -142,11 +142,11 @@ def test_agreement_is_the_mean_likelihood_on_the_nearest_surface(seed):
 @given(YAWS, st.floats(-0.6, 0.6))
 @settings(max_examples=30, deadline=None)
 def test_turning_about_reverses_the_facing(yaw, bend):
-    assert np.cos(facing(turned_about(standing(yaw)), EYE) - facing(standing(yaw), EYE)) == pytest.approx(-1)
+    assert np.cos(facing(flip_posture(standing(yaw)), EYE) - facing(standing(yaw), EYE)) == pytest.approx(-1)
     posture = standing(yaw)
     posture.rotations[model.CHEST] = rotation(x=bend, z=0.5 * bend)
     kept = posture.copy()
-    np.testing.assert_allclose(turned_about(turned_about(posture)).joints(), kept.joints(), atol=1e-9)
+    np.testing.assert_allclose(flip_posture(flip_posture(posture)).joints(), kept.joints(), atol=1e-9)
     np.testing.assert_array_equal(posture.rotations, kept.rotations)
 
 
@@ -205,7 +205,7 @@ def test_network_distinguishes_front_and_back_for_most():
                 observation.points.mean(0).astype(float), joint_limits.standing(), standing().lengths
             )
             right.append(
-                (facing_score(seen, front, eye) > facing_score(seen, turned_about(front), eye))
+                (facing_score(seen, front, eye) > facing_score(seen, flip_posture(front), eye))
                 == (name != "back")
             )
     assert np.mean(right) > FRONT_TOLD

@@ -81,7 +81,7 @@ def test_usual_frame_gets_no_extra_arm_fit():
     seen = seen_as(estimate_of(posture.joints()), points, np.full((len(points), 17), 1 / 17))
     arms = ArmRecovery(fitter)
     for _ in range(3):
-        assert arms.tried(observation, posture, report, [], seen, steps=6) is None
+        assert arms.try_arms(observation, posture, report, [], seen, steps=6) is None
 
 
 def test_forearm_candidate_lies_along_unexplained_points():

@@ -15,15 +15,15 @@ from people_seen_for_tests import CLASSES, SEEDS, seen_in, seen_person
 from enliven.camera import Intrinsics
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
-from enliven_edge.tracking.detect.appearance import turned_about
+from enliven_edge.tracking.detect.appearance import flip_posture
 from enliven_edge.tracking.detect.detection import detect, detect_another
 from enliven_edge.tracking.detect.fit_quality import quality
-from enliven_edge.tracking.detect.hypotheses import posed
+from enliven_edge.tracking.detect.hypotheses import pose_from_estimate
 from enliven_edge.tracking.estimator.labels import FACINGS
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import Observation, WorkingCamera, observe, world_points
 from enliven_edge.tracking.settings import FitSettings
-from enliven_edge.tracking.work_budget import whole
+from enliven_edge.tracking.work_budget import run_to_end
 from enliven_synthesis.training.rendering import random_build
 
 MEDIAN, FAR, NOT_FAR = 0.08, 0.15, 0.6
@@ -41,7 +41,7 @@ def found(name: str, seed: int, network: bool) -> Posture:
     observation, _ = seen_person(name, seed)
     seen, by_facing = seen_in(observation) if network else (None, None)
     eye = observation.view[4][:3, 3]
-    posture, report = whole(detect(Fitter(FitSettings()), observation, eye, 1.72, seen, by_facing))
+    posture, report = run_to_end(detect(Fitter(FitSettings()), observation, eye, 1.72, seen, by_facing))
     assert quality(report) > (0.6 if network else 0.5), f"{name} {seed}"
     return posture
 
@@ -78,7 +78,9 @@ def test_best_network_posture_is_near_the_truth_for_most():
     for name in CLASSES:
         for seed in SEEDS:
             observation, figure = seen_person(name, seed)
-            candidates = [posed(estimate, lengths).joints() for estimate in seen_in(observation)[1]]
+            candidates = [
+                pose_from_estimate(estimate, lengths).joints() for estimate in seen_in(observation)[1]
+            ]
             best.append(min(np.linalg.norm(joints - figure.joints, axis=1).mean() for joints in candidates))
     assert np.median(best) < SUPPOSED
 
@@ -112,7 +114,7 @@ def test_upside_down_image_is_detected_alike():
     observation, figure = seen_person("one leg up", 901)
     fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]
     for each in (observation, hung_upside_down(observation)):
-        posture, _ = whole(detect(fitter, each, eye, 1.72, *seen_in(each)))
+        posture, _ = run_to_end(detect(fitter, each, eye, 1.72, *seen_in(each)))
         off = np.linalg.norm(posture.joints() - figure.joints, axis=1)
         assert np.median(off) < 0.12
 
@@ -125,7 +127,7 @@ def test_known_person_is_detected_with_their_own_bones():
         eye, fitter = observation.view[4][:3, 3], Fitter(FitSettings())
         lengths = model.lengths_for_height(random_build(np.random.default_rng([41, seed])).height)
         for off, bones in ((unknown_errors, None), (known_errors, lengths)):
-            posture, _ = whole(detect(fitter, observation, eye, 1.3, *seen_in(observation), bones))
+            posture, _ = run_to_end(detect(fitter, observation, eye, 1.3, *seen_in(observation), bones))
             off.append(np.linalg.norm(posture.joints() - figure.joints, axis=1).mean())
     assert np.mean(known_errors) < np.mean(unknown_errors)
 
@@ -135,11 +137,11 @@ def test_new_posture_is_searched_only_if_it_may_be_better():
     observation, _ = seen_person("one leg up", SEEDS[0])
     fitter, eye = Fitter(FitSettings()), observation.view[4][:3, 3]
     seen, by_facing = seen_in(observation)
-    right, report = whole(detect(fitter, observation, eye, 1.72, seen, by_facing))
-    again = whole(detect_another(fitter, observation, seen, eye, 1.72, right, by_facing))
+    right, report = run_to_end(detect(fitter, observation, eye, 1.72, seen, by_facing))
+    again = run_to_end(detect_another(fitter, observation, seen, eye, 1.72, right, by_facing))
     assert again is None or np.linalg.norm(again[0].joints() - right.joints(), axis=1).mean() < 0.05
-    for wrong in (standing_as(right), turned_about(right)):
-        found_again = whole(detect_another(fitter, observation, seen, eye, 1.72, wrong, by_facing))
+    for wrong in (standing_as(right), flip_posture(right)):
+        found_again = run_to_end(detect_another(fitter, observation, seen, eye, 1.72, wrong, by_facing))
         assert found_again is not None
         assert found_again[1].energy < 1.2 * report.energy
 

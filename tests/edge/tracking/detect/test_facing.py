@@ -13,7 +13,7 @@ from enliven_edge.tracking.body_model.posture import (
     chest_axes_about,
     rotation,
 )
-from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing_score, turned_about
+from enliven_edge.tracking.detect.appearance import EstimateAtPoints, facing_score, flip_posture
 from enliven_edge.tracking.detect.fit_quality import Facing, _advantage, backward
 
 
@@ -47,7 +47,7 @@ def test_correct_facing_is_kept(yaw):
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, 1.5, np.pi, -2.0])
 def test_wrong_facing_is_corrected_after_a_delay(yaw):
-    wrong = verdicts(turned_about(standing(yaw)), seen_facing(standing(yaw)))
+    wrong = verdicts(flip_posture(standing(yaw)), seen_facing(standing(yaw)))
     assert any(wrong)
     assert not any(wrong[:10]), "a few frames must not turn a person"
 
@@ -55,7 +55,7 @@ def test_wrong_facing_is_corrected_after_a_delay(yaw):
 def test_person_walking_backwards_is_turned_round():
     """The network has no preference; the walking direction decides."""
     sideways = standing(np.pi / 2)
-    assert any(verdicts(turned_about(sideways), seen_facing(None), velocity=(1.2, 0.0, 0.0)))
+    assert any(verdicts(flip_posture(sideways), seen_facing(None), velocity=(1.2, 0.0, 0.0)))
     assert not any(verdicts(sideways, seen_facing(None), velocity=(1.2, 0.0, 0.0)))
 
 
@@ -84,7 +84,7 @@ def test_people_bend_forward(yaw):
     assert backward(bent(0.0, yaw).rotations) == 0.0
     assert backward(bent(0.6, yaw).rotations) == 0.0
     assert backward(bent(-0.6, yaw).rotations) == pytest.approx(np.sin(0.6) - 0.15, abs=1e-6)
-    assert any(verdicts(turned_about(bent(0.6, yaw)), seen_facing(None)))
+    assert any(verdicts(flip_posture(bent(0.6, yaw)), seen_facing(None)))
     assert not any(verdicts(bent(0.6, yaw), seen_facing(None)))
 
 
@@ -93,12 +93,12 @@ def test_person_lying_on_the_back_does_not_lean():
 
 
 def test_weak_facing_evidence_does_not_flip():
-    assert not any(verdicts(turned_about(standing()), seen_facing(standing(), plainly=0.5)))
+    assert not any(verdicts(flip_posture(standing()), seen_facing(standing(), plainly=0.5)))
 
 
 def test_established_facing_needs_more_evidence_to_flip():
     """Seen from the side, where the sensor itself has no evidence."""
-    sideways, other = standing(np.pi / 2), turned_about(standing(np.pi / 2))
+    sideways, other = standing(np.pi / 2), flip_posture(standing(np.pi / 2))
     against = seen_facing(other, plainly=1.5)
     assert any(verdicts(sideways, against))
     facing = Facing()
@@ -121,7 +121,7 @@ def any_posture(random) -> Posture:
 @pytest.mark.parametrize("seed", range(40))
 def test_the_chest_turned_about_is_that_of_the_posture_turned_about(seed):
     posture = any_posture(np.random.default_rng(seed))
-    for candidate, axes in ((posture, chest_axes), (turned_about(posture), chest_axes_about)):
+    for candidate, axes in ((posture, chest_axes), (flip_posture(posture), chest_axes_about)):
         chest = candidate.rotations[model.PELVIS] @ candidate.rotations[model.CHEST]
         np.testing.assert_allclose(np.transpose(axes(posture.rotations)), chest[:, :2], atol=1e-12)
 
@@ -132,7 +132,7 @@ def test_a_frames_evidence_is_the_difference_to_the_posture_turned_about(seed):
     random = np.random.default_rng(seed)
     posture, velocity = any_posture(random), random.normal(0, 0.7, 3)
     sighting = seen_as(estimate_of(posture.joints(), ways=random.normal(0, 2, 8)))
-    turned = turned_about(posture)
+    turned = flip_posture(posture)
     slow = facing_score(sighting, posture, EYE) - facing_score(sighting, turned, EYE)
     speed = np.linalg.norm(velocity[[0, 2]])
     plainly = np.clip((speed - 0.45) / 0.45, 0.0, 1.0)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from enliven.person.joints import Joint
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture, rotation
-from enliven_edge.tracking.detect.appearance import turned_about
-from enliven_edge.tracking.detect.hypotheses import BANK, aligned_to, posed
+from enliven_edge.tracking.detect.appearance import flip_posture
+from enliven_edge.tracking.detect.hypotheses import BANK, align_to_estimate, pose_from_estimate
 from enliven_edge.tracking.fit.gauss_newton import stepped
 
 SEEDS = st.integers(0, 10_000)
@@ -52,7 +52,7 @@ def apart(one: Posture, other: Posture) -> np.ndarray:
 @pytest.mark.parametrize("number", range(len(BANK)))
 def test_a_posture_of_the_bank_is_found_again_from_its_own_joints(number, yaw):
     wanted = banked(number, yaw)
-    posture = posed(estimate_of(wanted.joints()), wanted.lengths)
+    posture = pose_from_estimate(estimate_of(wanted.joints()), wanted.lengths)
     assert apart(posture, wanted).mean() < ON_AVERAGE and apart(posture, wanted).max() < AT_MOST
 
 
@@ -60,7 +60,7 @@ def test_a_posture_of_the_bank_is_found_again_from_its_own_joints(number, yaw):
 @settings(max_examples=30, deadline=None)
 def test_any_posture_is_found_again_from_its_own_joints(seed):
     wanted = random_posture(seed)
-    posture = posed(estimate_of(wanted.joints()), wanted.lengths)
+    posture = pose_from_estimate(estimate_of(wanted.joints()), wanted.lengths)
     assert apart(posture, wanted).mean() < ON_AVERAGE and apart(posture, wanted).max() < AT_MOST
     ahead = posture.rotations[model.PELVIS][:, 2] @ wanted.rotations[model.PELVIS][:, 2]
     assert ahead > 0.9, "it faces the same way"
@@ -71,7 +71,7 @@ def test_any_posture_is_found_again_from_its_own_joints(seed):
 def test_a_posture_is_drawn_to_the_joints_from_one_nearby(seed):
     wanted = random_posture(seed)
     start = nudged(wanted, np.random.default_rng(seed + 1).normal(0, 0.25, 27))
-    posture = aligned_to(start, estimate_of(wanted.joints()))
+    posture = align_to_estimate(start, estimate_of(wanted.joints()))
     assert apart(posture, wanted).mean() < max(ON_AVERAGE, 0.5 * apart(start, wanted).mean())
 
 
@@ -80,17 +80,17 @@ def test_a_posture_is_drawn_to_the_joints_from_one_nearby(seed):
 def test_lengths_are_kept_and_the_start_is_not_touched(seed):
     wanted, lengths = random_posture(seed), model.lengths_for_height(1.6)
     estimate = estimate_of(wanted.joints())
-    np.testing.assert_array_equal(posed(estimate, lengths).lengths, lengths)
+    np.testing.assert_array_equal(pose_from_estimate(estimate, lengths).lengths, lengths)
     start = nudged(wanted, np.full(27, 0.2))
     kept = start.copy()
-    np.testing.assert_array_equal(aligned_to(start, estimate).lengths, kept.lengths)
+    np.testing.assert_array_equal(align_to_estimate(start, estimate).lengths, kept.lengths)
     np.testing.assert_array_equal(start.joints(), kept.joints())
     np.testing.assert_array_equal(lengths, model.lengths_for_height(1.6))
 
 
 def test_reversed_estimate_gives_reversed_posture():
-    wanted = turned_about(banked(0, 0.4))
-    posture = posed(estimate_of(wanted.joints()), wanted.lengths)
+    wanted = flip_posture(banked(0, 0.4))
+    posture = pose_from_estimate(estimate_of(wanted.joints()), wanted.lengths)
     assert apart(posture, wanted).max() < AT_MOST
 
 
@@ -100,7 +100,7 @@ def test_uncertain_joint_has_no_effect_on_the_posture(joint):
     joints, spread = wanted.joints(), np.full(20, 0.03)
     joints[joint] += [0.1, 0.3, 0.2]
     spread[joint] = 2.0
-    posture = posed(estimate_of(joints, spread), wanted.lengths)
+    posture = pose_from_estimate(estimate_of(joints, spread), wanted.lengths)
     assert apart(posture, wanted).mean() < ON_AVERAGE
 
 
@@ -108,6 +108,6 @@ def test_longer_person_is_posed_at_the_estimates_position():
     """The bone lengths differ: the joints cannot all be met, so the error is spread about evenly."""
     wanted = banked(0, 0.0)
     longer = model.lengths_for_height(1.6)
-    posture = posed(estimate_of(wanted.joints()), longer)
+    posture = pose_from_estimate(estimate_of(wanted.joints()), longer)
     assert apart(posture, wanted).max() < 0.2
     assert np.linalg.norm((posture.joints() - wanted.joints()).mean(0)) < 0.05

@@ -14,8 +14,8 @@ from enliven.person.joints import Joint
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.detect import recovery
-from enliven_edge.tracking.detect.appearance import turned_about
-from enliven_edge.tracking.detect.recovery import PoseRecovery, whole_bodies
+from enliven_edge.tracking.detect.appearance import flip_posture
+from enliven_edge.tracking.detect.recovery import PoseRecovery, propose_bodies
 from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import Observation
 from enliven_edge.tracking.settings import FitSettings
@@ -84,7 +84,7 @@ def test_limb_is_not_moved_against_the_depth():
 def test_whole_body_candidate_keeps_the_facing():
     """An estimate with the opposite facing is turned round first."""
     observation = observed(standing())
-    idea = next(whole_bodies(observation, standing(), seen_of(turned_about(standing()), observation)))
+    idea = next(propose_bodies(observation, standing(), seen_of(flip_posture(standing()), observation)))
     assert idea.rotations[model.PELVIS][2, 2] > 0.5
     assert off(idea, standing(), slice(None)) < 0.1
 

@@ -19,12 +19,12 @@ from hypothesis import strategies as st
 from enliven_edge.tracking.body_model import joint_limits, model
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.fit import data_term, terms
-from enliven_edge.tracking.fit.fit import shape
+from enliven_edge.tracking.fit.fit import create_fit_model
 from enliven_edge.tracking.fit.structures import BodyState
 from enliven_edge.tracking.fit.terms import placed
 from enliven_edge.tracking.frame.observation import ImageView, nearest_columns
 
-PAIRS = shape().pairs
+PAIRS = create_fit_model().pairs
 
 
 def depth_energy(posture: Posture, points, normals):
@@ -111,7 +111,9 @@ def test_the_floors_gradient_by_the_girth_holds_for_every_build(seed, girth):
 def test_the_fit_places_the_surface_that_its_terms_are_tested_with(seed, girth, free):
     posture = random_posture(seed, 0.8)
     posture.lengths[model.GIRTH] = girth
-    _, surface = placed(BodyState(posture.position, posture.rotations, posture.lengths), shape(), free)
+    _, surface = placed(
+        BodyState(posture.position, posture.rotations, posture.lengths), create_fit_model(), free
+    )
     for mine, expected in zip(surface, surroundings(posture, free, taper=True), strict=True):
         np.testing.assert_allclose(mine, expected, atol=1e-12)
 

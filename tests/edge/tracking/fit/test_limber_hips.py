@@ -16,7 +16,7 @@ def drawn_up(hips: float) -> Posture:
     """Returns a person with the knees drawn up and the hips at a height in metres."""
     rotations = joint_limits.standing(knee=1.9)
     rotations[model.THIGH_L] = rotation(x=-DRAWN_UP, z=0.06)
-    rotations[model.THIGH_R] = joint_limits.mirrored(rotations)[model.THIGH_R]
+    rotations[model.THIGH_R] = joint_limits.mirror_rotations(rotations)[model.THIGH_R]
     return Posture(np.array([0.0, hips, -2.5]), rotations, model.lengths_for_height(1.75))
 
 

@@ -8,7 +8,7 @@ from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.people import follower
 from enliven_edge.tracking.people.follower import Follower
-from enliven_edge.tracking.segment.segmentation import lying_on
+from enliven_edge.tracking.segment.segmentation import pixels_near_bodies
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
@@ -115,7 +115,7 @@ def test_bad_fit_is_searched_again_in_pixels_near_the_body(monkeypatch, somebody
     assert none is None
     assert len(asked) == 2
     np.testing.assert_array_equal(asked[0], pixels)
-    np.testing.assert_array_equal(asked[1], pixels & lying_on(view, [posture], 0.0, 0.12))
+    np.testing.assert_array_equal(asked[1], pixels & pixels_near_bodies(view, [posture], 0.0, 0.12))
     np.testing.assert_array_equal(asked[1], alone)
 
 

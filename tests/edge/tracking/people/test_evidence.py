@@ -124,7 +124,7 @@ def test_gathered_evidence_matches_the_slow_reference(seed, alone):
         random.normal(size=(20, 3)),
         random.uniform(0, 1, 20),
     )
-    first, second = of_joints._beside()
+    first, second = of_joints._neighbour_averages()
     of_network = np.zeros((20, 2))
     if not alone:
         distances = np.linalg.norm(joints - network_joints, axis=1)

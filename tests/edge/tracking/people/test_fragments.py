@@ -18,9 +18,9 @@ from enliven_edge.tracking.people.people import MultiPersonTracker
 from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.reidentification import BodyMeasurements
 from enliven_edge.tracking.scene import UNSEEN, BackgroundModel
-from enliven_edge.tracking.segment.candidate import YOUNG
+from enliven_edge.tracking.segment.candidate import MAX_YOUNG_AGE_S
 from enliven_edge.tracking.segment.pieces import _reaches
-from enliven_edge.tracking.segment.segmentation import segmented
+from enliven_edge.tracking.segment.segmentation import segment_people
 from enliven_edge.tracking.settings import TrackerSettings
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
@@ -53,7 +53,7 @@ def held(view: FrameView, somebody_at: float | None, age: float = 0.0) -> np.nda
     room = BackgroundModel(view.z.shape)
     room.age = age
     kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
-    return tracker.finder.find(view, kind, segmented(view, kind, []), room, believe=False)
+    return tracker.finder.find(view, kind, segment_people(view, kind, []), room, believe=False)
 
 
 def test_shank_next_to_a_person_is_held():
@@ -71,7 +71,7 @@ def test_large_object_next_to_a_person_is_not_held():
 
 
 def test_no_fragment_is_held_once_background_is_known():
-    assert not held(drawn(SHANK), 0.1, age=YOUNG).any()
+    assert not held(drawn(SHANK), 0.1, age=MAX_YOUNG_AGE_S).any()
 
 
 def test_shank_next_to_an_undetected_person_is_held():

@@ -10,7 +10,7 @@ from enliven_edge.tracking.fit.fit import Fitter
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.people.people import MultiPersonTracker
 from enliven_edge.tracking.scene import UNSEEN, BackgroundModel
-from enliven_edge.tracking.segment.segmentation import segmented
+from enliven_edge.tracking.segment.segmentation import segment_people
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.work_budget import Budget
 
@@ -34,7 +34,7 @@ def test_search_has_lost_all_a_moment_after_its_pixels_are_gone(gone_for, is_los
     for frame in range(2 + gone_for):
         view = view_of(frame, shown=frame < 2)
         kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
-        segments = segmented(view, kind, [])
+        segments = segment_people(view, kind, [])
         newcomers = finder._newcomers.update(
             view, kind, segments, lambda _: True, lambda _: False, young=True
         )

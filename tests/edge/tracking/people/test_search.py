@@ -23,10 +23,10 @@ from enliven_edge.tracking.people.person import Person
 from enliven_edge.tracking.people.reidentification import BodyMeasurements
 from enliven_edge.tracking.people.search import ScoredDetection, Search
 from enliven_edge.tracking.scene import FOREGROUND, UNLIKELY
-from enliven_edge.tracking.segment.candidate import Candidate, _unions, measured
-from enliven_edge.tracking.segment.person_shape import shape_of
+from enliven_edge.tracking.segment.candidate import Candidate, _unions, measure_blob
+from enliven_edge.tracking.segment.person_shape import measure_shape
 from enliven_edge.tracking.settings import TrackerSettings
-from enliven_edge.tracking.work_budget import whole
+from enliven_edge.tracking.work_budget import run_to_end
 
 SETTINGS = TrackerSettings()
 
@@ -51,13 +51,13 @@ def newcomer(view: FrameView, pixels: np.ndarray) -> Candidate:
     """Returns a pixel group like one found in the first frame."""
     candidate = Candidate(view.points[pixels].mean(0), 0)
     area = area_of(view, pixels)
-    candidate.update(pixels, candidate.centre, shape_of(view, pixels, area), area, (0.0, 1.0), 0)
+    candidate.update(pixels, candidate.centre, measure_shape(view, pixels, area), area, (0.0, 1.0), 0)
     return candidate
 
 
 def area_of(view: FrameView, pixels: np.ndarray) -> float:
     """Returns the area in square metres, as seen from the sensor."""
-    return measured(view, pixels, np.zeros(pixels.shape, np.uint8))[1]
+    return measure_blob(view, pixels, np.zeros(pixels.shape, np.uint8))[1]
 
 
 def halves(view: FrameView, mask: np.ndarray) -> list[np.ndarray]:
@@ -67,7 +67,7 @@ def halves(view: FrameView, mask: np.ndarray) -> list[np.ndarray]:
 
 def searched(view: FrameView, newcomers: list[Candidate]):
     results: list[ScoredDetection] = []
-    whole(looking().found(view, newcomers, results, alone=True))
+    run_to_end(looking().found(view, newcomers, results, alone=True))
     return results
 
 
@@ -124,12 +124,12 @@ def test_unions_are_all_parts_then_pairs_the_largest_first(count, seed):
 def test_no_person_is_guessed_high_on_a_wall(scene, monkeypatch):
     view, mask = scene
     looks = looking()
-    assert whole(looks.best_guess(view, [newcomer(view, mask)], alone=True))
+    assert run_to_end(looks.best_guess(view, [newcomer(view, mask)], alone=True))
     lifted = MOUNT.copy()
     lifted[1, 3] += 0.6
     high = replace(view, points=world_points(view.z, view.camera.ray, lifted), world_from_camera=lifted)
     monkeypatch.setattr(search, "_likely", lambda *_: True)
-    assert not whole(looks.best_guess(high, [newcomer(high, mask)], alone=True))
+    assert not run_to_end(looks.best_guess(high, [newcomer(high, mask)], alone=True))
 
 
 def test_an_area_is_that_of_the_pixels_themselves(scene):
@@ -150,7 +150,7 @@ def test_blob_measures_are_those_of_its_pixels(scene, seed):
         random.integers(0, 4, mask.shape).astype(np.uint8),
         mask & (random.uniform(size=mask.shape) < 0.5),
     )
-    centre, _, shares = measured(view, part, kind)
+    centre, _, shares = measure_blob(view, part, kind)
     np.testing.assert_allclose(centre, view.points[part].mean(0), atol=1e-9)
     assert shares == pytest.approx((np.mean(kind[part] == FOREGROUND), np.mean(kind[part] != UNLIKELY)))
 

@@ -5,7 +5,7 @@ import pytest
 
 from enliven.person import Joint
 from enliven_edge.tracking.body_model import Posture, model, rotation, standing
-from enliven_edge.tracking.people.confidence import bounded_when_seated
+from enliven_edge.tracking.people.confidence import limit_when_seated
 
 LEGS = [j for j in Joint if j.name.startswith(("KNEE", "ANKLE", "FOOT"))]
 OTHERS = [j for j in Joint if j not in LEGS]
@@ -20,7 +20,7 @@ def posture(height: float, pitch: float = 0.0, **pose: float) -> Posture:
 
 @pytest.mark.parametrize("sure", [0.95, 0.3])
 def test_legs_of_a_seated_person_are_bounded(sure):
-    bounded = bounded_when_seated(np.full(20, sure), posture(0.15, hip=1.5))
+    bounded = limit_when_seated(np.full(20, sure), posture(0.15, hip=1.5))
     assert (bounded[LEGS] == min(sure, 0.7)).all()
     assert (bounded[OTHERS] == sure).all()
 
@@ -32,4 +32,4 @@ def test_legs_of_a_seated_person_are_bounded(sure):
 )
 def test_other_postures_keep_their_confidence(other):
     sure = np.linspace(0.0, 1.0, 20)
-    np.testing.assert_array_equal(bounded_when_seated(sure, other), sure)
+    np.testing.assert_array_equal(limit_when_seated(sure, other), sure)

@@ -14,7 +14,7 @@ from enliven_edge.tracking.scene.background_kernels import (
     BackgroundState,
     LearningRate,
     classified,
-    empty_room,
+    empty_background,
     guard,
     learn_frame,
 )
@@ -126,7 +126,7 @@ def test_learning_a_frame_matches_the_slow_reference(seed, dark, at_once):
         random.random(shape) < 0.6, room + random.normal(0, 0.05, shape), random.uniform(0.5, 4, shape)
     )
     z = np.maximum(z, 0.0) * (random.random(shape) < 0.9)
-    state = empty_room(shape)
+    state = empty_background(shape)
     state.z[:] = room
     for name in ("nearer", "guard_z", "still_z"):
         near = np.where(random.random(shape) < 0.5, z, room)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from enliven.camera import world_from_level_camera
 from enliven_edge.tracking.body_model.posture import rotation
-from enliven_edge.tracking.scene.floor import _level_plane, corrected, world_from_floor
+from enliven_edge.tracking.scene.floor import _level_plane, correct_mounting, world_from_floor
 
 GAIN = 0.3
 
@@ -94,7 +94,7 @@ def test_a_corrected_mounting_brings_the_floor_nearer_to_level(seed):
     """By its gain: the floor points are flatter and nearer to height 0 in the corrected world."""
     points, usable, (a, b, c) = seen_floor(seed)
     before = world_from_level_camera(1.2)
-    updated = corrected(before, points, usable, GAIN)
+    updated = correct_mounting(before, points, usable, GAIN)
     between = updated @ np.linalg.inv(before)
     up = between[:3, :3] @ np.array([-a, 1.0, -b])
     assert np.hypot(up[0], up[2]) / up[1] == pytest.approx((1 - GAIN) * np.hypot(a, b), abs=2e-3)
@@ -106,11 +106,11 @@ def test_a_corrected_mounting_brings_the_floor_nearer_to_level(seed):
 def test_little_visible_floor_gives_no_correction():
     points, usable, _ = seen_floor(0)
     before = world_from_level_camera(1.2)
-    assert corrected(before, points, np.zeros_like(usable), GAIN) is before
+    assert correct_mounting(before, points, np.zeros_like(usable), GAIN) is before
     strip = usable & (np.abs(points[..., 0]) < 0.2)
-    assert corrected(before, points, strip, GAIN) is before, "a strip says nothing of its tilt"
+    assert correct_mounting(before, points, strip, GAIN) is before, "a strip says nothing of its tilt"
     line = points.copy()
     line[..., 2] = line[..., 0]
-    assert corrected(before, line, usable, GAIN) is before, "nor does a line"
+    assert correct_mounting(before, line, usable, GAIN) is before, "nor does a line"
     steep = points @ rotation(z=0.2).T
-    assert corrected(before, steep, usable, GAIN) is before, "that is no floor"
+    assert correct_mounting(before, steep, usable, GAIN) is before, "that is no floor"

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.scene.walls import _best_line, without_walls
+from enliven_edge.tracking.scene.walls import _best_line, remove_walls
 
 CAMERA = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
 MOUNT = world_from_level_camera(1.2)
@@ -26,14 +26,14 @@ def standing(*places, wall=3.4):
 
 def test_wall_is_removed_and_people_before_it_are_kept():
     view, people = standing((-0.6, 3.0, 0.2), (0.5, 3.1, 0.2))
-    rest = without_walls(view, np.ones(people.shape, bool))
+    rest = remove_walls(view, np.ones(people.shape, bool))
     assert rest[people].mean() > 0.9
     assert rest[~people].mean() < 0.03
 
 
 def test_two_who_stand_apart_are_no_wall():
     view, people = standing((-0.7, 2.2, 0.25), (0.6, 2.2, 0.25))
-    assert (without_walls(view, people) == people).all()
+    assert (remove_walls(view, people) == people).all()
 
 
 def obvious_rest(view, mask):
@@ -65,7 +65,7 @@ def test_the_walls_are_those_of_the_obvious_search(at, near, wall, share):
     view, _ = standing((at, near, 0.2), (at + 0.8, near + 0.1, 0.2), wall=wall)
     mask = np.random.default_rng(0).uniform(size=view.z.shape) < share
     # A point on the border of a wall may fall to either side of it.
-    assert (without_walls(view, mask) != obvious_rest(view, mask)).sum() <= 2
+    assert (remove_walls(view, mask) != obvious_rest(view, mask)).sum() <= 2
 
 
 def test_the_best_line_is_the_best_of_all_pairs():

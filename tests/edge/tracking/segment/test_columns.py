@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_edge.tracking.segment.pieces import columns_of, parted
+from enliven_edge.tracking.segment.pieces import find_columns, split_people
 
 
 def obvious_columns(points):
@@ -56,7 +56,7 @@ def standing_people(seed):
 @settings(max_examples=40, deadline=None)
 def test_the_people_are_those_of_the_obvious_search(seed):
     points = standing_people(seed)
-    columns = columns_of(np.ascontiguousarray(points.T))
+    columns = find_columns(np.ascontiguousarray(points.T))
     np.testing.assert_allclose(columns, obvious_columns(points), atol=1e-9)
 
 
@@ -65,7 +65,7 @@ def test_a_pixel_belongs_to_the_nearest_of_them(seed):
     points = standing_people(seed)
     image = points[: len(points) // 10 * 10].reshape(-1, 10, 3)
     mask = np.random.default_rng(seed).uniform(size=image.shape[:2]) < 0.9
-    parts, columns = parted(image, mask), obvious_columns(image[mask])
+    parts, columns = split_people(image, mask), obvious_columns(image[mask])
     assert len(parts) == max(1, len(columns))
     np.testing.assert_array_equal(np.sum(parts, axis=0), mask)
     for k, part in enumerate(parts if len(columns) > 1 else []):

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.masks import pixels_of
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.segment.person_shape import _flattened, shape_of
-from enliven_edge.tracking.segment.pieces import parted
+from enliven_edge.tracking.segment.person_shape import _flattened, measure_shape
+from enliven_edge.tracking.segment.pieces import split_people
 from enliven_edge.tracking.segment.shape_kernels import outline_of_pixels
 
 CAMERA = WorkingCamera(Intrinsics(160, 120, 130, 130, 79.5, 59.5), 160)
@@ -29,7 +29,7 @@ def drawn(*boxes, wall=4.0):
 
 
 def shape(view, mask):
-    return shape_of(view, mask, float((view.z[mask] ** 2).sum() * PIXEL))
+    return measure_shape(view, mask, float((view.z[mask] ** 2).sum() * PIXEL))
 
 
 PERSON = ((-0.22, 0.22, 0.8, 1.45, 2.5), (-0.09, 0.09, 1.45, 1.72, 2.5), (-0.16, 0.16, 0.1, 0.8, 2.5))
@@ -180,7 +180,7 @@ def test_people_side_by_side_are_parted_and_raised_hands_are_not():
     right = [(a + 0.35, b + 0.35, *rest) for a, b, *rest in PERSON]
     view = drawn(*left, *right, (-0.2, 0.2, 0.9, 1.0, 2.5))
     mask = view.z < 3.0
-    parts = parted(view.points, mask)
+    parts = split_people(view.points, mask)
     assert len(parts) == 2
     np.testing.assert_array_equal(parts[0] | parts[1], mask)
     assert not (parts[0] & parts[1]).any()
@@ -189,7 +189,7 @@ def test_people_side_by_side_are_parted_and_raised_hands_are_not():
     arms = ((-0.65, -0.2, 1.3, 1.4, 2.5), (0.2, 0.65, 1.3, 1.4, 2.5))
     hands = ((-0.68, -0.58, 1.3, 1.95, 2.5), (0.58, 0.68, 1.3, 1.95, 2.5))
     raised = drawn(*PERSON, *arms, *hands)
-    assert len(parted(raised.points, raised.z < 3.0)) == 1
+    assert len(split_people(raised.points, raised.z < 3.0)) == 1
 
 
 def test_person_partly_occluded_by_others_counts_as_free():

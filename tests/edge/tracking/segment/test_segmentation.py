@@ -14,7 +14,13 @@ from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
 from enliven_edge.tracking.scene import BACKGROUND, UNLIKELY, UNSEEN
 from enliven_edge.tracking.segment.pixel_labels import _span, image_boxes, label_pixels
-from enliven_edge.tracking.segment.segmentation import REACH, SPECKLE, _candidates, groups_of, segmented
+from enliven_edge.tracking.segment.segmentation import (
+    MIN_GROUP_AREA_M2,
+    REACH,
+    _candidates,
+    groups_of,
+    segment_people,
+)
 
 CAMERA = WorkingCamera(Intrinsics(80, 60, 66, 66, 39.5, 29.5), 80)
 MOUNT = world_from_level_camera(1.2)
@@ -172,11 +178,11 @@ def test_loose_group_measures_match_the_slow_reference(seed, people):
     view = view_of(2.4 + 0.4 * ndimage.gaussian_filter(random.standard_normal((60, 80)), 4))
     spots = ndimage.gaussian_filter(random.standard_normal((60, 80)), 3) > 0.03
     kind = np.where(spots, UNSEEN, UNLIKELY).astype(np.uint8)
-    segments = segmented(view, kind, [person(x) for x in (-0.4, 0.5)[:people]])
+    segments = segment_people(view, kind, [person(x) for x in (-0.4, 0.5)[:people]])
     owner, areas = segments.owner, [group.area for group in segments.loose]
     np.testing.assert_array_equal(segments.counts, [np.count_nonzero(owner == k) for k in range(people)])
     assert areas == sorted(areas, reverse=True)
-    assert all(area >= SPECKLE for area in areas)
+    assert all(area >= MIN_GROUP_AREA_M2 for area in areas)
     for group in segments.loose:
         where = segments.group(group)
         assert (owner[where] == -1).all()
@@ -205,7 +211,7 @@ def drawn(boxes):
 def test_an_arm_that_was_not_expected_there_belongs_to_its_owner():
     view = drawn([(-0.2, 0.2, 0.1, 1.7, 2.4), (0.2, 0.85, 1.3, 1.42, 2.4)])
     kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
-    segments = segmented(view, kind, [person(0.0)])
+    segments = segment_people(view, kind, [person(0.0)])
     assert (segments.owner[view.z > 0] == 0).all()
     assert segments.loose == []
 
@@ -213,7 +219,7 @@ def test_an_arm_that_was_not_expected_there_belongs_to_its_owner():
 def test_touching_person_is_not_the_others_limb():
     view = drawn([(-0.2, 0.2, 0.1, 1.7, 2.4), (0.6, 1.0, 0.1, 1.7, 2.4), (0.2, 0.7, 1.0, 1.1, 2.4)])
     kind = np.where(view.z > 0, UNSEEN, 0).astype(np.uint8)
-    segments = segmented(view, kind, [person(0.0)])
+    segments = segment_people(view, kind, [person(0.0)])
     assert len(segments.loose) == 1
     assert segments.loose[0].contact[0] > 0
     right = (view.z > 0) & (view.points[..., 0] > 0.7)

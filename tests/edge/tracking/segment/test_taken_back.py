@@ -13,7 +13,7 @@ from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.model import lengths_for_height
 from enliven_edge.tracking.body_model.posture import Posture
 from enliven_edge.tracking.frame.observation import FrameView, WorkingCamera, world_points
-from enliven_edge.tracking.segment.segmentation import lying_on
+from enliven_edge.tracking.segment.segmentation import pixels_near_bodies
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
@@ -49,7 +49,7 @@ def test_points_near_a_body_and_above_the_floor_belong_to_it(seed, reach, above,
     z[random.random(z.shape) < 0.2] = 0.0
     view = view_of(z)
     postures = [person(x, arm_raise=float(random.uniform(0.0, 1.5))) for x in random.uniform(-1, 1, people)]
-    near_body = lying_on(view, postures, above, reach)
+    near_body = pixels_near_bodies(view, postures, above, reach)
     distance = surface_distance(view.points, postures)
     clear = np.abs(distance - reach) > 1e-6  # float32 capsules
     expected = (z > 0) & (view.points[..., 1] > above) & (distance < reach)
@@ -61,7 +61,7 @@ def test_unmeasured_pixels_belong_to_no_body():
     view = view_of(np.zeros((60, 80)))
     at_the_lens = Posture(MOUNT[:3, 3].copy(), standing(), lengths_for_height(1.75))
     assert (surface_distance(view.points, [at_the_lens]) < 0.05).all()
-    assert not lying_on(view, [at_the_lens], 0.0, 0.05).any()
+    assert not pixels_near_bodies(view, [at_the_lens], 0.0, 0.05).any()
 
 
 def with_hole_across_the_shins(choreography, frames, holed, high):
