@@ -339,7 +339,7 @@ def test_the_limit_of_descriptors_is_raised_and_leaves_some_for_the_rest() -> No
     code = (
         "import resource as r; r.setrlimit(r.RLIMIT_NOFILE, (64, 300));"
         "from enliven_edge.network import raise_descriptor_limit as up; print(up());"
-        "from enliven_edge.network.tcp_listener import connections_allowed as c;"
+        "from enliven_edge.network.tcp_listener import limit_connections as c;"
         "print(r.getrlimit(r.RLIMIT_NOFILE)[0], c(200))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
