@@ -76,13 +76,13 @@ def drawing(house: House, package: str) -> str:
     def reach(room: str) -> set[str]:
         return after[room].union(*(reach(other) for other in after[room]))
 
-    drawn = [
+    arrows = [
         f"    {room} --> {other}"
         for room in sorted(after)
         for other in sorted(after[room])
         if not any(other in reach(third) for third in after[room])
     ]
-    return "\n".join(["```mermaid", "graph TD", *drawn, "```"])
+    return "\n".join(["```mermaid", "graph TD", *arrows, "```"])
 
 
 def written(page: str) -> str:

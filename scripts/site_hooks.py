@@ -83,10 +83,10 @@ def rewritten(match: re.Match[str], source: str, uri: str, files: Any) -> str:
     if re.match(r"[a-z]+:", target):
         return match[0]
     path = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
-    there = ADDED.get(path, path.removeprefix("docs/"))
-    if files.get_file_from_path(there) is None:
+    site_path = ADDED.get(path, path.removeprefix("docs/"))
+    if files.get_file_from_path(site_path) is None:
         return text
-    relative = posixpath.relpath(there, posixpath.dirname(uri) or ".")
+    relative = posixpath.relpath(site_path, posixpath.dirname(uri) or ".")
     return f"{mark}[{text}]({relative}{anchor or ''})"
 
 

@@ -137,13 +137,13 @@ def is_translated(entry: polib.POEntry) -> bool:
     return all(entry.msgstr_plural.values()) if entry.msgid_plural else bool(entry.msgstr)
 
 
-def update(catalogue: polib.POFile, found: dict[str, str]) -> None:
+def update(catalogue: polib.POFile, texts: dict[str, str]) -> None:
     """Adds missing texts to a catalogue, and removes texts that the window no longer has."""
     many = plurals()
     for entry in list(catalogue):
-        if entry.msgid not in found or entry.msgid_plural != many.get(entry.msgid, ""):
+        if entry.msgid not in texts or entry.msgid_plural != many.get(entry.msgid, ""):
             catalogue.remove(entry)
-    for text, place in found.items():
+    for text, place in texts.items():
         entry = catalogue.find(text)
         if entry is None:
             entry = polib.POEntry(msgid=text)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from enliven.errors import InputError
-from enliven.files import need_folder, write_picture
+from enliven.files import require_folder, write_picture
 
 if TYPE_CHECKING:
     from enliven.meshes import Mesh
@@ -109,11 +109,11 @@ def scan(
       enliven scan --recording WITH.mcap --before EMPTY.mcap -o chair.glb
       enliven scan --recording MORE.mcap --add chair.glb -o chair.glb
     """
-    from enliven.scanning.objects import MovedScanner, following
+    from enliven.scanning.objects import MovedScanner, object_tracking_settings
     from enliven_edge.commands.scan_job import ScanJob, corners_of, keep_of, refuse_beside, scanner_of
     from enliven_edge.scanning import FARTHEST, PERSON_VOXEL, PersonScanner, put_on_stage, stage_command
 
-    need_folder(output, sheet)
+    require_folder(output, sheet)
     _checked(output, recording, sensor, overwrite or output == add)
     meant = keep_of(whole, corners_of(box), before, within)
     if before is not None and add is not None:
@@ -124,7 +124,7 @@ def scan(
     scanner = scanner_of(voxel, reach, within, memory, thing)
     if moved or turned:
         refuse_beside("--turned" if turned else "--moved", whole, box, before, add, within)
-        scanner = MovedScanner(following(scanner.settings) if turned else scanner.settings)
+        scanner = MovedScanner(object_tracking_settings(scanner.settings) if turned else scanner.settings)
     if person:
         refuse_beside("--person", whole, box, before, add, within)
         if moved or turned:

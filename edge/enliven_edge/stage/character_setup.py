@@ -19,8 +19,8 @@ from enliven.possession import (
     BodyInMesh,
     EmbeddedActor,
     find_person_in_mesh,
-    prepared_as,
-    seeks_person,
+    needs_person_search,
+    prepare_for_actor,
 )
 from enliven.samples import load_sample
 
@@ -85,10 +85,10 @@ def cast_mesh(
     Raises:
         InputError: for a mesh that cannot be used.
     """
-    prepared = prepared_as(mesh, settings or ActorSettings(), fit=fit, ends=ends, joints=joints)
+    prepared = prepare_for_actor(mesh, settings or ActorSettings(), fit=fit, ends=ends, joints=joints)
     mesh, settings = prepared.mesh, prepared.settings
     none_there = like is not None and like.likeness is None and _same_faces(like, mesh)
-    seeks = seeks_person(settings) and not settings.joints and not none_there
+    seeks = needs_person_search(settings) and not settings.joints and not none_there
     with ThreadPoolExecutor(1) as background:  # Run both in parallel, because they take about the same time.
         person = background.submit(_person_in, mesh, settings) if seeks else None
         character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)

@@ -9,7 +9,7 @@ from enliven.arrays import Float
 from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Character, Pose
 from enliven.errors import InputError
-from enliven.person import Body, parts_named
+from enliven.person import Body, parse_parts
 from enliven.possession.highlights import Cues, State
 
 Mode = Literal["alone", "join", "extend"]
@@ -121,7 +121,7 @@ class Actor:
         Raises:
             InputError: for an unknown part.
         """
-        parts_named(parts)
+        parse_parts(parts)
         self._candidate = (body, parts)
 
     def next_performer(self, bodies: list[Body]) -> Body | None:
@@ -148,6 +148,6 @@ class Actor:
             verb: verb and participle for the message, such as ("drive", "driven").
         """
         if body is not None and all(hold.body != body for hold in self.holds):
-            who = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
-            problem, mend = f"performer {body} does not {verb[0]} it", f"It is {verb[1]} by: {who}."
+            holders = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
+            problem, mend = f"performer {body} does not {verb[0]} it", f"It is {verb[1]} by: {holders}."
             raise InputError(problem, where=f"releasing {self.character.id!r}", mend=mend)

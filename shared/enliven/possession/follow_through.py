@@ -21,7 +21,7 @@ _MAX_OFFSET_M = 0.35
 then do not tear the mesh."""
 
 
-def stiffness_of(
+def node_stiffness(
     character: Character, nodes: Float, spots: tuple[tuple[float, float, float, float, float], ...]
 ) -> Float | None:
     """Returns (N,) the stiffness factor of each node (N, 3) at rest: its paint times the spots. None means 1
@@ -84,10 +84,10 @@ class FollowThrough:
             self._pace = pace
         if self._places is None or seconds > 0:
             self._places, self._time_ns = np.array(positions), time_ns
-        shown = self._exaggeration * self._softness * self._offset
-        length = np.linalg.norm(shown, axis=1, keepdims=True)
+        displacement = self._exaggeration * self._softness * self._offset
+        length = np.linalg.norm(displacement, axis=1, keepdims=True)
         return np.asarray(
-            positions + shown * np.minimum(1.0, _MAX_OFFSET_M / np.maximum(length, _MAX_OFFSET_M))
+            positions + displacement * np.minimum(1.0, _MAX_OFFSET_M / np.maximum(length, _MAX_OFFSET_M))
         )
 
 

@@ -46,7 +46,7 @@ class RestTransform(Protocol):
     def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
         """Returns (M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
 
-    def handed_over(self, body: Body) -> None:
+    def hand_over_to(self, body: Body) -> None:
         """Continues with another body from the last position of the previous body."""
 
 
@@ -63,7 +63,7 @@ class PlacementTransform:
 
     placement: Placement
     travel: float = 1.0
-    stays: bool = False
+    is_elsewhere: bool = False
     home: Float | None = None
     fits: bool = field(default=False, init=False)
     at_rest: Float | None = field(default=None, init=False)
@@ -84,24 +84,24 @@ class PlacementTransform:
             self._hip = joints[_HIP_JOINT, [0, 2]].copy()
             if self.home is None:
                 self.home = self._hip
-        return self._at_rest(joints)
+        return self._to_rest_space(joints)
 
     def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
         """Returns (M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
-        return self._at_rest(points), np.asarray(normals @ self.placement.rotation, np.float64)
+        return self._to_rest_space(points), np.asarray(normals @ self.placement.rotation, np.float64)
 
-    def _at_rest(self, points: Float | Float32) -> Float:
+    def _to_rest_space(self, points: Float | Float32) -> Float:
         """Returns (M, 3) world points in the rest space, minus the travel that the mesh does not follow."""
         points = np.array(points, np.float64)
         if self._hip is not None and self.home is not None:
             points[:, [0, 2]] -= (1.0 - self.travel) * (self._hip - self.home)
         return self.placement.to_rest(points)
 
-    def handed_over(self, body: Body) -> None:
+    def hand_over_to(self, body: Body) -> None:
         """Continues with another body: from the last position if the mesh stands elsewhere, else at the
         body's own position.
         """
-        if self.stays and self._hip is not None and self.home is not None:
+        if self.is_elsewhere and self._hip is not None and self.home is not None:
             step = body.joints[_HIP_JOINT, [0, 2]] - self._hip
             if np.isfinite(step).all():
                 offset = self.placement.offset + np.array([step[0], 0.0, step[1]])

@@ -61,15 +61,15 @@ class SoftConstraints:
             sets += [above] if above is not None else []
         return joined_planes(sets)
 
-    def raised(self, linear: Float, positions: Float, floor: float) -> tuple[Float, Float]:
+    def lift_out_of_floor(self, linear: Float, positions: Float, floor: float) -> tuple[Float, Float]:
         """Returns the state, lifted out of the floor if the settings ask for it; ``floor`` is in the rest
         space.
         """
         if self._floor is not None and self._raises:
-            positions = self._floor.raised(linear, positions, floor)
+            positions = self._floor.lift_out_of_floor(linear, positions, floor)
         return linear, positions
 
-    def moved_elsewhere(self) -> None:
+    def reset_contacts(self) -> None:
         """Resets the foot contacts, because the mesh was placed elsewhere."""
         if self._floor is not None:
             self._floor.reset()

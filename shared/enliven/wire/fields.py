@@ -44,20 +44,20 @@ MAX_TRANSFORMS = 4096
 bones."""
 MAX_PROPS = 1024
 """Maximum props of a message: more than the physics simulates in real time."""
-MAX_SETTINGS = 32 * 1024
+MAX_SETTINGS_LENGTH = 32 * 1024
 """Maximum length of an actor's settings: all settings with 400 stiff spots."""
 MAX_PART_BYTES = 64 * 1024
 """Maximum bytes of one part of an uploaded character: such a message is read within a frame."""
-MAX_SENT_BYTES = 32 * 1024 * 1024
+MAX_UPLOAD_BYTES = 32 * 1024 * 1024
 """Maximum packed bytes of an uploaded character: a million vertices. 20,000 vertices take half a megabyte."""
 MAX_CHARACTERS = 1024
 """Maximum characters on a stage: far more than any edge animates."""
 MAX_MESSAGE_BYTES = 264 * 1024
 """Maximum bytes of one stream message with its topic: a coded pose of the largest character, plus a
 margin."""
-MAX_LATEST = 4096
+MAX_LATCHED_MESSAGES = 4096
 """Maximum latched messages for a viewer that joins: 2,000 pieces of a scan, and some for each character."""
-MAX_GLANCE = 128
+MAX_PREVIEW_PIXELS = 128
 """Maximum pixels, width or height, of the camera preview: it is shown in a corner of a window."""
 MAX_PHRASES = 64
 """Maximum phrases of a voice control: more than a performer remembers, or a recogniser distinguishes."""
@@ -65,7 +65,7 @@ MAX_HEALTH = 8
 """Maximum health states of a heartbeat: more would exceed the size that older programs accept."""
 
 
-def expect(name: str, data: bytes, length: int) -> None:
+def check_length(name: str, data: bytes, length: int) -> None:
     """Raises ValueError if the number of bytes of an array does not match its declared count."""
     if len(data) != length:
         raise ValueError(f"{name} has {len(data)} bytes, expected {length}")

@@ -9,10 +9,10 @@ from msgspec import Meta, Struct, field
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.fields import (
     MAX_CHARACTERS,
-    MAX_LATEST,
+    MAX_LATCHED_MESSAGES,
     MAX_MESSAGE_BYTES,
     MAX_PART_BYTES,
-    MAX_SENT_BYTES,
+    MAX_UPLOAD_BYTES,
     Count,
     Digest,
     Exaggeration,
@@ -139,7 +139,7 @@ class PutCharacter(Order, frozen=True):
     id: Name
     revision: Annotated[int, Meta(ge=1, le=2**53)]
     digest: Digest
-    size: Annotated[int, Meta(ge=1, le=MAX_SENT_BYTES)]
+    size: Annotated[int, Meta(ge=1, le=MAX_UPLOAD_BYTES)]
     fit: bool = False
 
 
@@ -250,7 +250,7 @@ class Welcome(Struct, tag=True, frozen=True):
     status: StatusMessage
     characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
     latest: Annotated[
-        list[Annotated[bytes, Meta(max_length=MAX_MESSAGE_BYTES)]], Meta(max_length=MAX_LATEST)
+        list[Annotated[bytes, Meta(max_length=MAX_MESSAGE_BYTES)]], Meta(max_length=MAX_LATCHED_MESSAGES)
     ] = field(default_factory=list)
 
 

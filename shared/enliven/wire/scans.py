@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from msgspec import Meta, Struct, field
 
-from enliven.wire.fields import Count, Metres, Nanoseconds, Number, Sentence, expect
+from enliven.wire.fields import Count, Metres, Nanoseconds, Number, Sentence, check_length
 
 MAX_PIECE_VERTICES = 8192
 """Maximum vertices of a piece: three times what the seat and back of a chair have in one."""
@@ -107,9 +107,9 @@ class ScanPieceMessage(Struct, array_like=True, frozen=True):
     colours: Annotated[bytes, Meta(max_length=3 * MAX_PIECE_VERTICES)] = b""
 
     def __post_init__(self) -> None:
-        expect("vertices", self.vertices, 6 * len(self.seen))
-        expect("faces", self.faces, len(self.faces) // 6 * 6)
+        check_length("vertices", self.vertices, 6 * len(self.seen))
+        check_length("faces", self.faces, len(self.faces) // 6 * 6)
         if self.colours:
-            expect("colours", self.colours, 3 * len(self.seen))
+            check_length("colours", self.colours, 3 * len(self.seen))
         if self.faces and int(np.frombuffer(self.faces, "<u2").max()) >= len(self.seen):
             raise ValueError(f"a triangle has a corner beyond the {len(self.seen)} vertices")

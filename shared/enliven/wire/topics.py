@@ -61,7 +61,7 @@ class Topic:
     recorded: bool = False
 
     @property
-    def of_character(self) -> bool:
+    def is_per_character(self) -> bool:
         """True if each of its messages is about one character, and is removed with it."""
         return self.key is _character_id
 

@@ -19,9 +19,9 @@ _LONG_FLAG = 2
 """Flag of a frame with a length of 8 bytes instead of 1."""
 _COMMAND_FLAG = 4
 """Flag of a frame that is a command of the protocol, not a message."""
-_MOST_PARTS = 8
+_MAX_PARTS = 8
 """Maximum parts of one message: a viewer sends one, libzmq's REQ sockets two."""
-_MOST_CONTEXT = 16
+_MAX_CONTEXT_BYTES = 16
 """Maximum bytes of a PING that are sent back, as the protocol requires."""
 _TTL_BYTES = 2
 """Bytes of a PING's time to live, which precede its context."""
@@ -31,12 +31,12 @@ class ZmtpError(Exception):
     """Bytes that are not ZMTP, or longer than allowed: the connection must be closed."""
 
 
-def framed(data: bytes, flags: int = 0) -> bytes:
+def make_frame(data: bytes, flags: int = 0) -> bytes:
     """Returns one frame: its flags, its length and the data."""
-    return head(len(data), flags) + data
+    return frame_header(len(data), flags) + data
 
 
-def head(length: int, flags: int = 0) -> bytes:
+def frame_header(length: int, flags: int = 0) -> bytes:
     """Returns the bytes that precede ``length`` bytes of data, so that long data need not be copied."""
     return bytes([flags, length]) if length < 256 else struct.pack(">BQ", flags | _LONG_FLAG, length)
 
@@ -87,8 +87,8 @@ class ZmtpSession:
             raise ZmtpError("a message before the introduction")
         self._parts.append(data)
         if flags & _MORE_FLAG:
-            if len(self._parts) >= _MOST_PARTS or sum(map(len, self._parts)) > self._most:
-                raise ZmtpError(f"a message of more than {_MOST_PARTS} parts or {self._most} bytes")
+            if len(self._parts) >= _MAX_PARTS or sum(map(len, self._parts)) > self._most:
+                raise ZmtpError(f"a message of more than {_MAX_PARTS} parts or {self._most} bytes")
             return []
         parts, self._parts = self._parts, []
         return parts
@@ -106,7 +106,7 @@ class ZmtpSession:
             raise ZmtpError("another mechanism of keys")
         self._at, self._greeted = len(GREETING), True
         kind = struct.pack(">I", len(self._kind)) + self._kind.encode()
-        self.answers += framed(b"\x05READY\x0bSocket-Type" + kind, _COMMAND_FLAG)
+        self.answers += make_frame(b"\x05READY\x0bSocket-Type" + kind, _COMMAND_FLAG)
         return []
 
     def _next_frame(self) -> tuple[int, bytes] | None:
@@ -137,8 +137,8 @@ class ZmtpSession:
         elif name == b"ERROR" or not self.ready:
             raise ZmtpError("no introduction")
         elif name == b"PING":
-            context = rest[_TTL_BYTES : _TTL_BYTES + _MOST_CONTEXT]
-            self.answers += framed(b"\x04PONG" + context, _COMMAND_FLAG)
+            context = rest[_TTL_BYTES : _TTL_BYTES + _MAX_CONTEXT_BYTES]
+            self.answers += make_frame(b"\x04PONG" + context, _COMMAND_FLAG)
         elif name == b"SUBSCRIBE":
             return [b"\x01" + rest]
         elif name == b"CANCEL":

@@ -10,17 +10,17 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Float
 from enliven.meshes import Mesh
-from enliven_synthesis.sensor.moved_object import arm_mesh
+from enliven_synthesis.sensor.moved_object import make_arm
 
 _LIFT_TIME_S = 1.5
 """Time in which the object is picked up before it turns, seconds."""
-_TREMOR = 0.01
+_TREMOR_M = 0.01
 """Amplitude of the hands' tremor, metres."""
 _ARM_LENGTH_M = 0.6
 """Visible length of an arm from the hand, metres."""
-_SWAY = 0.03
+_SWAY_M = 0.03
 """Sway amplitude of the person holding the object, metres."""
-_TRUNK_THICKNESS = 4.0
+_TRUNK_THICKNESS_RATIO = 4.0
 """Thickness of the trunk relative to an arm: 28 cm."""
 
 
@@ -51,9 +51,9 @@ class HandTurnedPath:
         """Returns the (4, 4) pose of the object at a time in seconds."""
         share = min(max((time - self.begins) / _LIFT_TIME_S, 0.0), 1.0)
         share = share * share * (3.0 - 2.0 * share)
-        angle, shake = self._angle(time), share * _TREMOR
-        lean = share * self.tilt * math.sin(2.0 * angle)
-        turns = ([lean, 0.0, 0.0], [0.0, angle, 0.0])
+        angle, shake = self._angle(time), share * _TREMOR_M
+        tilt = share * self.tilt * math.sin(2.0 * angle)
+        turns = ([tilt, 0.0, 0.0], [0.0, angle, 0.0])
         first, second = (
             rotation.to_matrix(rotation.from_rotation_vector(np.array(vector))) for vector in turns
         )
@@ -72,8 +72,8 @@ class HandTurnedPath:
         """Returns the meshes of trunk and arms, world. Each hand stays on its grip until it regrips."""
         arms = list[Mesh]()
         if self.behind:
-            feet = np.array([_SWAY * math.sin(1.9 * time), 0.0, -self.behind])
-            arms.append(arm_mesh(feet + np.array([0.0, 1.3, 0.0]), feet, _TRUNK_THICKNESS))
+            feet = np.array([_SWAY_M * math.sin(1.9 * time), 0.0, -self.behind])
+            arms.append(make_arm(feet + np.array([0.0, 1.3, 0.0]), feet, _TRUNK_THICKNESS_RATIO))
         if time < self.begins - 0.4:
             return arms
         pose, angle, step = self.world_from_thing(time), self._angle(time), 2.0 * math.pi / self.grips
@@ -84,5 +84,5 @@ class HandTurnedPath:
             grip = [self.reach[0] * math.cos(at), self.reach[1], -self.reach[0] * math.sin(at)]
             hand = pose[:3, :3] @ np.array(grip) + pose[:3, 3]
             away = rotation.unit(np.array([0.8 if side == 0 else -0.8, 0.1, -1.0]))
-            arms.append(arm_mesh(hand, hand + _ARM_LENGTH_M * away))
+            arms.append(make_arm(hand, hand + _ARM_LENGTH_M * away))
         return arms

@@ -53,8 +53,8 @@ class BodyInMesh:
     @property
     def leg(self) -> float:
         """Distance from hip to ankle, metres, mean of both legs; NaN without legs."""
-        ways = [
+        lengths = [
             np.linalg.norm(self.joints[j] - self.joints[PARENTS[j]])
             for j in (Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT)
         ]
-        return float(np.sum(ways) / 2)
+        return float(np.sum(lengths) / 2)

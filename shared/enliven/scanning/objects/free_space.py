@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Float32
 from enliven.camera import Intrinsics
 from enliven.scanning.depth_view import DepthView
-from enliven.scanning.rigid import inverse
+from enliven.scanning.rigid import invert_pose
 
 _SUBSAMPLING = 4
 """Subsampling factor from half-size pixels to the stored image."""
@@ -55,7 +55,7 @@ def seen_through(points: Float, views: Sequence[SeenDepth], clearance: float) ->
     """
     count = np.zeros(len(points), int)
     for view in views:
-        back = inverse(view.frame_from_camera)
+        back = invert_pose(view.frame_from_camera)
         local = points @ back[:3, :3].T + back[:3, 3]
         ahead = np.flatnonzero(local[:, 2] > _MIN_SENSOR_DISTANCE_M)
         x, y, z = local[ahead].T

@@ -10,12 +10,12 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes import Mesh
-from enliven.scanning.ground_plane import largest
-from enliven.scanning.marching_cubes import surface_of
+from enliven.scanning.ground_plane import largest_component
+from enliven.scanning.marching_cubes import extract_surface
 from enliven.scanning.objects.follower import ObjectFollower
-from enliven.scanning.objects.registration import laid
+from enliven.scanning.objects.registration import align_from_starts
 from enliven.scanning.objects.rest import ObjectRest
-from enliven.scanning.objects.surface_points import nearest_grid, sampled
+from enliven.scanning.objects.surface_points import make_nearest_grid, sample_surface
 from enliven.scanning.settings import ScanSettings
 from enliven.scanning.tsdf_volume import TsdfVolume
 
@@ -37,7 +37,7 @@ _CLEANING_INTERVAL = 90
 """Images between removals of blocks without a surface."""
 
 
-def joined_object(
+def merge_rests(
     rests: Sequence[ObjectRest], settings: ScanSettings, followers: Sequence[ObjectFollower] = ()
 ) -> Mesh:
     """Returns the surface of an object from all images at rests and in between, metres, the first rest's
@@ -47,7 +47,7 @@ def joined_object(
     for number, rest in enumerate(rests):
         if not rest.parts or rest.object_from_room is None:
             continue
-        before = surface_of(volume) if number else None
+        before = extract_surface(volume) if number else None
         pose = rest.object_from_room
         if before is not None and len(before.faces):
             pose = _refined_pose(rest, pose, before)
@@ -60,15 +60,22 @@ def joined_object(
             volume.integrate(view, pose)
             if count % _CLEANING_INTERVAL == _CLEANING_INTERVAL - 1:
                 volume.clean()
-    return largest(surface_of(volume))
+    return largest_component(extract_surface(volume))
 
 
 def _refined_pose(rest: ObjectRest, pose: Float, earlier: Mesh) -> Float:
     """Returns object_from_room (4, 4) of a rest after its surface was aligned with that of the earlier
     rests.
     """
-    grid = nearest_grid(sampled(largest(earlier), _MAX_POINTS), _CELL_M, _SEARCH_RADIUS_M)
-    poses, _ = laid(
-        grid, sampled(rest.parts[0], _PART_POINTS), pose[None], _ICP_STEPS, _ON_SURFACE_M, _RESIDUAL_WIDTHS_M
+    grid = make_nearest_grid(
+        sample_surface(largest_component(earlier), _MAX_POINTS), _CELL_M, _SEARCH_RADIUS_M
+    )
+    poses, _ = align_from_starts(
+        grid,
+        sample_surface(rest.parts[0], _PART_POINTS),
+        pose[None],
+        _ICP_STEPS,
+        _ON_SURFACE_M,
+        _RESIDUAL_WIDTHS_M,
     )
     return np.asarray(poses[0])

@@ -47,7 +47,7 @@ class MovedStep:
     followed: ObjectTrackingResult | None = None
 
     @property
-    def told(self) -> ScanStep:
+    def scan_step(self) -> ScanStep:
         """The scan's step, LOST while the object is lost. While the object is tracked, the camera pose is
         in its frame.
         """

@@ -11,7 +11,7 @@ from enliven.arrays import Bool, Float
 from enliven.meshes import Mesh
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.ground_plane import GroundPlane
-from enliven.scanning.objects.surface_points import sampled
+from enliven.scanning.objects.surface_points import sample_surface
 
 _CELL_M = 0.01
 """Cell size of a region, metres: half the floor's clearance."""
@@ -43,9 +43,9 @@ class ObjectRegion:
         return np.asarray(inside & self.near[x, y, z] & (self.ground.heights(points) > self.clearance))
 
 
-def region_about(mesh: Mesh, ground: GroundPlane, clearance: float, width: float) -> ObjectRegion:
+def region_around(mesh: Mesh, ground: GroundPlane, clearance: float, width: float) -> ObjectRegion:
     """Returns the space within ``width`` metres of a surface."""
-    points = sampled(mesh, _SURFACE_POINTS).points
+    points = sample_surface(mesh, _SURFACE_POINTS).points
     origin = points.min(0) - width - _CELL_M
     shape = np.ceil((points.max(0) + width + _CELL_M - origin) / _CELL_M).astype(int) + 1
     empty = np.ones(shape, bool)
@@ -54,7 +54,7 @@ def region_about(mesh: Mesh, ground: GroundPlane, clearance: float, width: float
     return ObjectRegion(origin, near, ground, clearance)
 
 
-def shown_in(region: ObjectRegion, view: DepthView, world_from_camera: Float) -> Bool:
+def points_in_region(region: ObjectRegion, view: DepthView, world_from_camera: Float) -> Bool:
     """Returns (h, w) whether each point of a view lies in a region."""
     world = view.points @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
     return np.asarray((view.worth > 0) & region.holds(world))
