@@ -53,8 +53,8 @@ def table(house: House, package: str) -> str:
 
 
 def place(rules: Rules, room: str) -> tuple[tuple[int, str], ...]:
-    """Returns the sort key of a package: the configured order of each folder that contains it, else its
-    name."""
+    """Returns the sort key of a package: for each folder on its path the configured position, or its name if
+    it has no position."""
     parts = room.split(".")
     sort_key = []
     for depth in range(1, len(parts)):

@@ -67,7 +67,7 @@ def main() -> None:
     for name in sorted(set(bundled_libraries(site_packages())) - documented_libraries()):
         problems.append(f"{name} is bundled by a wheel, and docs/licences.md does not name it")
     problems += telemetry(site_packages())
-    print(*problems or ["audit: nothing to object to"], sep="\n")
+    print(*problems or ["audit: no problems"], sep="\n")
     sys.exit(bool(problems))
 
 

@@ -1,7 +1,7 @@
 """Write locks/run.txt and locks/dev.txt: constraints.txt with the SHA-256 of each wheel.
 
     .venv/bin/python scripts/lock.py                          # after constraints.txt has changed
-    .venv/bin/python scripts/lock.py lines dev aarch64 3.11   # what a lock holds for another machine
+    .venv/bin/python scripts/lock.py lines dev aarch64 3.11 # prints a lock for another machine
 
 pip's own client queries the package index, with this machine's pip configuration. The files contain names,
 versions and hashes, but no addresses. `pip lock` supports one platform at a time, so the files of a release
@@ -76,7 +76,7 @@ def pins() -> dict[str, list[Requirement]]:
 def parse_pin(
     requirements: dict[str, list[Requirement]], name: str, environment: dict[str, str]
 ) -> Requirement | None:
-    """Returns the line that applies in this environment; None if there is none."""
+    """Returns the requirement that applies in this environment; None if there is none."""
     for pin in requirements.get(name, ()):
         if pin.marker is None or pin.marker.evaluate(environment):
             return pin

@@ -48,13 +48,14 @@ TRANSLATING_FUNCTIONS |= {
 TRANSLATING_FUNCTIONS |= {"_name": (1, 2), "change": (0,), "_change": (0,)}
 """Functions that translate the texts they show, with the argument positions of these texts."""
 TEXT_TABLES = {"_TITLES", "_TAB_TIPS", "_MOUSE", "_SIDE_TITLES"}
-"""Tables of texts that are passed to one of these functions."""
+"""Tables of texts that are passed to a translating function."""
 SETTINGS = {"surface": ArapSettings(), "examples": ExampleSettings(), "locomotion": LocomotionSettings()}
 """Settings of a puppet: numbers with tooltips."""
 LINE_LENGTH = 78
 """Characters of a line of a catalogue, as gettext's own programs write it."""
 TEXT_FUNCTION_PREFIXES = ("hint", "lacks", "why_not", "at_end")
-"""Name prefixes of functions that return texts shown by these functions: hints of tools, and reasons."""
+"""Name prefixes of functions whose returned texts are translated when they are shown: hints of tools, and
+reasons."""
 
 
 def constants(node: ast.AST) -> Iterator[ast.Constant]:

@@ -55,7 +55,7 @@ class AttachmentSettings:
 
 @dataclass(frozen=True)
 class ReachGrowth:
-    """A longer reach for a body that does not fit the mesh. It grows limb by limb until enough bones attach.
+    """Extends the reach for a body that does not fit the mesh, limb by limb, until enough bones attach.
 
     If the performer holds the mesh with the whole body, the arms reach only as far as the whole body needs.
     Otherwise they would attach to the flanks of a mesh that has no arms.
@@ -104,7 +104,7 @@ class Attachment:
         node_indices: (L, 4) int32 the nodes that move each point.
         node_weights: (L, 4) weights of these nodes. They sum to one; unused entries are 0.
         bone: (L,) the child joint of the bone that each point sits on (:class:`enliven.person.body.Joint`).
-        along: (L,) position along the bone: 0 is the parent joint itself, 1 the child joint itself.
+        along: (L,) position along the bone: 0 is the parent joint, 1 is the child joint.
         radial: (L, 3) metres from the bone's axis to the point, in the world, when the body attached.
         rest: (20, 3) metres, the joints when the body attached.
     """
@@ -203,8 +203,8 @@ def attach(
     deformed: tuple[Float, Float] | None = None,
     grow: ReachGrowth | None = None,
 ) -> Attachment:
-    """Attaches the body at its current pose to the graph. Also computes the preview of the nodes that would
-    be held.
+    """Attaches the body at its current pose to the graph. The result also serves as a preview of the nodes
+    that would be held.
 
     Args:
         graph: of the mesh, in the same world frame.

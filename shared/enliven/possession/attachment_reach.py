@@ -29,7 +29,7 @@ def attach_within_reach(
 ) -> TransformedAttachment:
     """Returns the attachment of a body after the transform ``rest_transform``.
 
-    Lengths in the settings are the performer's.
+    Lengths in the settings are measured in the performer's metres.
 
     Args:
         rest_transform: transform from the world into the rest space.
@@ -65,7 +65,7 @@ def out_of_reach_error(
     Args:
         grip: the empty grip.
         nodes: (N, 3) metres, current positions of the nodes in the rest space.
-        comes: whether the mesh moves to the body, so that stepping nearer changes nothing.
+        comes: True if the mesh moves to the body, so that stepping nearer does not help.
     """
     joints = grip.rest_transform(body.joints)[sorted(parse_parts(grip.parts))]
     distances = np.linalg.norm(joints[:, None] - nodes, axis=2)

@@ -55,8 +55,8 @@ def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
     parent bone, then swings by the shortest arc to its current direction. So limbs twist with the body and
     never spin on their own. Only an upper arm can point opposite to its rest direction (arms hanging at rest,
     then raised), where the shortest arc is undefined. The upper arm therefore swings by way of a direction
-    ahead of and outward from its rest direction. This moves the undefined direction behind the body, where no
-    arm reaches.
+    ahead of and outward from its rest direction. This moves the undefined direction behind the body, out of
+    reach of the arms.
 
     Args:
         rest: (20, 3) metres, the joints when the body attached.
@@ -70,7 +70,7 @@ def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
 
 
 def find_known_bones(joints: Float) -> Bool:
-    """Returns (19,) whether both joints of each bone are finite."""
+    """Returns (19,) True for each bone with two finite joints."""
     finite = np.asarray(np.isfinite(joints).all(1))
     return np.asarray(finite[1:] & finite[_PARENT_JOINTS[1:]])
 

@@ -46,8 +46,8 @@ class EmbeddedActor(Actor):
         size: metres of the mesh as modelled per metre of its rest space.
         height: metres, height of the mesh at rest. Its scale on the stage is computed from it. None measures
             it.
-        person: waits for the result of the search for a person in the mesh, which runs in the background.
-            None searches when the result is needed.
+        person: a function that waits for the search for a person in the mesh, which runs in the background,
+            and returns its result. None: the search runs here when its result is needed.
     """
 
     settings: ActorSettings
@@ -81,7 +81,7 @@ class EmbeddedActor(Actor):
 
     @property
     def uses_surface(self) -> bool:
-        """Whether the mesh follows the observed surface of its performers."""
+        """True if the mesh follows the observed surface of its performers."""
         return self.settings.follow != "skeleton"
 
     @property
@@ -159,8 +159,8 @@ class EmbeddedActor(Actor):
         self._placement, self._placed = Placement(place[0], place[1], np.array(place[2:5])), True
 
     def resize(self, growth: float, about: Float | None = None, *, fade: bool = False) -> None:
-        """Sets the display scale relative to the own size. Holds are stored in the rest space, so they scale
-        too.
+        """Sets the display scale relative to the mesh's own size. Holds are stored in the rest space, so they
+        scale with the mesh.
         """
         factor, self.growth = growth / self.growth, growth
         if self._placed and factor != 1.0:
@@ -240,7 +240,7 @@ class EmbeddedActor(Actor):
 
     @property
     def _is_stationary(self) -> bool:
-        """Whether the mesh keeps its place and shape when a single performer attaches."""
+        """True if the mesh keeps its place and shape when a single performer attaches."""
         return self.settings.place == "fixed" or self.settings.how != "inside"
 
     def _display_placement(self, place: Placement) -> Placement:
@@ -250,8 +250,8 @@ class EmbeddedActor(Actor):
     def _grip_of_body(
         self, body: Body, parts: str, others: list[PerformerAttachment]
     ) -> TransformedAttachment:
-        """Returns the grip that the body would get now, in addition to other holds. Empty if nothing is
-        within reach.
+        """Returns the attachment that the body would get now, in addition to other holds. It is empty if
+        nothing is within reach.
         """
         deformed = None
         if (self.holds or self._easing.is_active) and (others or self._is_stationary):
@@ -282,8 +282,8 @@ class EmbeddedActor(Actor):
         self._easing.restart_fade()
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """Gives the hold of a performer that has been away longer than ``hand_over`` to the only idle one in
-        view.
+        """If a performer is away longer than ``hand_over`` seconds and exactly one idle performer is in view,
+        that performer takes over the hold.
         """
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.seconds_away(time_ns) > patience]
@@ -333,8 +333,8 @@ class EmbeddedActor(Actor):
     def _solved_state(
         self, bodies: list[Body], seen: Mapping[int, ObservedPoints], time_ns: int
     ) -> tuple[Float, Float]:
-        """Returns (N, 3, 3) linear parts and (N, 3) positions in the rest space; the last ones if no holder
-        is in view.
+        """Returns (N, 3, 3) linear parts and (N, 3) positions in the rest space. If no holder is in view,
+        returns those of the last frame.
         """
         if self._approach is None and self._solver is None:
             return np.tile(np.eye(3), (len(self.graph.positions), 1, 1)), self.graph.positions

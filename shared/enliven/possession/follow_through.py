@@ -15,7 +15,7 @@ _ANGULAR_FREQUENCY = 2.0 * np.pi * 2.0
 """Natural frequency, radians per second (2 Hz): that of a cheek or a belly. Performers seldom move an end
 of the body to and fro faster."""
 _DAMPING_RATIO = 0.25
-"""Damping ratio. A sudden stop overshoots by 44 %, and the swing has faded after one second."""
+"""Damping ratio. A sudden stop overshoots by 44 %, and the swing has decayed after one second."""
 _MAX_OFFSET_M = 0.35
 """Maximum offset, metres of the rest space, in which a person is about 1.75 m. Jumps after lost tracking
 then do not tear the mesh."""

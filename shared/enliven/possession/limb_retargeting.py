@@ -46,8 +46,8 @@ class LimbRetargeting:
         scale: metres of the performer per metre of the rest space.
         travel: fraction of the performer's travel over the floor that the mesh follows.
         seconds: how long the mesh takes to move into the performer's pose.
-        pace: metres of the performer per second, the maximum speed of that move.
-        inside: whether the mesh is at the performer's position, so that it travels exactly as the performer
+        pace: maximum speed of that move, in the performer's metres per second.
+        inside: True if the mesh is at the performer's position, so that it travels exactly as the performer
             does.
         front: radians about +Y, the direction that a human-like mesh at rest faces in the world; None: the
             performer's direction.
@@ -101,8 +101,8 @@ class LimbRetargeting:
         return self.likeness.joints if self.likeness.human else None
 
     def continue_from(self, other: LimbRetargeting) -> None:
-        """Continues the move into the performer's pose that an earlier transform of the same performer has
-        begun.
+        """Continues the move into the performer's pose from the progress of an earlier transform of the same
+        performer.
         """
         self._share, self._start_ns, self._seconds = other._share, other._start_ns, other._seconds
         self._start_gap = other._start_gap

@@ -52,15 +52,15 @@ class TransformedAttachment:
 
 @dataclass
 class PerformerAttachment:
-    """All attachments of one performer to an embedded mesh.
+    """The hold of one performer: all of its attachments to an embedded mesh.
 
     Attributes:
         body: the performer's id.
         attachments: one for each time that the performer attached.
         seen_ns: when the performer was last in view, by the sensor's clock; None before the first frame.
-        active: whether the performer currently drives the mesh.
-        depth: metres, how far the performer was below the floor when attaching, because the floor height is
-            inexact.
+        active: True if the performer currently drives the mesh.
+        depth: metres by which the performer was below the floor when attaching. It is not 0 because the floor
+            height is inexact.
     """
 
     body: int
@@ -80,8 +80,8 @@ class PerformerAttachment:
         return sum(len(grip.attachment) for grip in self.attachments)
 
     def seconds_away(self, time_ns: int) -> float:
-        """Returns the seconds since, or until, the performer was last in view, because the clock may go
-        backwards.
+        """Returns the time, seconds, between ``time_ns`` and the last frame with the performer. It is
+        positive even if the clock goes backwards.
         """
         return 0.0 if self.seen_ns is None else abs(time_ns - self.seen_ns) * 1e-9
 
@@ -98,7 +98,7 @@ class PerformerAttachment:
         return PerformerAttachment(self.body, [*grips, grip], self.seen_ns, self.active, self.depth)
 
     def is_credible(self, body: Body) -> bool:
-        """Returns whether the body is credible, that is, whether it has not sunk through the floor."""
+        """Returns True if the body is credible: it has not sunk through the floor."""
         return depth_below_floor(body) <= self.depth + _MAX_SINKING_M
 
     def update(self, body: Body, time_ns: int) -> None:
@@ -137,7 +137,7 @@ class PerformerAttachment:
 
 
 def depth_below_floor(body: Body) -> float:
-    """Returns how far the lowest joint is below the floor, metres; 0 if no joint is below the floor."""
+    """Returns the depth of the lowest joint below the floor, metres; 0 if no joint is below the floor."""
     return max(0.0, -float(np.nanmin(body.joints[:, 1], initial=0.0)))
 
 

@@ -30,7 +30,8 @@ _TRUNK_JOINTS = (Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHO
 
 
 def needs_person_search(settings: ActorSettings) -> bool:
-    """Returns whether a human-like mesh that the performer stands in is moved limb by limb."""
+    """Returns True if a person is searched in the mesh, because a human-like mesh around its performer moves
+    limb by limb."""
     meets = settings.meets and settings.how == "inside" and settings.follow == "skeleton"
     return meets and settings.place == "meet" and settings.scaled == "mesh"
 
@@ -76,8 +77,8 @@ class PlacementRules:
     def stand(self) -> Float:
         """(3,) metres of the rest space: the point on the floor at which a performer stands in the mesh.
 
-        It is the origin unless the mesh lies away from it. That happens for a character that stands aside in
-        its project, and for a scan that is put next to another character. Then it is the middle of the mesh.
+        It is the origin, or the middle of the mesh if the mesh is far from the origin. That happens for a
+        character that stands aside in its project, and for a scan that is put next to another character.
         """
         corners = self._character.vertices[:, [0, 2]]
         low, high = corners.min(0).astype(np.float64), corners.max(0).astype(np.float64)
@@ -99,8 +100,8 @@ class PlacementRules:
         return metres / (self.size if settings.scaled == "nobody" else scale)
 
     def waiting_placement(self, body: Body, farther: float = 0.0) -> Placement:
-        """Returns the waiting placement once the first performer is in view, ``farther`` metres more to the
-        left.
+        """Returns the placement of a mesh that waits for its first performer. It is moved to the left by
+        another ``farther`` metres.
         """
         at = self.placement_at(body)
         metres = farther + (0.0 if self.settings.how == "inside" else self.settings.aside)
@@ -128,8 +129,8 @@ class PlacementRules:
         Args:
             placement: where the mesh stands.
             earlier: the transforms of the present holds that are kept, of other bodies or of this one.
-            own_earlier: the transform of the body's present hold, kept or not. If the mesh stands beside the
-                performer, the new hold continues with it, so that attaching again moves nothing.
+            own_earlier: the transform of the body's present hold, kept or not. If the mesh stands next to the
+                performer, the new hold continues with this transform, so that attaching again moves nothing.
         """
         settings, scale = self.settings, self._performer_scale(body)
         inside = settings.how == "inside"
@@ -164,7 +165,7 @@ class PlacementRules:
 
     def approach_transform(self, body: Body, placement: Placement) -> LimbRetargeting | None:
         """Returns the transform with which a waiting mesh takes a performer's pose, or None if it keeps its
-        own.
+        own pose.
 
         Args:
             placement: where the mesh waits.

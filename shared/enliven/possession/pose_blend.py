@@ -58,7 +58,7 @@ class PoseBlend:
 
     @property
     def is_active(self) -> bool:
-        """Whether the shown state differs from the computed one."""
+        """True if the shown state differs from the computed state."""
         return self._restarts or self._gap is not None
 
     def restart(self) -> None:
@@ -66,9 +66,8 @@ class PoseBlend:
         self.shown, self._gap, self._restarts = None, None, False
 
     def turn_along(self, yaw: float) -> None:
-        """Rotates the last shown state by ``yaw`` radians about +Y if a fade restarts in this frame.
-
-        The fade then begins from there. Without this a spinning mesh would lag by one frame's turn.
+        """Rotates the last shown state by ``yaw`` radians about +Y if a fade restarts in this frame. The fade
+        then begins from the rotated state. Without this a spinning mesh would lag by one frame's turn.
         """
         if self._restarts and self.shown is not None:
             (linear, positions), turn = self.shown, rotation_about_y(yaw)
@@ -76,7 +75,7 @@ class PoseBlend:
             self.shown = turn @ linear, (positions - centre) @ turn.T + centre
 
     def restart_fade(self) -> None:
-        """Eases from the shown state to the next computed one, however far apart they are."""
+        """Eases from the shown state to the next computed state, even if they are far apart."""
         self._restarts = True
 
     def skip(self, time_ns: int) -> None:

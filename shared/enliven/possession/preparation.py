@@ -21,7 +21,7 @@ from enliven.similarity import fit_similarity
 log = logging.getLogger(__name__)
 
 _PERSON_HEIGHT_M = 1.75
-"""Height, metres, to which meshes are scaled: that of a person. The performer's own height differs from it
+"""Height, metres, to which meshes are scaled: that of an average person. A performer's height differs from it
 only by a small factor."""
 _MAX_EDGE_M = 0.04
 """Maximum edge length, metres. Longer edges are split, because a triangle must be narrower than a limb to
@@ -35,8 +35,8 @@ class PreparedMesh(NamedTuple):
         mesh: in metres of its rest space.
         settings: with the ends and joints of this mesh.
         size: metres of the mesh as modelled per metre of its rest space.
-        height: metres, height of the person that the mesh shows, perhaps only in part; 0: the height of the
-            mesh.
+        height: metres, height of the person that the mesh shows, even if it shows only a part of the person.
+            0: the height of the mesh.
     """
 
     mesh: Mesh
@@ -56,7 +56,7 @@ def prepare_for_actor(
     """Returns a mesh and its settings in the form that an actor takes.
 
     Args:
-        fit: whether the mesh is scaled to a person's size, as :func:`prepare_mesh` does; else it stays as
+        fit: True scales the mesh to a person's size, as :func:`prepare_mesh` does. False keeps it as
             modelled.
         ends: (5, 3) metres of the given mesh, the ends of head, left and right hand, left and right foot, if
             known; else those of the settings are kept.
@@ -105,7 +105,7 @@ def prepare_mesh(
             person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
         if person is not None and (person.certain or len(ends)):
             mesh = _align_with_figure(mesh, person)
-            log.info("%s: moved so that a standing person's back is in its own", mesh.name)
+            log.info("%s: moved so that the back of a standing person is in its back", mesh.name)
         else:
             mesh, fit = fit_standing_person(mesh)
             log.info("%s: moved to where a standing person fits into it (%.0f %%)", mesh.name, 100 * fit)

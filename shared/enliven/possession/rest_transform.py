@@ -23,7 +23,7 @@ class RestTransform(Protocol):
 
     @property
     def fits(self) -> bool:
-        """Whether the joints already lie inside the mesh, so that every bone should attach."""
+        """True if the joints already lie inside the mesh, so that every bone should attach."""
 
     @property
     def at_rest(self) -> Float | None:
@@ -55,9 +55,10 @@ class PlacementTransform:
     """A rigid placement with scale that transforms joints as if the mesh stood at the performer's position.
 
     Attributes:
-        placement: where the mesh would have to stand for the performer to be inside it.
+        placement: the placement that the mesh would need for the performer to be inside it.
         travel: fraction of the performer's travel over the floor that the mesh follows.
-        stays: whether the mesh stands elsewhere. If so, another performer continues from the last position.
+        is_elsewhere: True if the mesh is not at the performer's position. Another performer then continues
+            from the last position.
         home: (2,) metres, x and z of the hip when the performer attached.
     """
 

@@ -20,7 +20,7 @@ from enliven.possession.performer_attachment import PerformerAttachment
 
 
 class SoftConstraints:
-    """The soft constraints that the settings enable. A disabled one costs nothing."""
+    """The soft constraints that the settings enable. Disabled constraints cost no time."""
 
     def __init__(self, character: Character, graph: DeformationGraph, settings: ActorSettings) -> None:
         follows = settings.follow != "skeleton"

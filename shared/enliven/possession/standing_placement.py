@@ -56,7 +56,8 @@ _MASS_AHEAD_GAIN = 0.03
 """Relative gain in score per metre that the centre of the mesh is ahead: a performer in the back of a
 chair looks over its seat. It is far smaller than the gain for a head."""
 _MODELLED_YAW_GAIN = 0.004
-"""Relative gain in score of the modelled yaw over a quarter turn. It only breaks ties."""
+"""Relative gain in score of the modelled yaw over a quarter turn. It only decides between otherwise equal
+yaws."""
 _HEAD_HEIGHT_FRACTION = 0.85
 """Fraction of the mesh's height above which the surface counts as the head."""
 _MIN_HEAD_OFFSET_M = 0.15
@@ -69,7 +70,7 @@ default."""
 
 
 def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
-    """Returns (20, 3) metres: the joints of a person that stands at the origin facing +Z, with hanging
+    """Returns (20, 3) metres: the joints of a person that stands at the origin and faces +Z, with hanging
     arms.
     """
     joints = np.empty((len(Joint), 3))

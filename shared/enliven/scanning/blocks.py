@@ -10,12 +10,12 @@ from enliven.arrays import Int, Int32
 from enliven.kernels import njit
 
 SIDE = 8
-"""Voxels along a block's side. The table stays small, and a block is as wide as the truncation band that
-it holds."""
+"""Voxels along a block's side. With 8 voxels the table stays small, and a block is as wide as the truncation
+band."""
 VOXELS = SIDE**3
 """Voxels of a block; voxel (x, y, z) of it has the index x + 8 y + 64 z."""
 _INITIAL_CAPACITY_BLOCKS = 1024
-"""Initial capacity of a table, blocks: 4 MB of voxels."""
+"""Initial capacity of a table, in blocks (4 MB of voxels)."""
 _CAPACITY_GROWTH = 1.5
 """Growth factor of a full table: at most a third of the memory is then unused."""
 _MAX_BLOCK_COORDINATE = 1 << 20
@@ -47,7 +47,7 @@ class BlockTable:
         return len(self.places)
 
     def grow(self) -> None:
-        """Makes room for more blocks."""
+        """Enlarges the capacity for more blocks."""
         capacity = int(self.capacity * _CAPACITY_GROWTH)
         self.places = grow_array(self.places, capacity, 0)
         self.beside = grow_array(self.beside, capacity, -1)

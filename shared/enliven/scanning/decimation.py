@@ -1,4 +1,4 @@
-"""Mesh decimation of a scan, and the resulting distance from the original surface."""
+"""Mesh decimation of a scan, and the deviation from the original surface."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _COMPARED_VERTICES = 20_000
 _SAMPLE_POINTS = 60_000
 """Number of sample points on a mesh for finding the nearest face: 7 mm apart on a chair."""
 _NEAREST_SAMPLES = 20
-"""Number of nearest sample points with faces to test. If another face is nearer, the reported distance is
+"""Number of nearest sample points whose faces are tested. If another face is nearer, the reported distance is
 too large."""
 
 

@@ -26,7 +26,7 @@ _MIN_PLANE_SAMPLES = 4
 _MIN_FACING_COSINE = 0.12
 """Cosine between ray and normal below which depth is not trusted: 83 degrees."""
 _NO_SURFACE_OFFSET = np.float32(1e9)
-"""Plane offset of a pixel without depth. Everything lies far behind the plane, so that nothing is fused."""
+"""Plane offset of a pixel without depth. All voxels lie far behind such a plane, so that nothing is fused."""
 _ROWS_PER_PIECE = 24
 """Rows of half-size pixels that a thread processes at a time."""
 
@@ -71,8 +71,8 @@ class DepthView:
 def restrict_view(view: DepthView, keep: Bool) -> DepthView:
     """Returns a view restricted to some half-size pixels (h, w).
 
-    The other pixels only state that the space in front of them is free. When fused, they carve free space and
-    create no surface.
+    The other pixels only show that the space in front of them is free. When fused, they add free space and no
+    surface.
     """
     height, width = view.weights.shape
     full_mask = keep.repeat(2, 0).repeat(2, 1)[:height, :width]

@@ -25,8 +25,8 @@ _MIN_UP_COSINE = 0.82
 _MIN_FACE_COSINE = 0.97
 """Minimum cosine (14 degrees) between a floor's normal and those of its faces, which noise tilts."""
 _RIVAL_AREA_FRACTION = 0.5
-"""Fraction of the largest plane's area above which a lower plane is the floor, and the largest one a
-table."""
+"""If a lower plane has more than this fraction of the largest plane's area, the lower plane is the floor and
+the largest plane is a table."""
 _MIN_OBJECT_FRACTION = 0.05
 """Other objects are ignored if they have less than this fraction of the chosen object's surface near the
 focus."""
@@ -41,7 +41,7 @@ class GroundPlane:
     Attributes:
         normal: (3,) unit, up.
         offset: metres.
-        area: square metres of the plane that were seen.
+        area: observed part of the plane, square metres.
     """
 
     normal: Float
@@ -103,7 +103,7 @@ def _fit_plane(
 
 
 def _faces_in_plane(normal: Float, offset: float, normals: Float, middles: Float, s: CutOutSettings) -> Bool:
-    """Returns (F,) whether each face lies in a plane."""
+    """Returns (F,) True for each face that lies in a plane."""
     near = np.abs(middles @ normal - offset) < s.thickness
     return np.asarray(near & (normals @ normal > _MIN_FACE_COSINE))
 
@@ -116,8 +116,8 @@ def find_focus(poses: list[Float]) -> Float:
         across = np.eye(3) - np.outer(axis, axis)
         matrix += across
         right += across @ pose[:3, 3]
-    # If all cameras look in the same direction, the point is undetermined. A weak prior puts it one metre in
-    # front of them.
+    # If all cameras look in the same direction, the point is undetermined. A weak prior then places it one
+    # metre in front of them.
     ahead = np.mean([pose[:3, 3] + pose[:3, 2] for pose in poses], axis=0)
     return np.asarray(np.linalg.solve(matrix, right + 1e-6 * ahead), np.float64)
 
@@ -153,7 +153,8 @@ def cut_out(mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSetti
 
 
 def cut_whole_part(mesh: Mesh, ground: GroundPlane, settings: CutOutSettings | None = None) -> Mesh:
-    """Returns the largest connected part of an object that was also seen from below, upright, on y = 0.
+    """Returns the largest connected part of an object that was scanned from all sides, also from below:
+    upright, on y = 0.
 
     Holes with short rims are closed.
     """

@@ -1,5 +1,5 @@
-"""Hole filling for a cut-out mesh: closes short rims and soles, and finds the lowest rims, which are drawn
-to the floor.
+"""Hole filling for a cut-out mesh: closes holes with short rims and holes at the base, and finds the lowest
+rims, which are extended to the floor.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ are jagged."""
 _CLEAR_RADIUS_M = 0.02
 """Horizontal distance around a rim vertex, metres, within which no part of the mesh may lie below it."""
 _MIN_HEIGHT_BELOW_M = 0.03
-"""Minimum height difference, metres, for a vertex to lie below another: more than the teeth of a jagged
-rim."""
+"""Minimum height difference, metres, for a vertex to lie below another vertex. It is larger than the
+roughness of a rim."""
 
 
 def find_lowest_rims(mesh: Mesh, low: float) -> Bool:
-    """Returns (V,) whether each vertex is on a rim that faces down, with no part of the mesh below it.
+    """Returns (V,) True for each vertex on a rim that faces down and has no part of the mesh below it.
 
     Args:
         mesh: upright, on y = 0.
@@ -56,8 +56,8 @@ def find_lowest_rims(mesh: Mesh, low: float) -> Bool:
 
 
 def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
-    """Returns the mesh with holes filled that have short rims, and those with rims wholly on ``feet``
-    (V,).
+    """Returns the mesh with filled holes: those with short rims, and those whose rims lie entirely on
+    ``feet`` (V,).
     """
     rims = find_rims(mesh)
     soles = [rim for rim in rims if feet[rim].all()]
@@ -82,7 +82,7 @@ def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
 
 
 def _orient_down(faces: Int, vertices: Float) -> Int:
-    """Returns the faces, with the corner order reversed if a face looks up."""
+    """Returns the faces, with reversed corner order for each face that faces up."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     up = np.cross(b - a, c - a)[:, 1] > 0
     faces[up] = faces[up, ::-1]
@@ -110,7 +110,8 @@ def find_rims(mesh: Mesh) -> list[Int]:
 
 
 def find_open_sides(faces: Int32, count: int) -> Bool:
-    """Returns (F, 3) whether each side is a boundary: no face has the same side in the opposite direction.
+    """Returns (F, 3) True for each side that is a boundary: no face has the same side in the opposite
+    direction.
 
     Args:
         count: of vertices.

@@ -13,7 +13,8 @@ _ROWS = 15
 _COLUMNS = 20
 """Cells across a small image."""
 _MIN_KEYFRAME_DISTANCE_M = 0.15
-"""Minimum distance between neighbouring keyframes, metres. Tracking recovers from smaller distances."""
+"""Minimum distance between neighbouring keyframes, metres. Tracking can recover the pose from a keyframe at a
+smaller distance."""
 _MIN_KEYFRAME_ROTATION = 0.2
 """Minimum rotation between neighbouring keyframes, radians (11 degrees): a sixth of a camera's field of
 view."""
@@ -62,7 +63,7 @@ def image_differences(small: Float32, others: list[Float32]) -> Float:
 
 
 def reduce_view(view: DepthView) -> Float32:
-    """Returns (15, 20) means of the inverse depth of a view's points, 0 for a cell with too few."""
+    """Returns (15, 20) means of the inverse depth of a view's points; 0 for a cell with too few points."""
     depth = view.points[..., 2]
     height, width = depth.shape
     rows = np.arange(height) * _ROWS // height

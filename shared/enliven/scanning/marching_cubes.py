@@ -120,8 +120,8 @@ def _number_vertices(blocks, beside, distance, weight, support, table, rows, num
 
 @njit(cache=True, nogil=True)
 def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, vertices, colours, told):
-    """Computes the vertex positions on the numbered edges, the colours there, and which vertices have a
-    colour.
+    """Computes the vertex positions on the numbered edges, their colours, and ``told``: True for each vertex
+    with a colour.
     """
     for row in range(len(owners)):
         b = owners[row]

@@ -14,7 +14,7 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh
 
 _NEAR_CLIP_M = 0.05
-"""Near clipping distance, metres. A face that comes nearer is not drawn, because its projection would
+"""Near clipping distance, metres. A face nearer to the camera is not drawn, because its projection would
 overflow."""
 
 

@@ -14,8 +14,8 @@ def cross_matrix(v: Float) -> Float:
 
 
 def move_pose(pose: Float, step: Float) -> Float:
-    """Returns the pose after a translation (m) and a rotation (rad) about its own position, (6,), world
-    axes.
+    """Returns the pose after a ``step`` (6,): a translation (m) and a rotation (rad) about its own position,
+    in world axes.
     """
     out = pose.copy()
     turn = rotation.from_rotation_vector(step[3:])

@@ -23,13 +23,14 @@ from enliven.scanning.threads import run_in_pieces
 _BLOCKS_PER_PIECE = 64
 """Blocks that a thread processes at a time: 0.1 ms."""
 _PIXEL_STRIDE = 2
-"""Half-size pixels from one that may allocate new blocks to the next. The offset changes with each image."""
+"""Distance, in half-size pixels, between the pixels that may allocate new blocks. The offset changes with
+each image."""
 
 
 @dataclass(frozen=True)
 class FusionResult:
-    """The effect of an image on a volume: blocks that it changed, new blocks, and whether there was enough
-    room.
+    """The effect of an image on a volume: the number of changed and of new blocks, and True if there was
+    enough memory.
     """
 
     changed: int
@@ -116,8 +117,8 @@ class TsdfVolume:
         return FusionResult(len(jobs), count - before, room)
 
     def allocate(self, view: DepthView, world_from_camera: Float) -> bool:
-        """Adds the blocks that an image needs, as :meth:`integrate` does. Returns whether there was enough
-        room.
+        """Adds the blocks that an image needs, as :meth:`integrate` does. Returns True if there was enough
+        memory.
         """
         before, blocks = self.blocks.count, self.blocks
         points = view.point_arrays
@@ -146,7 +147,7 @@ class TsdfVolume:
         return np.ascontiguousarray(view.colour).reshape(-1)
 
     def _make_room(self) -> bool:
-        """Makes room for more blocks. Returns whether the memory limit allows it."""
+        """Enlarges the capacity for more blocks. Returns True if the memory limit allows it."""
         if self.megabytes * 1.5 > self.settings.memory:
             return False
         self.blocks.grow()

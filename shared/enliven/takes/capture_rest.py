@@ -78,7 +78,8 @@ def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
 
 
 def is_zero_pose_standing(parents: list[int], offsets: Float, positions: Float) -> bool:
-    """Returns True if the zero pose is about as tall as the frames and has its root at about the same height."""
+    """Returns True if the zero pose is about as tall as the frames and has its root at about the same
+    height."""
     zero = zero_pose(parents, offsets, positions)
     lowest = positions[:, :, 1].min(1)
     tall, high = np.median(positions[:, :, 1].max(1) - lowest), np.median(positions[:, 0, 1] - lowest)

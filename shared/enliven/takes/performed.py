@@ -286,7 +286,8 @@ def _add_puppet_layer(
 
 
 def _is_bare(character: RigBase | None) -> bool:
-    """Returns True if a character is a mesh without motion. On a stage, performers can possess such a mesh."""
+    """Returns True if a character is a mesh without motion. On a stage, performers can possess such a
+    mesh."""
     return (
         isinstance(character, Puppet) and character.mesh is not None and len(character.poses) < _MIN_EXAMPLES
     )

@@ -1,9 +1,8 @@
 """Computes bone rotations from joint positions alone: swings with the least twist.
 
     rotations_from_positions(skeleton, positions (F, N, 3), known=None) -> (F, N, 4)
-    rest_from_positions(parents, at_rest, positions) -> (N, 3)           # the rest pose with the bones'
-    median lengths fill_unseen(parents, positions, seen) -> (F, N, 3)            # unseen joints, interpolated
-    in time
+    rest_from_positions(parents, at_rest, positions) -> (N, 3)    # the rest pose with median bone lengths
+    fill_unseen(parents, positions, seen) -> (F, N, 3)            # unseen joints, interpolated in time
 
 Every bone points along its joints; its twist relative to the parent bone is minimal.
 """

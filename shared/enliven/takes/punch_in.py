@@ -126,7 +126,8 @@ class PunchIn:
 
 
 def _sort_clips(clips: Sequence[Segment]) -> list[Segment]:
-    """Returns clips sorted by begin and end. Blended clips that the span cut at the same time are separated."""
+    """Returns clips sorted by begin and end. Blended clips that the span cut at the same time are
+    separated."""
     ordered = list[Segment]()
     for clip in clips:
         if ordered and clip.end <= ordered[-1].end:

@@ -9,12 +9,14 @@ from msgspec import Meta, Struct
 from enliven.wire.fields import MAX_FACES, MAX_TRANSFORMS, MAX_VERTICES, Name, RevisionNumber, check_length
 
 MAX_ITERATIONS = 100
-"""Maximum iterations per frame: 3 are usual, and a stranger's larger number would keep a viewer busy."""
+"""Maximum iterations per frame. 3 are usual. A larger number from an untrusted sender would overload a
+viewer."""
 MAX_STIFFNESS = 1e6
-"""Maximum weight of a hold and maximum stretch, far above useful values: limits a stranger's numbers."""
+"""Maximum weight of a hold and maximum stretch, far above useful values. It limits numbers from untrusted
+senders."""
 MAX_SOLVED_VERTICES = 100_000
-"""Maximum vertices of the solved mesh: 8,000 are usual, and a stranger's larger number would keep a viewer
-busy."""
+"""Maximum vertices of the solved mesh. 8,000 are usual. A larger number from an untrusted sender would
+overload a viewer."""
 
 
 MAX_MATERIALS = 1024
@@ -31,7 +33,7 @@ JointName = Annotated[str, Meta(min_length=1, max_length=MAX_JOINT_NAME)]
 class SurfaceMessage(Struct, frozen=True):
     """How a surface follows control points, see :class:`enliven.deformation.arap.solver.ArapSettings`.
 
-    The ranges exclude unreasonable values, so that a stranger cannot keep a viewer busy for ever.
+    The ranges exclude unreasonable values, so that an untrusted sender cannot overload a viewer.
     """
 
     iterations: Annotated[int, Meta(ge=1, le=MAX_ITERATIONS)] = 3
@@ -77,7 +79,8 @@ class MaterialsMessage(Struct, frozen=True):
 class CharacterMessage(Struct, tag=True, frozen=True):
     """A whole character, in answer to :class:`GetState`.
 
-    Programs without support for control points read "bones" and complete skin weights: one rigid piece.
+    For programs without support for control points, the kind is "bones" with complete skin weights. They show
+    one rigid piece.
 
     Attributes:
         kind: "points" only if skin weights are left out. A character with ``held`` is always of this kind.

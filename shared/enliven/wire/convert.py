@@ -76,8 +76,8 @@ def bodies_to_message(bodies: Iterable[Body], time_ns: int, captured_ns: int = 0
 def round_to_wire(bodies: Iterable[Body]) -> list[Body]:
     """Returns bodies with joints, confidence and stature rounded to the precision of the wire.
 
-    A stage that performs these gets the same result from a recording as live. A joint that is not finite
-    stays so.
+    With these bodies, a stage gets the same result live and from a recording. A joint that is not finite
+    stays not finite.
     """
     return [
         replace(
@@ -128,7 +128,7 @@ def _unpack_body(body: PackedBody) -> Body:
 
 
 def health_to_messages(states: Iterable[HealthState]) -> list[HealthMessage]:
-    """Returns the messages of the gravest states."""
+    """Returns the messages of the most severe states."""
     return [
         HealthMessage(
             str(state.kind)[:64] or "unknown",

@@ -69,7 +69,7 @@ def pack_stream(message: Any) -> bytes:
 
 
 def pack_checked(message: Any) -> bytes:
-    """Returns the bytes of a stream message for the socket, after decoding them again as a viewer would.
+    """Returns the bytes of a stream message for the socket, after checking that a viewer can decode them.
 
     Raises:
         KeyError: for an object without a topic in the table.
@@ -154,9 +154,8 @@ def pack_control(message: Any) -> bytes:
 
 
 def reply_prefix(number: int) -> bytes:
-    """Returns the bytes that precede the :func:`pack_payload` of an answer.
-
-    So a long answer is packed once for all viewers.
+    """Returns the bytes that precede the :func:`pack_payload` of an answer. With it, a long answer is packed
+    only once for all viewers.
     """
     # Encode an empty message. Its last byte is a nil, which the answer replaces.
     return bytes([VERSION]) + _ENCODER.encode({"id": number, "body": None})[:-1]

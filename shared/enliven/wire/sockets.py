@@ -12,7 +12,7 @@ from enliven.errors import InputError
 POSE_PORT = 5580
 """Default TCP port of the streams: above 1023, so that no privilege is needed."""
 CONTROL_PORT = 5581
-"""Default TCP port of the requests: the one after the streams'."""
+"""Default TCP port of the requests: the port after that of the streams."""
 SEND_QUEUE_LENGTH = 1000
 """Maximum messages that wait to be sent to an edge."""
 MAX_UNREAD_STREAMS = 500
@@ -47,7 +47,7 @@ class Endpoint:
 def parse_endpoint(text: str) -> Endpoint:
     """Parses ``host``, ``host:port`` or ``host:port:control_port``, with IPv6 in brackets.
 
-    Without a control port, it is the port after ``port``.
+    If the control port is missing, it is ``port`` + 1.
 
     Raises:
         InputError: if it is none of these.
@@ -74,7 +74,7 @@ def parse_endpoint(text: str) -> Endpoint:
 def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int, unread: int) -> zmq.Socket[bytes]:
     """Returns a viewer's socket: non-blocking, without lingering.
 
-    It drops an edge that sends too much at once.
+    It disconnects an edge that sends too much at once.
 
     TCP keep-alive detects an edge that vanished without closing, so that it is connected again. libzmq's own
     heartbeat could do this, too. But it aborts the program if a connection breaks while its queue is full.

@@ -94,11 +94,11 @@ class CuesMessage(Struct, array_like=True, frozen=True):
         character: its id.
         state: "free"; "preview": the nodes would be held if the body possessed it now; "possessed".
         nodes: (K,) uint16 node indices.
-        strengths: (K,) uint8, 255 for the firmest.
+        strengths: (K,) uint8, 255 for the strongest hold.
         body: the performer's id, the first of several. -1 for none.
-        time_ns: the sensor's clock, the time of the matching poses.
-        held: number of leading nodes that are held. The others would be held by the next performer. None: all
-            are held, unless the state is "preview".
+        time_ns: the sensor's clock, the time of the matching poses. held: number of leading nodes that are
+            held. The others would be held by the next performer. None: all are held, unless the state is
+            "preview".
         performers: the ids of the performers that own the nodes.
         owners: (K,) uint8 index of the performer that holds each node. Empty: all belong to ``body``.
     """
@@ -222,7 +222,7 @@ class MatchesMessage(Struct, array_like=True, frozen=True):
         shown: index of the shown one among ``matches``. -1 for none.
         matches: the best ones, and the shown one.
         total: total number of matches.
-        held: 0..1, elapsed fraction of the time to hold still.
+        held: 0..1, elapsed fraction of the time for which the performer must hold still.
     """
 
     character: Name
@@ -267,14 +267,15 @@ class Revision(Struct, array_like=True, frozen=True):
 
 
 class StageMessage(Struct, array_like=True, frozen=True):
-    """The characters on the stage from a frame on, sent if one came, changed or left (topic "stage")."""
+    """The characters on the stage, sent when a character was added, changed or removed (topic "stage")."""
 
     time_ns: Nanoseconds
     characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
 
 
 class SizeMessage(Struct, array_like=True, frozen=True):
-    """The size of a character on the stage and its swing, sent when they change (topic "sizes").
+    """The size of a character on the stage and the overshoot of its soft parts, sent when they change (topic
+    "sizes").
 
     Attributes:
         size: factor of its own size.
@@ -329,7 +330,7 @@ class HeardMessage(Struct, array_like=True, frozen=True):
             open to other machines: private talk is not sent there.
         understood: True if it is a phrase of the list.
         action: the command of the phrase. Empty if it was not understood.
-        refused: why the stage did not carry out the command. Empty if it did.
+        refused: the reason why the stage did not carry out the command. Empty if it did.
     """
 
     control: Name
@@ -393,7 +394,7 @@ class StatusMessage(Struct, array_like=True, frozen=True):
         latency_p99_ms: the same, the 99th percentile.
         performers: number of people in view.
         dropped: number of frames that came too fast and were dropped, since the start.
-        health: the current problems, the gravest first.
+        health: the current problems, the most severe first.
     """
 
     edge: Name

@@ -62,7 +62,7 @@ class Topic:
 
     @property
     def is_per_character(self) -> bool:
-        """True if each of its messages is about one character, and is removed with it."""
+        """True if each message of the topic belongs to one character and is removed with that character."""
         return self.key is _character_id
 
 

@@ -1,8 +1,9 @@
-"""The listening side of ZMTP 3.1 without keys: bytes in, messages and answers out. It opens no socket.
+"""The listening side of ZMTP 3.1 without encryption. It converts bytes to messages and answers, and opens no
+socket.
 
-Viewers use libzmq for ZMTP. The listener does not: libzmq 4.3.5 aborts its program (``!_io_error`` in
-stream_engine_base.cpp) if a connection mixes PINGs into a flood and is then reset, with heartbeats or
-without.
+Viewers use libzmq for ZMTP. The listener does not use libzmq, because libzmq 4.3.5 aborts its program
+(``!_io_error`` in stream_engine_base.cpp) if a connection mixes PINGs into a flood and is then reset, with
+heartbeats or without.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import struct
 from typing import Literal
 
 GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
-"""The first 64 bytes of both sides: signature, version 3.1, no keys."""
+"""The first 64 bytes of both sides: signature, version 3.1, no encryption."""
 
 _MORE_FLAG = 1
 """Flag of a frame that is followed by another frame of the same message."""
@@ -51,7 +52,7 @@ class ZmtpSession:
     Attributes:
         ready: True after the handshake.
         answers: bytes to send to the other side now. The caller empties it.
-        missing: missing bytes of the current frame, as far as its length is known.
+        missing: number of bytes that are missing to the end of the current frame, or of its header.
     """
 
     def __init__(self, kind: Literal["ROUTER", "PUB"], most: int) -> None:
@@ -68,7 +69,8 @@ class ZmtpSession:
         self._bytes += data
 
     def take(self) -> list[bytes] | None:
-        """Returns the next message's parts. An empty list for anything else, None if bytes are missing.
+        """Returns the next message's parts. Returns an empty list for a command, and None if bytes are
+        missing.
 
         A subscription is one part, 1 or 0 (unsubscribe) and the topic's prefix.
 

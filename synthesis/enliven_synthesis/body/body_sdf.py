@@ -2,7 +2,7 @@
 ellipsoids.
 
 It is deliberately richer than a tracker's capsule model: muscles, buttocks, a jaw, sleeves, trouser hems and
-shoes. A tracker tested on it must therefore handle shapes that its own model lacks.
+shoes. A tracker that is tested on it must therefore handle shapes that its own model does not contain.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Occlusion of joints in a depth image: a visible joint is covered only by its own body surface."""
+"""Occlusion of joints in a depth image. A joint is visible if nothing but its own body's surface is in front
+of it."""
 
 from __future__ import annotations
 
@@ -34,8 +35,7 @@ def find_visible_joints(
     camera_from_world: Float,
     reach: tuple[float, float],
 ) -> Bool:
-    """Returns (20,) True for each joint that is in the image, in range, and not occluded by anything but its
-    own body.
+    """Returns (20,) True for each joint that is in the image, in range, and occluded at most by its own body.
 
     Args:
         joints: (20, 3) metres, world.

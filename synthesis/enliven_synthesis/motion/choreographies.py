@@ -1,4 +1,4 @@
-"""Choreographies by name. Each returns the performer's posture at every moment, and is deterministic."""
+"""Choreographies by name. Each is a deterministic function from a time to the performer's posture."""
 
 from __future__ import annotations
 
@@ -148,7 +148,8 @@ def _chair() -> Choreography:
 
 
 def _flap_arm(flap: float, tuck: float, swing: float) -> ArmPose:
-    """Returns an arm between resting (``flap`` 0) and raised like a wing (1); a crouch pulls it in."""
+    """Returns an arm between resting (``flap`` 0) and raised like a wing (``flap`` 1). ``tuck`` pulls it
+    towards the body in a crouch."""
     rest = _ARMREST
     return ArmPose(
         flex=rest.flex + 0.20 * flap + 0.30 * tuck + swing,

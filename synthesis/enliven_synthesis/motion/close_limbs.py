@@ -1,8 +1,9 @@
-"""Motions with limbs close in front of the trunk: folded arms, hands on hips, a guard, hands on the belly, a
-seat.
+"""Motions with limbs close in front of the trunk: folded arms, hands on the hips, a boxer's guard, hands on
+the belly, sitting.
 
 The wrists reach for targets in the chest's frame, so that forearms lie in front of the trunk for every build.
-Each motion takes a seed. Seed 0 is the motion as written; any other seed varies targets, elbows and tempo.
+Each motion takes a seed. Seed 0 is the motion as defined here. Any other seed varies targets, elbows and
+tempo.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from enliven_synthesis.motion.tracks import ease
 _TARGET_SPREAD_M = 0.025
 """Random variation of a wrist target, standard deviation in metres. It is less than a hand's thickness."""
 _TEMPO_VARIATION = 0.2
-"""Maximum random variation of the tempo, as a fraction."""
+"""Maximum random variation of the tempo, as a fraction of the tempo."""
 _DOWN = (0.7, -0.7, -0.35)
 """Direction of a hanging elbow in the chest's frame: outward, down and back."""
 
@@ -152,7 +153,7 @@ _STRIDE_RATE_HZ = 1.35
 
 
 class CloseLimbs:
-    """One of these motions, for a performer. It begins at the world's origin, facing +Z.
+    """A motion with limbs close to the trunk, for a performer. It begins at the world's origin, facing +Z.
 
     Args:
         name: one of :func:`close_limb_names`.

@@ -1,7 +1,7 @@
 """Exercises that are hard to track: arms overhead, crouching, kneeling, turning, hands to the floor.
 
-Each exercise takes a seed. Seed 0 is the exercise as written. Any other seed varies the angles, the depth of
-the bends and the tempo, so that a tracker can be tuned on some seeds and evaluated on others.
+Each exercise takes a seed. Seed 0 is the exercise as defined here. Any other seed varies the angles, the
+depth of the bends and the tempo, so that a tracker can be tuned on some seeds and evaluated on others.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def _stand(**changes: Any) -> PerformerPosture:
 
 
 class _Variation:
-    """Random variations of the written numbers. Seed 0 does not vary anything."""
+    """Random variations of the defined numbers. Seed 0 does not vary anything."""
 
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng(seed) if seed else None

@@ -2,8 +2,8 @@
 direction.
 
 Bone directions determine the swing of the limbs. The twist comes from the plane in which an elbow or a knee
-bends. For a straight limb it comes from the trunk. The soles are put on the floor when the captured ones were
-on it.
+bends. For a straight limb it comes from the trunk. The soles are put on the floor when the captured soles
+were on it.
 """
 
 from __future__ import annotations

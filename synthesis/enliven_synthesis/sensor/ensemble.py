@@ -26,8 +26,8 @@ from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 
 _STANDING_HEIGHT_M = 0.02
-"""A foot counts as standing if its sole is at most this high above the floor, metres. Less than a sensor's
-noise."""
+"""A foot counts as standing if its sole is at most this high above the floor, metres. This is less than a
+sensor's noise."""
 _STANDING_SPEED = 0.35
 """Maximum speed of the slowest part of a standing foot, metres per second. All parts of a swinging foot are
 faster."""

@@ -1,4 +1,5 @@
-"""An object that is picked up, turned round in two hands and held. The hands regrip as it turns."""
+"""An object that is picked up with two hands and turned round in the air. The hands change their grip as it
+turns."""
 
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ class HandTurnedPath:
         period: duration of a full turn, seconds.
         lift: height of the held object above its resting position, metres.
         tilt: amplitude of its tilt back and forth as it turns, radians.
-        grips: number of times that each hand regrips in a turn.
+        grips: number of times that each hand changes its grip in a turn.
         reach: position of the grip: metres from the object's axis, and above its lowest point.
         behind: distance of the person behind the object, metres; 0: only the arms are in view.
     """
@@ -69,7 +70,8 @@ class HandTurnedPath:
         return 2.0 * math.pi * min(passed, self.period) / self.period
 
     def arms(self, time: float) -> list[Mesh]:
-        """Returns the meshes of trunk and arms, world. Each hand stays on its grip until it regrips."""
+        """Returns the meshes of trunk and arms, world. Each hand stays at its grip until it changes the
+        grip."""
         arms = list[Mesh]()
         if self.behind:
             feet = np.array([_SWAY_M * math.sin(1.9 * time), 0.0, -self.behind])
@@ -78,7 +80,7 @@ class HandTurnedPath:
             return arms
         pose, angle, step = self.world_from_thing(time), self._angle(time), 2.0 * math.pi / self.grips
         for side in (0, 1):
-            # The hands regrip alternately, each on its own side of the object.
+            # The hands change their grip alternately, each on its own side of the object.
             turned = step * math.floor(angle / step + 0.5 * side)
             at = math.pi * side - turned
             grip = [self.reach[0] * math.cos(at), self.reach[1], -self.reach[0] * math.sin(at)]

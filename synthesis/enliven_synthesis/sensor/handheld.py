@@ -1,5 +1,5 @@
-"""A hand-held depth camera that is carried round an object: known surface, known path, the sensor's
-faults."""
+"""A simulated hand-held depth camera that is carried round an object. The surface and the path are known, and
+the images have the sensor's faults."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ class HandheldScan:
 
 
 def _to_millimetres(depth: Float) -> UInt16:
-    """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays without a surface."""
+    """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays that hit no surface."""
     return np.where(depth < _NO_DEPTH_M, np.rint(np.minimum(depth, _NO_DEPTH_M) * 1000.0), 0.0).astype(
         np.uint16
     )

@@ -81,7 +81,7 @@ class MovedObjectPath:
 
 @dataclass(frozen=True)
 class FollowingPath(HandheldPath):
-    """The path of a camera that looks at another point after a move.
+    """The path of a camera that looks at another point after the object was moved.
 
     Attributes:
         later: (x, y, z) point that the camera looks at after the move, metres.

@@ -26,10 +26,10 @@ from enliven_synthesis.sensor.profile import SensorProfile
 _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
 """Standard deviation of a uniform byte."""
 _FROZEN_FRAME = -1
-"""Frame number of the noise that never changes. It is lower than that of any frame."""
+"""Frame number for the noise that is constant over time. It is lower than the number of any frame."""
 _FROZEN_PATCHES = 0.9
-"""Fraction of the variance that never changes in the lost patches of dark and mirroring surfaces. Nearly
-all."""
+"""Fraction of the variance that is constant over time in the lost patches of dark and mirroring surfaces:
+nearly all of it."""
 _NO_HIT_DEPTH_M = 1e3
 """Depth of a ray that hits nothing, metres. It is beyond the range of any sensor."""
 

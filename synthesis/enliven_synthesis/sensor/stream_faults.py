@@ -23,7 +23,7 @@ FrameAndTruth = tuple[DepthFrame, T]
 def drop_frames(
     frames: Sequence[FrameAndTruth[T]], part: float = 0.3, seed: int = 0
 ) -> list[FrameAndTruth[T]]:
-    """Drops a random fraction of the frames, and occasionally eight in a row."""
+    """Drops a random fraction of the frames, and occasionally eight successive frames."""
     random = np.random.default_rng(seed)
     is_kept = random.random(len(frames)) >= part
     for _ in range(len(frames) // 90):
@@ -46,7 +46,8 @@ def slow_frames(frames: Sequence[FrameAndTruth[T]], fps: float = 5.0) -> list[Fr
 def reorder_frames(
     frames: Sequence[FrameAndTruth[T]], part: float = 0.15, seed: int = 0
 ) -> list[FrameAndTruth[T]]:
-    """Delays a random fraction of the frames by one to three places. Their timestamps stay the same."""
+    """Moves a random fraction of the frames one to three places back in the order. Their timestamps stay the
+    same."""
     random = np.random.default_rng(seed)
     late = np.where(random.random(len(frames)) < part, random.integers(1, 4, len(frames)), 0)
     order = np.argsort(np.arange(len(frames)) + late + 0.5 * (late > 0), kind="stable")

@@ -40,11 +40,11 @@ _HOLDS = (*_ANGLES, *_TARGETS)
 HOLDS = (*_HOLDS, *CLOSE_HOLDS, "anywhere")
 """Names of all holds of the arms."""
 _CLOSE_ARMS_FRACTION = 0.4
-"""Fraction of people that hold both arms close in front of the trunk. Performers often do, and it is hard to
-detect."""
+"""Fraction of people that hold both arms close in front of the trunk. Performers often do this, and such arms
+are hard to detect."""
 _MAX_TRIES = 12
 """Number of attempts to find an arm pose outside trunk and head, before the arm is held outward. Nearly every
-hold succeeds."""
+hold is found within these attempts."""
 
 _OUTWARD_STEP_M = 0.01
 """Distance that arms held close move away from the trunk with each attempt, metres."""

@@ -236,8 +236,8 @@ _POSTURE_FAMILIES: dict[str, tuple[float, Callable[[Generator], TrunkAndLegs]]] 
     "lie": (0.02, _lie),
     "leap": (0.05, _leap),
 }
-"""Every family with its probability. Usual postures are frequent, and rare ones frequent enough to be
-learnt."""
+"""Every family of postures with its probability. Usual postures are frequent, and rare postures are frequent
+enough to be learnt."""
 FAMILIES = tuple(_POSTURE_FAMILIES)
 """Names of all families."""
 
@@ -267,7 +267,7 @@ def random_figure(
 
 
 def _arms_hang(family: str, rng: Generator) -> bool:
-    """Returns True if the arms hang, as they do when a person reaches for the floor."""
+    """Returns True if the arms hang, as they often do when a person reaches for the floor."""
     return family == "bow" and rng.random() < 0.4
 
 

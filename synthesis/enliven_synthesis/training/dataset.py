@@ -74,7 +74,7 @@ class Dataset:
         """
         if not (folder / _COMPLETION_FILE).exists():
             raise InputError(
-                "the album was not rendered completely",
+                "the data set was not rendered completely",
                 where=str(folder),
                 mend="Remove the folder to render it again, or name another one.",
             )

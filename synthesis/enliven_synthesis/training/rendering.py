@@ -29,7 +29,8 @@ WIDTH = 200
 _PIECE_NUMBERS = np.arange(len(PIECES), dtype=np.int64)
 """(P,) Numbers of the pieces. The renderer writes them instead of materials."""
 _WALL_FRACTION = 0.35
-"""Fraction of the clutter that is pieces of a wall. The rest is furniture and similar objects."""
+"""Fraction of the clutter images that show a piece of a wall. The others show furniture and similar
+objects."""
 _SUNK_FEET_FRACTION = 0.08
 """Fraction of images in which feet or shanks are lost because the background model's floor is too high."""
 _STRAY_DISTANCE_M = 0.12

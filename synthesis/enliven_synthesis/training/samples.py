@@ -21,8 +21,8 @@ from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 LABEL_ROWS, LABEL_COLUMNS = ROWS // 2, COLUMNS // 2
 """Rows and columns of the part labels: half the crop's resolution, the network's output resolution."""
 _CROP_DEVIATIONS = np.array([0.05, 0.05, 0.06, 0.06])
-"""Standard deviations of a crop's errors, similar to a tracker's: three of its position, in metres, and one
-of the logarithm of its size."""
+"""Standard deviations of a crop's errors, similar to a tracker's: three for its position, in metres, and one
+for the logarithm of its size."""
 _FLOOR_ERROR_M = 0.02
 """Standard deviation of the error of the floor's height, metres, similar to a tracker's."""
 _JUMP_FRACTION = 0.1
@@ -50,10 +50,10 @@ to the wall, the depth has no step there."""
 _WALL_DISTANCES_M = (0.0, 0.6)
 """Distance of such a wall behind the person's middle, metres (minimum, maximum)."""
 _WALL_SLOPE = 0.006
-"""Standard deviation of the slope of such a wall, metres per pixel. About 30 degrees."""
+"""Standard deviation of the slope of such a wall, metres per pixel. This is about 30 degrees."""
 _WALL_REST_FRACTION = 0.3
-"""Fraction of the samples without a person that show the rest of a wall next to a person. A person's outline
-cuts this piece out, so it has the side and the height of a person."""
+"""Fraction of the samples without a person that show a piece of a wall next to a person. It is bounded by the
+person's outline, so it has the outline and the height of a person."""
 _STRAIGHT_EDGE_FRACTION = 0.6
 """Fraction of these pieces that end at a straight edge, such as a door's, on the other side."""
 _MIN_WALL_PIXELS = 60

@@ -185,9 +185,9 @@ def test_moved_object_is_kept_at_its_new_position():
 
 
 def test_missing_new_object_is_reported():
-    with pytest.raises(InputError, match="no new object stands there"):
+    with pytest.raises(InputError, match="no new object was found"):
         cut_new_object(Mesh(*ROOM), BEFORE, FLOOR)
-    with pytest.raises(InputError, match="no new object stands there"):
+    with pytest.raises(InputError, match="no new object was found"):
         cut_new_object(Mesh(*joined(ROOM, standing((0.0, 0.0)))), [], FLOOR)
 
 

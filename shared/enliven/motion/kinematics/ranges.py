@@ -1,6 +1,6 @@
 """Joint limits: how far a bone may swing and twist, with soft limits.
 
-    joint = fit_joint_range(bone, turns)        # learned from plausible rotations of the bone
+    joint = fit_joint_range(bone, turns)    # computed from plausible rotations of the bone
     limit_turns(joint, turns)               # (T, 4) the rotations, limited to the range
 
 A rotation is split into a swing, which changes the direction of the bone, and a twist about the bone. A swing

@@ -152,7 +152,8 @@ def _overlay_spans(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span,
 
 
 def _cut_reference(ref: Ref, start: float, end: float, low: float, high: float) -> Ref:
-    """Cuts a reference on [start, end] to the interval [low, high]. Returns it unchanged if both are equal."""
+    """Cuts a reference on [start, end] to the interval [low, high]. Returns it unchanged if both are
+    equal."""
     width = (ref.end - ref.start) / (end - start)
     first = ref.start if _are_equal(start, low) else ref.start + (low - start) * width
     last = ref.end if _are_equal(end, high) else ref.start + (high - start) * width

@@ -1,7 +1,7 @@
 """End-effector mode: the end of a chain follows the end of the take's chain (AniMesh, section 8).
 
-    bind_chain(..., mode="end") # or change the mode of a layer end_effector_chains(shape, layer, line) ->
-    list[LedChain]         # the player's input
+    bind_chain(..., mode="end")                              # or change the mode of a layer
+    end_effector_chains(shape, layer, line) -> list[EndEffectorChain]    # input of the player
 
 First the bones rotate as in the mode "turns". Then the end of their chain is moved, by the smallest
 rotations, to

@@ -6,10 +6,10 @@ result.
     player.at(seconds) -> ShapePose                        # turns (N, 4), joints (N, 3)
     player.sample(times) -> (turns (T, N, 4), joints (T, N, 3))
     player.linear(times, turns) -> (T, N, 3, 3)            # maps of the vertices: rotations and stretches
-    player.own(times) -> (T, N, 4)                         # a_j alone: the animation rotations
+    player.animation_rotations(times) -> (T, N, 4)         # a_j alone, without the modeling
     player.contacts() -> {joint name: Contacts}            # of the pinned feet
     player.pose(seconds) -> enliven.document.character.Pose         # for the wire and the viewer
-    player.feed(take, turns, root)                         # live: this frame instead of the take
+    player.feed(take, turns, root)                         # live: play this frame instead of the take
     pose_from(shape, ShapePose, seconds) -> Pose
 
 D_0 = m_0 a_0, D_j = D_parent m_j a_j; x_root = rest + place + travel, x_j = x_parent + D_j (rest_j -

@@ -1,6 +1,6 @@
 """q(s, t): the rotation of a take, accumulated along a polyline of its skeleton (AniMesh, section 5.1).
 
-    line = Polyline.of(clip, chain)           # the part that does not change with time
+    line = Polyline.of(clip, chain)           # the part that is constant over time
     line.knots                                # (K,) arc length s of the joints, 0..1
     knot_turns(...)                           # (T, K, 4) P at the knots, at frame numbers (fractions too)
 

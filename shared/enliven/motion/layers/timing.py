@@ -1,6 +1,6 @@
 """The time maps of many layers, compiled: they map many times to the frames of the layers' takes in one call.
 
-    Clocks.of(layers, clips).played(seconds) -> Times
+    Clocks.of(layers, clips).frames_at(seconds) -> Times
 
 Frame numbers may be fractional, and are never beyond the first or the last.
 """

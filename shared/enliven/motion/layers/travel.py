@@ -1,8 +1,8 @@
 """Root motion: the displacement of a take's root since rest, scaled to the size of the shape.
 
     skeleton_heights(skeleton)           # metres: the sizes from which the travel scale is computed
-    travel_scale(shape, clip)            # the shape's own, or the ratio of the heights Travel(project,
-    shape).at(times)     # (T, 3) the position of the root joint
+    travel_scale(shape, clip)            # the shape's own, or the ratio of the heights
+    Travel(project, shape).at(times)     # (T, 3) the position of the root joint
 
 A looped take continues from the position at which it ended: a looped walk of two steps moves on over the
 ground, at constant height.

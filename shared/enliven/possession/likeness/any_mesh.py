@@ -22,12 +22,12 @@ _MAX_TIPS = 8
 _MIN_LIMB_LENGTH = 0.08
 """Minimum length of a limb, as a fraction of the longest geodesic distance from the middle."""
 _MAX_FOOT_HEIGHT = 0.15
-"""Fraction of the height up to which a tip is a foot."""
+"""Maximum height of a tip that counts as a foot, as a fraction of the mesh's height."""
 _MIN_LONG_RATIO = 1.5
 """Ratio of length to width above which the front of a mesh is at its head."""
 _MIN_HEAD_LEAD = 0.15
-"""The front follows the head only if the head is ahead by more than this fraction of the height: the body
-is not upright."""
+"""The head determines the front only if it is ahead by more than this fraction of the height, as in a body
+that is not upright."""
 _LEG_JOINTS = (
     (Joint.HIP_LEFT, 0.95),
     (Joint.KNEE_LEFT, 0.5),
@@ -42,7 +42,7 @@ _ARM_JOINTS = (
     (Joint.WRIST_LEFT, 0.15),
     (Joint.HAND_LEFT, 0.0),
 )
-"""The same for an arm."""
+"""Joints of an arm, and their distance from the tip as a fraction of the limb's length."""
 _RIGHT_JOINT_OFFSET = 4
 """Offset from a left joint's number to the right joint's."""
 
@@ -187,8 +187,8 @@ def _front_yaw(limbs: _Limbs, heads: Int, feet: Int) -> float:
     """Returns the radians about +Y from +Z to the front.
 
     A long mesh on four or more feet faces along its length, towards the head. A mesh on two feet faces across
-    the line between the legs, towards the head or else the toes. All other meshes face +Z. If both directions
-    look alike, the one nearer to +Z is used.
+    the line between the legs, towards the head or else the toes. All other meshes face +Z. If the two
+    opposite directions cannot be distinguished, the direction nearer to +Z is used.
     """
     middle = limbs.positions.mean(0)
     head = limbs.at[heads].mean(0) - middle if len(heads) else np.zeros(3)

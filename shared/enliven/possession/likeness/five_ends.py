@@ -25,13 +25,14 @@ _EAR_DISTANCE = 0.8
 """Two ends nearer than this fraction of the longest geodesic distance may be ears or horns, with the head
 between them."""
 _OMITTED_LIMB_COST = 60.0
-"""Cost of a limb that belongs to no chosen end, times its length over the longest geodesic distance."""
+"""Cost of a limb that belongs to no chosen end. It is multiplied by the limb's length divided by the longest
+geodesic distance."""
 _OWN_END_DISTANCE = 0.15
 """Other ends within this fraction of the longest geodesic distance around a chosen end belong to it."""
 _OMITTED_LEG_COST = 25.0
 """Cost of a limb that is left out although it stands on the floor: other legs of a chair or a horse."""
 _MIN_LEG_LENGTH = 0.08
-"""Fraction of the longest geodesic distance above which such a limb is a leg."""
+"""Minimum length of a limb that counts as a leg, as a fraction of the longest geodesic distance."""
 _MAX_COSTED_LENGTH = 0.3
 """Fraction of the longest geodesic distance beyond which a limb that is left out costs no more."""
 _MIN_UPPER_HEIGHT = 0.4
@@ -52,8 +53,8 @@ _EVALUATED_CHOICES = 60
 """Number of choices for which trunk and head are evaluated too: those with the lowest cost from geodesic
 distances."""
 _OTHER_END_DISTANCE = 0.2
-"""Fraction of the longest geodesic distance beyond which an end of another choice counts as a different
-place."""
+"""Minimum distance between two ends that count as different places, as a fraction of the longest geodesic
+distance."""
 
 
 @dataclass(frozen=True)
@@ -62,12 +63,12 @@ class FiveEnds:
 
     Attributes:
         points: (5, 3) metres: head, two hands, two feet; the order within a pair has no meaning.
-        ways: (5, C) metres along the surface from each to all points of the net; those of the head start
-            where its ends part.
+        distances: (5, C) metres along the surface from each end to all points of the net. If the head has two
+            ends, its distances begin where the two ends separate.
         tree: the lengths of the limbs.
         chest, pelvis: (3,) metres, where limbs branch.
         cost: 0 for a person of usual proportions that stands upright.
-        margin: by how much less it costs than the next choice with other limbs.
+        margin: cost of the next best choice with other limbs, minus this cost.
     """
 
     points: Float

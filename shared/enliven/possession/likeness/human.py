@@ -22,7 +22,8 @@ generated bodies."""
 _LEG_FRACTIONS = (1.03, 0.6, 0.21, 0.04)
 """Hip, knee, ankle and foot: the same for a leg."""
 _SKULL_FRACTION = 0.85
-"""Fraction of the head's length from its end over which the head joint is averaged: the skull."""
+"""Length of the skull from the head's end, as a fraction of the head's length. The head joint is the mean
+over the skull."""
 _RING_HALF_WIDTH = 0.07
 """Half the width of a ring, as a fraction of the limb's length."""
 _WAIST_POSITION = 0.44
@@ -72,7 +73,7 @@ def human_from_ends(limb_ends: LimbEnds, ends: FiveEnds) -> BodyInMesh:
 
 
 class _Limbs:
-    """The limbs of five ends: each point of the net belongs to the limb that it is deepest in."""
+    """The limbs of five ends. Each point of the net belongs to the limb inside which it is deepest."""
 
     def __init__(self, limb_ends: LimbEnds, ends: FiveEnds) -> None:
         tree = ends.tree
@@ -95,8 +96,8 @@ class _Limbs:
         )
 
     def trunk(self) -> Float:
-        """Returns (3,) metres: the centre of the points that belong to no limb; of all points if there are
-        none.
+        """Returns (3,) metres: the centre of the points that belong to no limb. If every point belongs to a
+        limb, the centre of all points.
         """
         is_trunk = self._beyond
         return np.asarray(self._points[is_trunk if is_trunk.any() else slice(None)].mean(0))
@@ -159,7 +160,7 @@ def _order_ends(points: Float, joints: Float) -> list[int]:
 
 
 def _doubt_sentences(ends: FiveEnds, sure: float) -> tuple[str, ...]:
-    """Returns a sentence about each property that is nearly undecided."""
+    """Returns a sentence about each property that is uncertain."""
     doubts = []
     if ends.margin < _MIN_COST_MARGIN:
         doubts.append("It is not certain which ends are head, hands and feet.")

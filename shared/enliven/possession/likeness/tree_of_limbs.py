@@ -13,9 +13,9 @@ HEAD = 0
 _LIMBS_ON_PATH = np.array(
     [(1, 1, 0, 0)] * 2 + [(1, 0, 1, 1)] * 2 + [(0, 2, 0, 0)] + [(0, 1, 1, 1)] * 4 + [(0, 0, 0, 2)], float
 )
-"""(10, 4) how often head, arm, trunk and leg lie on the path between each pair of the five ends."""
+"""(10, 4) number of heads, arms, trunks and legs on the path between each pair of the five ends."""
 _LIMB_SOLVER = np.linalg.pinv(_LIMBS_ON_PATH)
-"""(4, 10) the lengths of limbs from the distances, by least squares."""
+"""(4, 10) matrix that computes the lengths of limbs from the distances, by least squares."""
 _USUAL_DEVIATION = 0.035
 """Usual deviation of a distance from the tree's, as a fraction of arm plus trunk plus leg. Geodesic paths
 go around a thick body."""
@@ -59,7 +59,7 @@ class LimbTree(NamedTuple):
 
 
 def tree_misfit(distances: Float) -> tuple[Float, Float]:
-    """Returns (K,) the cost of distances that fit no person's tree, and (K, 4) lengths of the nearest trees.
+    """Returns (K,) the cost of the deviation from a person's tree, and (K, 4) lengths of the nearest trees.
 
     Args:
         distances: (K, 10) metres between each pair of head, two hands and two feet, in this order.
@@ -81,7 +81,7 @@ def point_at_distances(points: Float, distances: Float, wanted: tuple[float, ...
     Args:
         points: (C, 3) metres.
         distances: (5, C) metres from each end.
-        wanted: the five distances, and the size by which errors are divided.
+        wanted: the five distances, followed by the size that divides the errors.
     """
     *five, size = wanted
     square = (((distances - np.array(five)[:, None]) / size) ** 2).sum(0)

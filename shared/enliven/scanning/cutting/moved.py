@@ -1,4 +1,4 @@
-"""Change detection: of a place that was scanned twice, selects the surface that stands in formerly free
+"""Change detection: compares two scans of a place, and selects the new surface that stands in formerly free
 space.
 """
 
@@ -24,7 +24,7 @@ from enliven.scanning.settings import CutOutSettings, DepthNoiseModel
 _MIN_IMAGES = 2
 """Minimum number of images that must have seen through a point, because one may have a wrong pixel there."""
 _MIN_SEEN_THROUGH_FRACTION = 0.7
-"""Minimum fraction of the images observing a point that saw through it. Next to an edge, only some do."""
+"""Minimum fraction of the images of a point that saw through it. Near an edge, only some of them do."""
 _SURFACE_DEVIATIONS = 3.0
 """Standard deviations of the depth within which a point lies at the observed surface."""
 _POSE_TOLERANCE_M = 0.012
@@ -40,7 +40,7 @@ _MAX_PATCH_M = 0.4
 _SUPPORT_HEIGHT_RANGE_M = 0.1
 """Height range around the lowest new point, metres, in which the supporting plane is searched."""
 _SUPPORT_MARGIN_M = 0.15
-"""Horizontal margin around the new surface, metres, within which the supporting plane is searched."""
+"""Horizontal margin around the new surface, metres, in which the supporting plane is searched."""
 _VOTING_ROUNDS = 2
 """Rounds of majority voting among neighbouring vertices, so that noise makes no holes."""
 
@@ -136,7 +136,7 @@ def cut_new_object(
     new = np.asarray(is_new[mesh.faces].all(1))
     new_part = submesh(mesh, new)
     if not new.any() or new_part.area < s.least_area:
-        problem = "no new object stands there"
+        problem = "no new object was found"
         mend = (
             "Show the same place both times, the second time with the object, and look at it from all sides."
         )
@@ -156,11 +156,11 @@ def cut_new_object(
 
 
 def _find_small_patches(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
-    """Returns (F,) whether each excluded face lies in a patch that is too small to be another object.
+    """Returns (F,) True for excluded faces in a patch that is too small to be another object.
 
     Args:
         excluded: (F,) the faces that were excluded.
-        free: (V,) whether no surface was observed before.
+        free: (V,) True for vertices at which no surface was observed before.
     """
     faces = mesh.faces[excluded]
     label = np.asarray(shells(faces, len(mesh.vertices)))
@@ -175,7 +175,7 @@ def _find_small_patches(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
 
 
 def _remove_specks(mesh: Mesh, s: CutOutSettings) -> Mesh:
-    """Returns the parts of a surface without specks: each has at least half the area of the smallest
+    """Returns the surface without specks. Each remaining part has at least half the area of the smallest
     object.
     """
     label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]

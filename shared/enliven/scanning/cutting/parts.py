@@ -12,9 +12,9 @@ from enliven.scanning.holes import close_holes
 from enliven.scanning.settings import CutOutSettings
 
 _MAX_SPECK_FRACTION = 0.02
-"""Surface area below this fraction of the largest part's marks a part as floating noise."""
+"""A part with less than this fraction of the largest part's surface area is floating noise."""
 _ON_PLANE_M = 1e-9
-"""Distance from a plane, metres, within which a vertex lies on it: the rounding error of a cut."""
+"""Maximum distance from a plane, metres, of a vertex that lies on it: the rounding error of a cut."""
 
 
 @dataclass(frozen=True)

@@ -41,12 +41,12 @@ class LoopClosure:
     Attributes:
         poses: (4, 4) of all images, world_from_camera.
         pieces: the submaps of the trajectory.
-        links: pose graph edges between submaps; those that are not sure are loops.
+        links: pose graph edges between submaps. Edges that are not ``sure`` are loops.
         loops: the number of loops that are trusted.
-        gap: metres, the largest error of a trusted loop before the correction, in the middle of an image; 0
-            if there was none.
-        moved: metres, the largest displacement of an image's middle.
-        taken: whether the scan was fused again at these poses.
+        gap: metres, the largest error of a trusted loop before the correction, measured in the middle of an
+            image. 0 if there was no trusted loop.
+        moved: metres, the largest displacement of the middle of an image by the correction.
+        taken: True if the scan was fused again at these poses.
     """
 
     poses: list[Float]
@@ -108,8 +108,8 @@ def correct_trajectory(
 
 
 def _link_gap(anchors: list[Float], link: PoseLink, middle: Float, most: float) -> float:
-    """Returns the error of a link before the correction at an image's middle, metres; 0 within its
-    deviation.
+    """Returns the error of a link before the correction, metres, measured at the middle of an image. 0 if it
+    is within the link's standard deviation.
     """
     off = anchors[link.second] - anchors[link.first] @ link.first_from_second
     gap = float(np.linalg.norm(off @ middle))
@@ -129,7 +129,8 @@ def _load_piece(
 
 
 def _all_links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
-    """Returns the tracked links between successive submaps, and the loops that hold in both directions."""
+    """Returns the tracked links between successive submaps, and the loops whose alignments succeed in both
+    directions."""
     candidates = _loop_candidates(pieces, settings.loops)
     alignments = _candidate_alignments(pieces, candidates, settings)
     links = [_tracked_link(pieces, n, settings.loops) for n in range(len(pieces) - 1)]
@@ -188,7 +189,7 @@ def _loop_candidates(pieces: list[PlacedPiece], s: LoopSettings) -> set[tuple[in
 
 
 def _shared_view_fraction(piece: PlacedPiece, other: PlacedPiece) -> float:
-    """Returns the fraction of a submap's view that another camera sees from about the same side."""
+    """Returns the fraction of a submap's view that another camera also sees, from about the same side."""
     if piece.pose[:3, 2] @ other.pose[:3, 2] < _MIN_AXIS_COSINE:
         return 0.0
     points = piece.view.points
@@ -219,7 +220,7 @@ def _align_piece(
 
 
 def _is_good(alignment: Alignment, settings: ScanSettings) -> bool:
-    """Returns whether an alignment is good enough for a link."""
+    """Returns True if an alignment is good enough for a link."""
     s = settings.loops
     return (
         alignment.agreeing > s.agreeing
@@ -231,7 +232,7 @@ def _is_good(alignment: Alignment, settings: ScanSettings) -> bool:
 def _is_consistent(
     pieces: list[PlacedPiece], n: int, m: int, one: Alignment, other: Alignment, s: LoopSettings
 ) -> bool:
-    """Returns whether the alignment of m with n is consistent with that of n with m."""
+    """Returns True if the alignment of m with n is consistent with the alignment of n with m."""
     correction = one.world_from_camera @ invert_pose(pieces[m].pose)
     move, turn = pose_difference(pieces[n].pose, correction @ other.world_from_camera)
     return move < s.agree_metres and turn < s.agree_radians

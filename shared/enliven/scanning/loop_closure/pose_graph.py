@@ -22,7 +22,7 @@ _INITIAL_DAMPING = 1e-6
 _TRUST_ROUNDS = 6
 """Rounds in which the trust in inconsistent loops is gradually reduced, from full trust on."""
 _TOLERANCE_SHRINK = 5.0
-"""Shrink factor per round of the tolerated error of a loop (graduated non-convexity)."""
+"""Factor by which the tolerated error of a loop shrinks per round (graduated non-convexity)."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class PoseLink:
         first_from_second: (4, 4) the second pose in the first one's frame.
         information: (6, 6) inverse covariance of its translation (m) and rotation (rad), the first pose's
             axes.
-        sure: whether the link is certain; a loop that is not sure may turn out to be false.
+        sure: True if the link is certain. A loop is not certain: it may turn out to be false.
     """
 
     first: int
@@ -53,8 +53,8 @@ def optimize_poses(
 ) -> tuple[list[Float], Float]:
     """Returns the poses at which the links agree best, and the trust in each link, 0 to 1.
 
-    The first pose is fixed. Links that are not sure are weighted by the Geman-McClure function, starting
-    wide.
+    The first pose is fixed. Links that are not sure are weighted by the Geman-McClure function, whose width
+    is large at first.
 
     Args:
         poses: (4, 4) each, world_from_pose, initial estimates.

@@ -23,7 +23,7 @@ _PIXEL_STRIDE = 4
 """Half-size pixels between the points that are aligned with a submap: a quarter as many points as in
 tracking."""
 _MAX_IMAGES = 3
-"""Maximum number of images of a submap that are fused. Each further image adds less."""
+"""Maximum number of images of a submap that are fused. Further images would add little."""
 
 
 @dataclass(frozen=True)

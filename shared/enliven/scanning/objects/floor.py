@@ -1,4 +1,4 @@
-"""Checks whether floor and object kept their relative position. A part that moves against the floor is the
+"""Measures the position of the floor relative to an object. A part that moves relative to the floor is the
 object.
 """
 

@@ -29,7 +29,7 @@ _TRACKING_RANGE_M = 0.06
 """Distance from the surface, metres, within which a point helps to track the object: its possible motion
 between images."""
 _LOST_TRACKING_RANGE_M = 0.2
-"""The same distance, metres, if the object was lost: the range of the coarsest voxels about a surface."""
+"""The same distance, metres, if the object was lost. The coarsest voxels reach this far from a surface."""
 _LIFT_HEIGHTS_M = 0.06, 0.12, 0.18
 """Heights, metres, above the last position at which the object is searched, because its motion is detected
 late."""
@@ -52,10 +52,10 @@ its pose uncertainty. With fewer observations, noise looks like slopes that rota
 _MIN_OBJECT_PIXELS = 150
 """Minimum number of half-size pixels for tracking an object: a hand's width at two metres."""
 _MAX_ROTATION = 0.5
-"""Maximum rotation between two images, radians. A larger one is a different pose that looks alike."""
+"""Maximum rotation between two images, radians. A larger rotation is a wrong pose that looks similar."""
 _MAX_DISPLACEMENT_M = 0.15
-"""Maximum displacement of the object's centre between two images, metres. A larger one is a different
-place."""
+"""Maximum displacement of the object's centre between two images, metres. A larger displacement is a wrong
+pose."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,11 @@ class ObjectTrackingResult:
     """The tracking result of an object in an image.
 
     Attributes:
-        sure: whether it was found; otherwise nothing is fused.
-        object_from_camera: (4, 4) the camera's pose in the object's frame; the last known one if it was not
-            found.
+        sure: True if the object was found. If False, nothing is fused.
+        object_from_camera: (4, 4) the camera's pose in the object's frame. If the object was not found, the
+            last known pose.
         own: (h, w) half-size pixels that may belong to the object; they are excluded when tracking the room.
-        alignment: how well it fits; None if too little of it is visible.
+        alignment: the quality of the fit. None if too little of the object is visible.
     """
 
     sure: bool
@@ -204,7 +204,8 @@ class ObjectFollower:
     def _best_pose(
         self, view: DepthView, start: Float, room_from_camera: Float, coarsest: int = 1
     ) -> Alignment | None:
-        """Returns the best pose near a start, using only nearby points; None if there are too few."""
+        """Returns the best pose near a start pose, using only points near the surface. None if there are too
+        few such points."""
         near = np.abs(surface_distances(self._model.volumes[_COARSE_VOLUME], view, start)) < (
             _TRACKING_RANGE_M if coarsest < _COARSE_VOLUME else _LOST_TRACKING_RANGE_M
         )
@@ -215,7 +216,7 @@ class ObjectFollower:
         return tracker.align(restrict_view(view, near), start, coarsest=coarsest)
 
     def _is_reliable(self, alignment: Alignment) -> bool:
-        """Returns whether an alignment determines the object's pose reliably."""
+        """Returns True if an alignment determines the object's pose reliably."""
         s = self.settings.tracking
         if alignment.overlap < s.overlap or alignment.agreeing < s.agreeing:
             return False
@@ -233,7 +234,7 @@ class ObjectFollower:
         )
 
     def _above_ground(self, view: DepthView, room_from_camera: Float) -> Bool:
-        """Returns (h, w) whether each point lies above the ground."""
+        """Returns (h, w) True for each point above the ground."""
         ground = self._rest.ground
         if ground is None:
             return view.worth > 0
@@ -242,8 +243,8 @@ class ObjectFollower:
         return np.asarray((view.worth > 0) & (height > self.settings.cut_out.clearance))
 
     def _on_room_surface(self, view: DepthView, room_from_camera: Float) -> Bool:
-        """Returns (h, w) whether each point lies on the room's surface, except where the object stood in
-        the room.
+        """Returns (h, w) True for each point on the room's surface, except where the object stood in the
+        room.
         """
         distance = surface_distances(self._rest.scanner.volumes[_FINE_VOLUME], view, room_from_camera)
         return np.asarray(
@@ -252,5 +253,5 @@ class ObjectFollower:
 
 
 def _fit_score(alignment: Alignment) -> float:
-    """Returns how well an image fits, to choose among several poses."""
+    """Returns a score of the fit of an image, to choose among several poses."""
     return alignment.agreeing * alignment.overlap

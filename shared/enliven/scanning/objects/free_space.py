@@ -1,4 +1,4 @@
-"""Free space of images: no surface can lie where a camera saw through."""
+"""Free space of images: no surface can lie at points that a camera saw through."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def seen_depth(view: DepthView, frame_from_camera: Float) -> SeenDepth:
 
 
 def seen_through(points: Float, views: Sequence[SeenDepth], clearance: float) -> Bool:
-    """Returns (N,) whether each point lies at least ``clearance`` metres in front of the depth in two of
-    the images.
+    """Returns (N,) True for points that lie at least ``clearance`` metres in front of the depth in two of the
+    images.
     """
     count = np.zeros(len(points), int)
     for view in views:

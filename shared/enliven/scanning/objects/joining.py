@@ -20,13 +20,15 @@ from enliven.scanning.settings import ScanSettings
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _MAX_POINTS = 40_000
-"""Points of the surface with which a rest is aligned: some millimetres apart on a chair."""
+"""Number of points of the surface with which a rest is aligned. On a chair they are some millimetres
+apart."""
 _PART_POINTS = 8000
-"""Points of a rest that are aligned with it."""
+"""Number of points of a rest that are aligned with this surface."""
 _CELL_M = 0.006
 """Cell size, metres, of the nearest-point grid."""
 _SEARCH_RADIUS_M = 0.05
-"""Distance around the surface, metres, in which points find it. The remaining error of a rest is smaller."""
+"""Maximum distance, metres, between a point and its nearest surface point in ICP. The remaining pose error of
+a rest is smaller."""
 _ICP_STEPS = 20
 """Number of ICP steps."""
 _RESIDUAL_WIDTHS_M = 0.02, 0.003

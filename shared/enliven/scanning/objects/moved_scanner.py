@@ -53,11 +53,11 @@ class MovedScanner:
     """A scanner for an object that is moved during the scan, and the room around it.
 
     The settings choose the object among those on the floor. While it stands, room and object form one scan,
-    and both constrain the camera's pose. A part that then moves rigidly against the floor is the object: the
-    rest ends, and nothing is fused while it is carried. When the scene stands still again, a new scan begins,
-    and the object is searched in it in every pose. Images that saw through the object's assumed place count
-    against that pose. At the end, the object is cut out of every rest, and all their images are fused into
-    one surface.
+    and both constrain the camera's pose. A part that then moves rigidly relative to the floor is the object.
+    The rest ends, and nothing is fused while the object is carried. When the scene stands still again, a new
+    scan begins, and the object is searched in it in every pose. Images that saw through the object's assumed
+    place count against that pose. At the end, the object is cut out of every rest, and all their images are
+    fused into one surface.
 
     Attributes:
         rests: those with a known object pose, in their order.
@@ -113,8 +113,8 @@ class MovedScanner:
         return self._try_resting(frame, up)
 
     def _doubtful_pixels(self, rest: ObjectRest, frame: DepthFrame) -> ExcludedPixels | None:
-        """Returns the pixels of an object that may begin to move, so that the camera tracking does not
-        follow it.
+        """Returns the pixels of the object, which may begin to move, so that the camera tracking can ignore
+        them.
         """
         if not self.settings.moved.followed or rest.ground is None:
             return None
@@ -123,7 +123,7 @@ class MovedScanner:
         )
 
     def _begin_tracking(self, rest: ObjectRest, step: ScanStep) -> bool:
-        """Starts tracking the object from its last rest pose; returns whether that pose is known."""
+        """Starts tracking the object from its last rest pose. Returns True if that pose is known."""
         view = rest.scanner.view
         if self.model is None or rest.object_from_room is None or view is None:
             return False
@@ -182,7 +182,7 @@ class MovedScanner:
 
     @property
     def full(self) -> bool:
-        """Whether the memory for voxels is full."""
+        """True if the memory for voxels is full."""
         is_model_full = self.model is not None and self.model.full
         return is_model_full or any(rest.scanner.full for rest in self.rests)
 
@@ -268,7 +268,8 @@ class MovedScanner:
             self.model.add(view, rest, step.world_from_camera)
 
     def _place_all(self) -> None:
-        """Searches again for the object in all rests without it, because more of it is known now."""
+        """Searches for the object again in all rests in which it was not found, because more of its surface
+        is known now."""
         if self._trial is not None and self._trial.count >= self.settings.moved.known_after:
             self.unplaced.append(self._trial)
         self._trial = None
@@ -279,7 +280,7 @@ class MovedScanner:
                     self.model.take(rest)
 
     def _place_rest(self, rest: ObjectRest) -> bool:
-        """Searches for the object in a rest; returns whether it was found."""
+        """Searches for the object in a rest. Returns True if it was found."""
         rest.search_objects(0)
         model = self._scanned_object() if rest.parts else None
         if model is None:

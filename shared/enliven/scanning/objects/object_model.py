@@ -21,7 +21,7 @@ class ObjectModel:
 
     Attributes:
         volumes: from the finest to the coarsest, in the object's frame.
-        full: whether the memory is full; nothing new is added after that.
+        full: True if the memory is full. Then nothing more is added.
     """
 
     def __init__(self, settings: ScanSettings) -> None:
@@ -46,8 +46,8 @@ class ObjectModel:
         return np.asarray(self._box.mean(0))
 
     def contains(self, points: Float, margin: float) -> Bool:
-        """Returns (...) whether points (..., 3), in the object's frame, lie in the bounding box or within
-        the margin.
+        """Returns (...) True for points (..., 3), in the object's frame, that lie in the bounding box or
+        within the margin around it.
         """
         inside = (points > self._box[0] - margin) & (points < self._box[1] + margin)
         return np.asarray(inside.all(-1))
@@ -81,7 +81,7 @@ class ObjectModel:
             self.fuse(restrict_view(view, object_view), rest.object_from_room @ room_from_camera)
 
     def _object_points(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> Bool:
-        """Returns (h, w) whether each point of a view belongs to the object."""
+        """Returns (h, w) True for each point of a view that belongs to the object."""
         assert rest.ground is not None and rest.object_from_room is not None
         room = view.points @ room_from_camera[:3, :3].T + room_from_camera[:3, 3]
         points = room @ rest.object_from_room[:3, :3].T + rest.object_from_room[:3, 3]

@@ -16,7 +16,8 @@ from enliven.scanning.objects.surface_points import sample_surface
 _CELL_M = 0.01
 """Cell size of a region, metres: half the floor's clearance."""
 _SURFACE_POINTS = 60_000
-"""Points that mark the cells of a surface: more than one per cell for objects as large as a chair."""
+"""Number of sample points that mark the cells of a surface: more than one per cell for objects as large as a
+chair."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class ObjectRegion:
 
     Attributes:
         origin: (3,) metres, corner of the first cell.
-        near: (X, Y, Z) whether each cell lies near the surface.
+        near: (X, Y, Z) True for each cell near the surface.
         ground: the plane that the object stands on.
         clearance: height above it, metres, that does not belong to the object.
     """
@@ -36,7 +37,7 @@ class ObjectRegion:
     clearance: float
 
     def holds(self, points: Float) -> Bool:
-        """Returns (...) whether points (..., 3) lie in the region."""
+        """Returns (...) True for points (..., 3) that lie in the region."""
         at = np.floor((points - self.origin) / _CELL_M).astype(int)
         inside: Bool = np.asarray(((at >= 0) & (at < self.near.shape)).all(-1))
         x, y, z = np.moveaxis(np.where(inside[..., None], at, 0), -1, 0)
@@ -55,6 +56,6 @@ def region_around(mesh: Mesh, ground: GroundPlane, clearance: float, width: floa
 
 
 def points_in_region(region: ObjectRegion, view: DepthView, world_from_camera: Float) -> Bool:
-    """Returns (h, w) whether each point of a view lies in a region."""
+    """Returns (h, w) True for each point of a view that lies in a region."""
     world = view.points @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
     return np.asarray((view.worth > 0) & region.holds(world))

@@ -44,8 +44,9 @@ class Registration:
     Attributes:
         model_from_part: (4, 4).
         agreeing: fraction of the part's points that lie on the model's surface.
-        through: fraction of points that lie in observed free space, the larger of both directions.
-        margin: how much better its score is than that of the best other result.
+        through: fraction of the points of one surface that lie in free space seen by the other's images. The
+            larger value of both directions.
+        margin: its score minus the score of the best other result.
     """
 
     model_from_part: Float
@@ -118,8 +119,8 @@ def register_part(
 def _seen_through_fraction(
     model: ScannedSurface, part: ScannedSurface, pose: Float, s: RegistrationSettings
 ) -> float:
-    """Returns the fraction of points in space that the other's images saw through, the larger of both
-    directions.
+    """Returns the fraction of the points of one surface that the other's images saw through. The larger value
+    of both directions.
     """
     moved_part = part.surface.first_points(s.fine_points).transformed(pose)
     part_share = seen_through(moved_part.points, model.views, s.clearance).mean()

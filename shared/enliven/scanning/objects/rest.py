@@ -1,5 +1,5 @@
-"""A rest: a separate scan of the room with an object at one place, while floor and object do not move
-apart.
+"""A rest: a separate scan of the room with the object at one place, as long as the object does not move
+relative to the floor.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ _OBJECT_DISTANCE_M = 0.02
 """Distance from an object's surface, metres, within which an image's points belong to it: the tracking
 error."""
 _APART_IMAGES = 2
-"""Number of successive images in which object and floor must be apart, because one may be wrong."""
+"""Number of successive images in which the object must have moved relative to the floor, because one image
+may be wrong."""
 _EXCLUDED_IMAGES = 15
 """Number of images before a detected motion that are excluded from the rest, because hands already touched
 the object."""
@@ -61,7 +62,7 @@ class ObjectRest:
     """A scan of the room with the object at one place.
 
     Args:
-        choice: number of the object among those on the floor, 1 for the one that is looked at most.
+        choice: number of the object among those on the floor. 1 is the object that the camera looks at most.
 
     Attributes:
         object_from_room: (4, 4) the object's pose, or None while it is unknown.
@@ -130,13 +131,13 @@ class ObjectRest:
             self._floors = []
 
     def object_pixels(self, view: DepthView, room_from_camera: Float) -> Bool:
-        """Returns (h, w) whether each point lies in the object's region at rest."""
+        """Returns (h, w) True for each point in the object's region at rest."""
         if self._region is None:
             return np.zeros(view.worth.shape, bool)
         return points_in_region(self._region, view, room_from_camera)
 
     def has_moved(self, step: ScanStep) -> bool:
-        """Returns whether floor and object were apart in the last image and in the one before."""
+        """Returns True if the object had moved relative to the floor in the last two images."""
         view, pose = self.scanner.view, step.world_from_camera
         s = self.settings.moved
         # If the room has too little structure for a reliable camera pose, the pose is still approximately
@@ -166,7 +167,7 @@ class ObjectRest:
         return self._apart >= _APART_IMAGES
 
     def _has_left(self, view: DepthView, pose: Float) -> bool:
-        """Returns whether a part has left its place at least partly. If so, that part becomes the object."""
+        """Returns True if a part has left its place at least partly. That part then becomes the object."""
         shares = [vacated_fraction(points, view, pose, self._clearance_m) for points in self._stood]
         if not shares or max(shares) < _MIN_VACATED_FRACTION:
             return False
@@ -176,7 +177,7 @@ class ObjectRest:
         return True
 
     def has_stood_still(self) -> bool:
-        """Returns whether the images until the end of the rest show the object at one place, without
+        """Returns True if the images until the end of the rest show the object at one place, without
         rotation.
         """
         numbers = self.numbers

@@ -30,7 +30,7 @@ class SurfacePoints:
         return SurfacePoints(self.points @ turn + pose[:3, 3], self.normals @ turn)
 
     def first_points(self, count: int) -> SurfacePoints:
-        """Returns the first ``count`` points, which are also spread evenly."""
+        """Returns the first ``count`` points. They are also spread evenly, because the order is random."""
         return SurfacePoints(self.points[:count], self.normals[:count])
 
 

@@ -1,5 +1,5 @@
-"""Quantises the trained network to eight bits. It becomes a third of the size, and more than twice as fast on
-one core.
+"""Quantises the trained network to eight bits. The result has a third of the size, and is more than twice as
+fast on one core.
 
 Two layers stay in full precision. The first is the layer of the joint maps: rounding its logits moves the
 mean over a softmax by centimetres. The second is the first convolution: all channels of a crop share one
@@ -28,8 +28,8 @@ _quantization = load_onnxruntime("onnxruntime.quantization")
 _CALIBRATION_SAMPLES = 600
 """Number of training samples for calibrating the value ranges. Some hundreds are enough."""
 _RANGE_PERCENTILE = 99.99
-"""Percentile of a layer's values that its range covers. Covering rare outliers would make all other values
-coarser."""
+"""Percentile of a layer's values that its range covers. If the range covered rare outliers, all other values
+would be coarser."""
 _BATCH_SIZE = 4
 """Samples per run of the network. It limits the memory for intermediate values."""
 

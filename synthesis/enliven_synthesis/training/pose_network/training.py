@@ -35,17 +35,17 @@ _REVERSED_FRACTION = 0.04
 """Fraction of samples in which the given facing is reversed, so that the network does not rely on it
 blindly."""
 _MIN_LOG_SPREAD = -5.0
-"""Logarithm of the smallest predicted error: 7 mm. Better accuracy is not rewarded."""
+"""Logarithm of the smallest predicted error (7 mm). Higher accuracy is not rewarded."""
 _MAX_LOG_SPREAD = 1.0
-"""Logarithm of the largest predicted error: 2.7 m. Above the size of a person it has no meaning."""
+"""Logarithm of the largest predicted error: 2.7 m. An error larger than a person has no meaning."""
 _LIKELIHOOD_WEIGHT = 0.3
 """Weight of the joints' negative log-likelihood in the loss."""
 _DISTANCE_WEIGHT = 2.0
 """Weight of the joints' mean distance, in metres, in the loss. It makes this term comparable with the
 others."""
 _JOINT_WEIGHTS = [1.0] * 4 + [1.0, 2.0, 2.0, 2.0] * 2 + [1.0] * 8
-"""(20,) Weights of the joints in the loss. Elbows, wrists and hands are the hardest; legs are easy to find in
-depth."""
+"""(20,) Weights of the joints in the loss. Elbows, wrists and hands are the hardest to find in depth, and
+legs are easy."""
 _FACING_WEIGHT = 0.3
 """Weight of the facing's cross-entropy in the loss."""
 _PARTS_WEIGHT = 0.5
@@ -112,7 +112,7 @@ def train(
     """
     if len(dataset) <= VALIDATION_SAMPLES:
         raise InputError(
-            f"{len(dataset)} lessons are too few: {VALIDATION_SAMPLES} are kept back to measure on",
+            f"{len(dataset)} samples are too few: {VALIDATION_SAMPLES} are held out for validation",
             where="train-estimator",
             mend="Render more pictures.",
         )

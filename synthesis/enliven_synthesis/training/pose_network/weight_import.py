@@ -137,7 +137,7 @@ def _checked_weights(weights: dict[str, Float32], name: str, shape: tuple[int, .
     array = weights.get(name, weights.get(former))
     if array is None or array.shape != shape:
         has = "nothing of that name" if array is None else f"{array.shape}"
-        raise _mismatch_error(path, f"its layers are others: {name} should be {shape}, and it has {has}")
+        raise _mismatch_error(path, f"its layers are different: {name} should be {shape}, and it has {has}")
     return torch.from_numpy(array.copy())
 
 
