@@ -54,7 +54,7 @@ SETTINGS = {"surface": ArapSettings(), "examples": ExampleSettings(), "locomotio
 LINE_LENGTH = 78
 """Characters of a line of a catalogue, as gettext's own programs write it."""
 TEXT_FUNCTION_PREFIXES = ("hint", "lacks", "why_not", "at_end")
-"""Name prefixes of functions whose returned texts are translated when they are shown: hints of tools, and
+"""Name prefixes of functions that return texts which are translated when they are shown: hints of tools, and
 reasons."""
 
 

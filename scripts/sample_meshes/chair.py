@@ -48,9 +48,9 @@ def make_chair(cell: float = 0.0135) -> Mesh:
 
     The origin lies under the back. For a person that stands there and faces +Z, the legs are in the chair's
     back legs, and the hips in the seat's rear rail at 0.85 m. The spine and the head are in the raked back.
-    The forearms, held forward at 1.1 m, are in the armrests, whose front ends are free so that they move like
-    arms. The side stretchers make the front legs walk with the back legs. The surface is closed and
-    connected, so that no part can separate. It has vertex colours.
+    The forearms, held forward at 1.1 m, are in the armrests. The front ends of the armrests are free so that
+    they move like arms. The side stretchers make the front legs walk with the back legs. The surface is
+    closed and connected, so that no part can separate. It has vertex colours.
 
     Args:
         cell: metres, about the length of an edge.

@@ -282,8 +282,8 @@ class EmbeddedActor(Actor):
         self._easing.restart_fade()
 
     def _hand_over(self, bodies: list[Body], time_ns: int) -> None:
-        """If a performer is away longer than ``hand_over`` seconds and exactly one idle performer is in view,
-        that performer takes over the hold.
+        """Hands over the hold of a performer that is away longer than ``hand_over`` seconds, if exactly one
+        idle performer is in view.
         """
         patience, present = self.settings.hand_over, {body.id for body in bodies}
         away = [h for h in self.holds if h.body not in present and h.seconds_away(time_ns) > patience]

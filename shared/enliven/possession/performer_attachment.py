@@ -59,7 +59,7 @@ class PerformerAttachment:
         attachments: one for each time that the performer attached.
         seen_ns: when the performer was last in view, by the sensor's clock; None before the first frame.
         active: True if the performer currently drives the mesh.
-        depth: metres by which the performer was below the floor when attaching. It is not 0 because the floor
+        depth: metres, depth of the performer below the floor when attaching. It is not 0 because the floor
             height is inexact.
     """
 

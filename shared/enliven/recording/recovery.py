@@ -160,8 +160,8 @@ def _write_message(container: Container, message: Any, recorder: Recorder, recov
 
 
 def _candidate_chunks(container: Container, file: BinaryIO) -> list[ChunkRef]:
-    """Returns all possible chunks in the file's order: those in the index, and those whose head was found in
-    the bytes."""
+    """Returns all possible chunks in the file's order: those in the index, and those that were found by
+    searching the bytes for a chunk's head."""
     refs = {ref.offset: ref for ref in container.chunks}
     size = file.seek(0, 2)
     for first, data in _file_blocks(file, size):

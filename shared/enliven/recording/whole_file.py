@@ -23,8 +23,8 @@ class WholeFile:
         self._end = 0
 
     def move(self, path: Path) -> None:
-        """Continues writing in the file ``path``, to which the caller has moved or copied the bytes written
-        so far.
+        """Continues writing in the file ``path``. The caller has moved or copied the bytes written before to
+        it.
 
         Raises:
             OSError: if that file cannot be opened.

@@ -18,8 +18,8 @@ _COMPARED_VERTICES = 20_000
 _SAMPLE_POINTS = 60_000
 """Number of sample points on a mesh for finding the nearest face: 7 mm apart on a chair."""
 _NEAREST_SAMPLES = 20
-"""Number of nearest sample points whose faces are tested. If another face is nearer, the reported distance is
-too large."""
+"""Number of nearest sample points. Their faces are tested. If another face is nearer, the reported distance
+is too large."""
 
 
 @dataclass(frozen=True)

@@ -56,8 +56,8 @@ def find_lowest_rims(mesh: Mesh, low: float) -> Bool:
 
 
 def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
-    """Returns the mesh with filled holes: those with short rims, and those whose rims lie entirely on
-    ``feet`` (V,).
+    """Returns the mesh with filled holes: those with short rims, and those with all rim vertices on ``feet``
+    (V,).
     """
     rims = find_rims(mesh)
     soles = [rim for rim in rims if feet[rim].all()]

@@ -331,7 +331,8 @@ class Scanner:
         return ScanState.UNSURE if alignment.deviation > s.unsure else ScanState.SCANNING
 
     def _is_too_far(self, alignment: Alignment, time_ns: int) -> bool:
-        """Returns True if the camera would have moved faster than a handheld camera can since the last image."""
+        """Returns True if the camera would have moved faster than a handheld camera can since the last
+        image."""
         passed = max(1e-9 * (time_ns - self.poses[-1][0]), _MIN_FRAME_S)
         distance = float(np.linalg.norm(alignment.world_from_camera[:3, 3] - self._pose[:3, 3]))
         return distance > self.settings.tracking.fastest * passed + _POSITION_TOLERANCE_M

@@ -16,7 +16,7 @@ class LiveLayer:
     It keeps a snapshot of the project. After an edit, create another.
 
     Args:
-        replaced: joints of the bones whose present layers are removed.
+        replaced: joints of the bones that lose their present layers.
     """
 
     def __init__(self, project: Project, shape_id: str, replaced: frozenset[int] = frozenset()) -> None:

@@ -58,7 +58,7 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
 
     Poses arrive at the sensor's rate. A stream has them at even steps (their median interval), interpolated
     between neighbours. A mesh that was possessed again with other nodes becomes another shape. Every stream
-    begins at its time in the take, whose first pose is at 0 seconds.
+    begins at its time in the take. The first pose of the take is at 0 seconds.
 
     Args:
         notes: list to which a sentence about the error of each baked puppet is appended.

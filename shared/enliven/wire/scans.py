@@ -44,8 +44,8 @@ class ScanMessage(Struct, array_like=True, frozen=True):
         mend: the remedy.
         thing: the state of an object that is moved while it is scanned, or empty. "stands": it rests.
             "carried": it is carried or lost, and nothing is added. "settling": something stands still, and is
-            compared with the object. "sought": the comparison has not succeeded so far. "found": it was found
-            a moment ago. "turning": it is tracked while it moves, and its visible part is added. "lost":
+            compared with the object. "sought": the comparison has not succeeded yet. "found": it was found a
+            moment ago. "turning": it is tracked while it moves, and its visible part is added. "lost":
             tracking of it failed. "person": a person is scanned, and ``missing`` counts the sides not seen
             yet.
         seconds: how long the search for the object takes, or took until it was found.

@@ -1,9 +1,9 @@
 """The listening side of ZMTP 3.1 without encryption. It converts bytes to messages and answers, and opens no
 socket.
 
-Viewers use libzmq for ZMTP. The listener does not use libzmq, because libzmq 4.3.5 aborts its program
-(``!_io_error`` in stream_engine_base.cpp) if a connection mixes PINGs into a flood and is then reset, with
-heartbeats or without.
+Viewers use libzmq for ZMTP. The listener does not use it. libzmq 4.3.5 aborts its program (``!_io_error`` in
+stream_engine_base.cpp) if a connection mixes PINGs into a flood and is then reset, with heartbeats or
+without.
 """
 
 from __future__ import annotations

@@ -20,8 +20,7 @@ def cast_shadow(depth: Float, parallax: float, shadow: AnyArray) -> None:
     """Marks in ``shadow`` the pixels with a surface occluded from the second imager or the projector.
 
     The second imager sees pixel u at column u - parallax / z. The loop moves away from that imager, so these
-    columns must increase. A pixel whose column is not larger than all earlier ones is occluded by a nearer
-    surface.
+    columns must increase. A pixel with a column that was already passed is occluded by a nearer surface.
     """
     height, width = depth.shape
     for v in range(height):

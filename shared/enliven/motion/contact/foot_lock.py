@@ -76,7 +76,7 @@ class FootLock:
             layer requests this.
         window: the seconds that were analysed.
         times: (F,) seconds.
-        drops: (F,) metres by which the root is lowered at these times.
+        drops: (F,) metres, the lowering of the root at these times.
     """
 
     pins: tuple[tuple[HeldPin, Contacts], ...]
@@ -184,7 +184,7 @@ def _contact_weights(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Fl
 
 
 def _compute_drops(pin: HeldPin, joints: Float, weights: Float, goals: Float, max_fraction: Float) -> Float:
-    """Returns (F,) metres by which the root must be lowered for a limb to reach its contact.
+    """Returns (F,) metres, the lowering of the root that a limb needs to reach its contact.
 
     The result is at most ``max_fraction`` (F,) lengths of the limb. A hip above the goal at height
     sqrt(reach^2 - across^2) just reaches it. The reach is slightly less than the limb, so that a knee does

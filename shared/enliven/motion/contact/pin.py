@@ -106,7 +106,7 @@ def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = 
 
 
 def resolve_pins(shape: Shape) -> list[HeldPin]:
-    """Returns the pins of a shape whose limbs exist, with their joints resolved."""
+    """Returns the pins of a shape with their joints resolved. Pins of missing limbs are left out."""
     skeleton, pins = shape.skeleton, []
     for pin in shape.pins:
         if pin.joint not in skeleton.names or pin.start not in skeleton.names:
@@ -180,8 +180,8 @@ def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, g
         rise: fraction of its own rise above the goal that the foot keeps.
         sink: fraction of its own sinking below the goal that the foot keeps.
         goals: (T, 3) metres, the target positions.
-        drops: (T,) metres by which the root was lowered. A foot without contact returns to its position
-            before the lowering.
+        drops: (T,) metres, the lowering of the root. A foot without contact returns to its position before
+            the lowering.
         turns: (T, N, 4) world rotations, changed in place.
         joints: (T, N, 3) metres, changed in place.
     """

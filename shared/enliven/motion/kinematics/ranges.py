@@ -54,7 +54,7 @@ class JointRange:
         axes: (2, 3) unit vectors perpendicular to the bone and to each other.
         hull: (K, 2) radians along the axes, corners of the convex hull of the known swings, in order.
         twists: radians, the smallest and the largest known twist.
-        free_swing, free_twist: radians by which the known range is extended.
+        free_swing, free_twist: radians, the extension of the known range.
         soft: radians, maximum excess beyond that extension.
     """
 
@@ -84,8 +84,8 @@ def fit_joint_range(bone: Float, turns: Float | None = None, share: float = 1.0)
         bone: (3,) its direction at rest, of any non-zero length.
         turns: (F, 4) rotations relative to the parent bone that are known to be plausible; None if none are
             known.
-        share: fraction above 0 by which the free angles and the soft margin are multiplied. The bones of a
-            spine divide these angles among themselves.
+        share: fraction above 0 that multiplies the free angles and the soft margin. The bones of a spine
+            divide these angles among themselves.
     """
     bone = unit(bone)
     first = unit(np.cross(bone, np.eye(3)[int(np.abs(bone).argmin())]))

@@ -33,7 +33,7 @@ _ZERO_LENGTH = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class EndEffectorChain:
-    """A chain of a shape whose end effector follows the end of the take's chain.
+    """A chain of a shape with an end effector that follows the end of the take's chain.
 
     Attributes:
         joints: (K,) int32 from the fixed joint to the end effector.
@@ -152,7 +152,7 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
         ends: (2,) the knots at which the chain begins and ends on the take's polyline.
         parts: (2,) the fractions of the bones after these knots.
         knots: (T, S + 1, 4) the take's rotations at its joints.
-        weights: (T,) fraction of the way to the target by which the end moves. 0 changes nothing.
+        weights: (T,) fraction of the way to the target that the end moves. 0 changes nothing.
         turns: (T, N, 4) world rotations, changed in place.
         joints: (T, N, 3) metres, changed in place.
     """

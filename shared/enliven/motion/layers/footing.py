@@ -1,4 +1,4 @@
-"""Foot modes: the rule by which each pinned foot of a shape is held. Each layer may set the mode of its legs.
+"""Foot modes: the rules for holding the pinned feet of a shape. Each layer may set the mode of its legs.
 
     modes = foot_modes(project, shape, pins)        # None if all use detected contacts
     modes(times) -> (P, T)                          # indices into enliven.document.FEET

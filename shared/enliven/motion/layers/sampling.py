@@ -2,7 +2,7 @@
 
     sampler = Sampler(project, shape)
     sampler.knots(times) -> (T, K, 4)        # rotations at the joints of every layer's chain, target's basis
-    sampler.animation_rotations(knots) -> (T, N, 4)    # a_j of every bone
+    sampler.animation_rotations(knots) -> (T, N, 4)     # a_j of every bone
     sampler.feed(take, turns)                # a live frame instead of a take
 
 Values that do not change with time are computed once: the knots around a place on a bone, and the fraction

@@ -1,6 +1,6 @@
 """Root motion: the displacement of a take's root since rest, scaled to the size of the shape.
 
-    skeleton_heights(skeleton)           # metres: the sizes from which the travel scale is computed
+    skeleton_heights(skeleton)           # metres: the sizes that define the travel scale
     travel_scale(shape, clip)            # the shape's own, or the ratio of the heights
     Travel(project, shape).at(times)     # (T, 3) the position of the root joint
 

@@ -44,7 +44,7 @@ class LoopClosure:
         links: pose graph edges between submaps. Edges that are not ``sure`` are loops.
         loops: the number of loops that are trusted.
         gap: metres, the largest error of a trusted loop before the correction, measured in the middle of an
-            image. 0 if there was no trusted loop.
+            image. 0 without a trusted loop.
         moved: metres, the largest displacement of the middle of an image by the correction.
         taken: True if the scan was fused again at these poses.
     """
@@ -129,7 +129,7 @@ def _load_piece(
 
 
 def _all_links(pieces: list[PlacedPiece], settings: ScanSettings) -> list[PoseLink]:
-    """Returns the tracked links between successive submaps, and the loops whose alignments succeed in both
+    """Returns the tracked links between successive submaps, and the loops with successful alignments in both
     directions."""
     candidates = _loop_candidates(pieces, settings.loops)
     alignments = _candidate_alignments(pieces, candidates, settings)

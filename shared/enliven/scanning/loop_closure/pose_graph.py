@@ -22,7 +22,7 @@ _INITIAL_DAMPING = 1e-6
 _TRUST_ROUNDS = 6
 """Rounds in which the trust in inconsistent loops is gradually reduced, from full trust on."""
 _TOLERANCE_SHRINK = 5.0
-"""Factor by which the tolerated error of a loop shrinks per round (graduated non-convexity)."""
+"""Divisor of the tolerated error of a loop in each round (graduated non-convexity)."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ def optimize_poses(
 ) -> tuple[list[Float], Float]:
     """Returns the poses at which the links agree best, and the trust in each link, 0 to 1.
 
-    The first pose is fixed. Links that are not sure are weighted by the Geman-McClure function, whose width
-    is large at first.
+    The first pose is fixed. Links that are not sure are weighted by the Geman-McClure function. Its width is
+    large at first.
 
     Args:
         poses: (4, 4) each, world_from_pose, initial estimates.
