@@ -90,20 +90,22 @@ class Recording:
         """
         return map(
             lambda said: frame_from_message(said[0], said[2]),
-            self.in_order({DEPTH_TOPIC, BODIES_TOPIC}, file),
+            self.messages_in_order({DEPTH_TOPIC, BODIES_TOPIC}, file),
         )
 
     def truth(self) -> Iterator[BodyFrame]:
         """Yields the true bodies of a synthetic recording, ordered by time."""
-        for _, _, data in self.in_order({TRUTH_TOPIC}):
+        for _, _, data in self.messages_in_order({TRUTH_TOPIC}):
             yield unpack_bodies(data)
 
     def messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Yields (time in ns, bytes) of every message of a topic, ordered by time."""
-        for _, time_ns, data in self.in_order({topic}):
+        for _, time_ns, data in self.messages_in_order({topic}):
             yield time_ns, data
 
-    def in_order(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, int, bytes]]:
+    def messages_in_order(
+        self, topics: set[str], file: BinaryIO | None = None
+    ) -> Iterator[tuple[str, int, bytes]]:
         """Yields (topic, time in ns, bytes) of all messages of some topics, by time, then by file position.
 
         ``file`` is the opened recording.
