@@ -66,7 +66,7 @@ class SoftConstraints:
         space.
         """
         if self._floor is not None and self._raises:
-            positions = self._floor.lift_out_of_floor(linear, positions, floor)
+            positions = self._floor.raised(linear, positions, floor)
         return linear, positions
 
     def reset_contacts(self) -> None:

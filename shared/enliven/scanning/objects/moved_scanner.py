@@ -139,7 +139,7 @@ class MovedScanner:
         assert follower is not None and room is not None
         view = room.scanner.prepare_view(frame)
         followed = follower.find(view, room.scanner.predicted_pose)
-        step = room.scanner.add(frame, up, ExcludedPixels(followed.own))
+        step = room.scanner.add(frame, up, ExcludedPixels(followed.object_points))
         follower.take(frame, view, followed, step.world_from_camera)
         if follower.missed > self.settings.moved.missed:
             self._follower = None
