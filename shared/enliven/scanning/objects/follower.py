@@ -66,7 +66,8 @@ class ObjectTrackingResult:
         sure: True if the object was found. If False, nothing is fused.
         object_from_camera: (4, 4) the camera's pose in the object's frame. If the object was not found, the
             last known pose.
-        object_points: (h, w) half-size pixels that may belong to the object; they are excluded when tracking the room.
+        object_points: (h, w) half-size pixels that may belong to the object; they are excluded when tracking
+            the room.
         alignment: the quality of the fit. None if too little of the object is visible.
     """
 
