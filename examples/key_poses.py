@@ -1,4 +1,4 @@
-"""Pose a cactus for two moments of a motion; it acts in between, with squash and stretch."""
+"""Pose a cactus for two moments of a motion. Between these key poses it moves with squash and stretch."""
 
 from dataclasses import replace
 

@@ -53,8 +53,8 @@ def table(house: House, package: str) -> str:
 
 
 def place(rules: Rules, room: str) -> tuple[tuple[int, str], ...]:
-    """Returns the sort key of a package: the configured order of each folder that contains it, else its
-    name."""
+    """Returns the sort key of a package: for each folder on its path the configured position, or its name if
+    it has no position."""
     parts = room.split(".")
     sort_key = []
     for depth in range(1, len(parts)):
@@ -76,13 +76,13 @@ def drawing(house: House, package: str) -> str:
     def reach(room: str) -> set[str]:
         return after[room].union(*(reach(other) for other in after[room]))
 
-    drawn = [
+    arrows = [
         f"    {room} --> {other}"
         for room in sorted(after)
         for other in sorted(after[room])
         if not any(other in reach(third) for third in after[room])
     ]
-    return "\n".join(["```mermaid", "graph TD", *drawn, "```"])
+    return "\n".join(["```mermaid", "graph TD", *arrows, "```"])
 
 
 def written(page: str) -> str:

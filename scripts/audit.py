@@ -60,15 +60,15 @@ def main() -> None:
         "--offline", action="store_true", help="look up no vulnerabilities: there is no network here"
     )
     arguments = parser.parse_args()
-    bad = [] if arguments.offline else vulnerabilities()
+    problems = [] if arguments.offline else vulnerabilities()
     if arguments.offline:
         print(f"vulnerabilities: not checked, --offline was given ({len(read_pins())} releases)")
-    bad += licences()
+    problems += licences()
     for name in sorted(set(bundled_libraries(site_packages())) - documented_libraries()):
-        bad.append(f"{name} is bundled by a wheel, and docs/licences.md does not name it")
-    bad += telemetry(site_packages())
-    print(*bad or ["audit: nothing to object to"], sep="\n")
-    sys.exit(bool(bad))
+        problems.append(f"{name} is bundled by a wheel, and docs/licences.md does not name it")
+    problems += telemetry(site_packages())
+    print(*problems or ["audit: no problems"], sep="\n")
+    sys.exit(bool(problems))
 
 
 def tool(name: str) -> str:
@@ -121,25 +121,25 @@ def vulnerabilities() -> list[str]:
     return [*flaws(checked), *unchecked(releases, not_asked, reason)]
 
 
-def flaws(known: list[dict]) -> list[str]:
+def flaws(releases: list[dict]) -> list[str]:
     """Returns one sentence for each vulnerability of the releases that were looked up."""
     return [
         f"{release['name']} {release['version']}: {flaw['id']}, "
         f"fixed in {', '.join(flaw['fix_versions']) or 'none'}"
-        for release in known
+        for release in releases
         for flaw in release["vulns"]
     ]
 
 
-def unchecked(found: list[dict], not_asked: list[str], reason: str) -> list[str]:
+def unchecked(releases: list[dict], not_asked: list[str], reason: str) -> list[str]:
     """Returns a sentence that names the releases that were not looked up. Returns nothing if all were.
 
     Args:
-        found: pip-audit's answers; a skipped release has a ``skip_reason``.
+        releases: pip-audit's answers; a skipped release has a ``skip_reason``.
         not_asked: requirements for which pip-audit gave no answer.
         reason: the reason, if the answers do not give one.
     """
-    skipped = [release for release in found if "skip_reason" in release]
+    skipped = [release for release in releases if "skip_reason" in release]
     names = sorted([release["name"] for release in skipped] + [pin.partition("==")[0] for pin in not_asked])
     if not names:
         return []
@@ -154,13 +154,13 @@ def unchecked(found: list[dict], not_asked: list[str], reason: str) -> list[str]
 def telemetry(packages: Path) -> list[str]:
     """Returns one sentence for each telemetry host in an installed package that is not known to be
     disabled."""
-    named = sorted(set(telemetry_hosts(packages)))
-    for package, host in named:
+    hosts = sorted(set(telemetry_hosts(packages)))
+    for package, host in hosts:
         if (package, host) in TELEMETRY_OFF:
             print(f"telemetry: {package} names {host}: {TELEMETRY_OFF[package, host]}")
     return [
         f"{package} names {host}, a host of telemetry: turn it off, and state how in scripts/audit.py"
-        for package, host in named
+        for package, host in hosts
         if (package, host) not in TELEMETRY_OFF
     ]
 
@@ -186,11 +186,11 @@ def licences() -> list[str]:
     return find_licence_problems(packages)
 
 
-def find_licence_problems(found: list[dict[str, str]]) -> list[str]:
+def find_licence_problems(packages: list[dict[str, str]]) -> list[str]:
     """Returns one sentence for each package with an unknown licence, or with copyleft and no other choice."""
     return [
         f"{package['Name']} {package['Version']} has the licence {package['License']!r}"
-        for package in found
+        for package in packages
         if package["License"] == "UNKNOWN"
         or (COPYLEFT.search(package["License"]) and package["Name"] not in CHOSEN_LICENCES)
     ]

@@ -1,7 +1,7 @@
 """Write locks/run.txt and locks/dev.txt: constraints.txt with the SHA-256 of each wheel.
 
     .venv/bin/python scripts/lock.py                          # after constraints.txt has changed
-    .venv/bin/python scripts/lock.py lines dev aarch64 3.11   # what a lock holds for another machine
+    .venv/bin/python scripts/lock.py lines dev aarch64 3.11 # prints a lock for another machine
 
 pip's own client queries the package index, with this machine's pip configuration. The files contain names,
 versions and hashes, but no addresses. `pip lock` supports one platform at a time, so the files of a release
@@ -73,10 +73,12 @@ def pins() -> dict[str, list[Requirement]]:
     return requirements
 
 
-def parse_pin(found: dict[str, list[Requirement]], name: str, where: dict[str, str]) -> Requirement | None:
-    """Returns the line that applies in this environment; None if there is none."""
-    for pin in found.get(name, ()):
-        if pin.marker is None or pin.marker.evaluate(where):
+def parse_pin(
+    requirements: dict[str, list[Requirement]], name: str, environment: dict[str, str]
+) -> Requirement | None:
+    """Returns the requirement that applies in this environment; None if there is none."""
+    for pin in requirements.get(name, ()):
+        if pin.marker is None or pin.marker.evaluate(environment):
             return pin
     return None
 
@@ -87,26 +89,28 @@ def requested_packages(kind: str) -> list[str]:
     if kind == "peers":
         lines = (line.partition("#")[0].strip() for line in PEERS.read_text().splitlines())
         return [line for line in lines if line]
-    asked = list(BUILD)
+    requested = list(BUILD)
     for package in PACKAGES:
         pyproject = tomllib.loads((HOUSE / package / "pyproject.toml").read_text())
         hooks = pyproject["tool"]["hatch"].get("metadata", {}).get("hooks", {})
-        asked += (hooks.get("custom") or pyproject["project"])["dependencies"]
+        requested += (hooks.get("custom") or pyproject["project"])["dependencies"]
         extras = [*RUN_EXTRAS.get(package, ())]
         extras += DEV_EXTRAS.get(package, ()) if kind == "dev" else ()
         for extra in extras:
-            asked += pyproject["project"]["optional-dependencies"][extra]
-    return [line for line in asked if not Requirement(line).name.startswith("enliven")]
+            requested += pyproject["project"]["optional-dependencies"][extra]
+    return [line for line in requested if not Requirement(line).name.startswith("enliven")]
 
 
-def required_packages(asked: Iterable[str], where: dict[str, str]) -> set[str]:
+def required_packages(requested: Iterable[str], environment: dict[str, str]) -> set[str]:
     """Returns the canonical names of all packages required in an environment, from the metadata of the
     packages installed here."""
     packages: set[tuple[str, str]] = set()
-    queue = [(Requirement(line), "") for line in asked]
+    queue = [(Requirement(line), "") for line in requested]
     while queue:
         requirement, extra = queue.pop()
-        if requirement.marker is not None and not requirement.marker.evaluate({**where, "extra": extra}):
+        if requirement.marker is not None and not requirement.marker.evaluate(
+            {**environment, "extra": extra}
+        ):
             continue
         for asked_for in ("", *requirement.extras):
             at = (canonicalize_name(requirement.name), asked_for)
@@ -165,13 +169,13 @@ def wheels(names: Iterable[str]) -> Wheels:
     return offered
 
 
-def lock_lines(kind: str, found: dict[str, list[Requirement]], offered: Wheels) -> list[str]:
+def lock_lines(kind: str, requirements: dict[str, list[Requirement]], offered: Wheels) -> list[str]:
     """Returns the lines of a lock file, sorted by name. Prints the packages that have no wheel."""
     hashes: dict[tuple[str, str], set[str]] = {}
     lacking: dict[str, list[str]] = {}
     for where in environments():
         for name in required_packages(requested_packages(kind), where):
-            pin = parse_pin(found, name, where)
+            pin = parse_pin(requirements, name, where)
             if pin is None:
                 sys.exit(f"constraints.txt has no line for {name} with Python {where['python_version']}")
             key = name, next(iter(pin.specifier)).version

@@ -18,14 +18,14 @@ from sample_motions import library
 from enliven.document import Project
 from enliven.formats.project import write_project
 from enliven.meshes import Mesh
-from enliven.samples.shipped import HERE, STEP
+from enliven.samples.shipped import COORDINATE_STEP_M, SAMPLES_FOLDER
 from enliven_viewer.studio.motions import MOTIONS
 
 
 def write_samples(folder: Path) -> None:
     """Writes chair.npz, lamp.npz and cactus.enliven into a folder."""
     for mesh in (make_chair(), make_lamp()):
-        steps = np.rint(mesh.vertices / STEP).astype(np.int32)
+        steps = np.rint(mesh.vertices / COORDINATE_STEP_M).astype(np.int32)
         np.savez_compressed(
             folder / f"{mesh.name}.npz",
             vertices=differences(steps),
@@ -54,9 +54,11 @@ def quantized_mesh(mesh: Mesh) -> Mesh:
     """Returns the mesh with coordinates in whole steps, and with its faces in an order that compresses
     well."""
     order = np.lexsort(mesh.faces.T[::-1])
-    return replace(mesh, vertices=np.rint(mesh.vertices / STEP) * STEP, faces=mesh.faces[order])
+    return replace(
+        mesh, vertices=np.rint(mesh.vertices / COORDINATE_STEP_M) * COORDINATE_STEP_M, faces=mesh.faces[order]
+    )
 
 
 if __name__ == "__main__":
-    write_samples(HERE)
+    write_samples(SAMPLES_FOLDER)
     write_motions(MOTIONS)

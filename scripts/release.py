@@ -198,7 +198,7 @@ def check_files(folder: str, built: Path) -> None:
     """
     package, inside = PACKAGES[folder], wanted_files(folder)
     wheel, sdist = _one(folder, built, "*.whl"), _one(folder, built, "*.tar.gz")
-    beside = {name for name in EXTRA_SDIST_FILES if (ROOT / folder / name).exists()} | {
+    extra_files = {name for name in EXTRA_SDIST_FILES if (ROOT / folder / name).exists()} | {
         ".gitignore",
         "PKG-INFO",
     }
@@ -206,14 +206,14 @@ def check_files(folder: str, built: Path) -> None:
         path.removeprefix(f"{package}/") if path.startswith(f"{package}/{FIRMWARE}/") else path
         for path in inside
     }
-    for archive, has, wants in (
+    for archive, actual, expected in (
         (wheel, wheel_files(wheel), inside),
-        (sdist, sdist_files(sdist) | {".gitignore"}, packed | beside),
+        (sdist, sdist_files(sdist) | {".gitignore"}, packed | extra_files),
     ):
-        if has != wants:
-            lacking, more = sorted(wants - has), sorted(has - wants)
+        if actual != expected:
+            missing, superfluous = sorted(expected - actual), sorted(actual - expected)
             raise ReleaseError(
-                f"{archive.name} lacks {lacking or 'nothing'}, and has {more or 'nothing'} too many."
+                f"{archive.name} lacks {missing or 'nothing'}, and has {superfluous or 'nothing'} too many."
             )
 
 
@@ -275,10 +275,10 @@ class Environment:
         of: the version.
     """
 
-    def __init__(self, place: Path, built: Path, asked: str, of: str) -> None:
+    def __init__(self, place: Path, built: Path, requirement: str, of: str) -> None:
         self.place, self._of = place.resolve(), of
         self._bin = self.place / "venv" / ("Scripts" if os.name == "nt" else "bin")
-        self._asked = asked
+        self._asked = requirement
         keep = {
             name: os.environ[name] for name in ("PATH", "DISPLAY", "LANG", "SYSTEMROOT") if name in os.environ
         }
@@ -292,7 +292,7 @@ class Environment:
         # Other packages come from the index in pip's own settings, so this step gets the unchanged process
         # environment.
         pip = [str(self._bin / "python"), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
-        choice = ["-c", str(ROOT / "constraints.txt"), "--find-links", str(built), f"{asked}=={of}"]
+        choice = ["-c", str(ROOT / "constraints.txt"), "--find-links", str(built), f"{requirement}=={of}"]
         subprocess.run([*pip, *choice], check=True)
 
     def processor_levels(self) -> list[str]:
@@ -341,8 +341,8 @@ class Environment:
             for each in distributions(path=[site])
         }
         largest = sorted(sizes.items(), key=lambda entry: -entry[1])[:LISTED_PACKAGES]
-        named = ", ".join(f"{name} {size / 1e6:.0f}" for name, size in largest)
-        return f"{self._asked}: the largest packages, in MB: {named}"
+        listed = ", ".join(f"{name} {size / 1e6:.0f}" for name, size in largest)
+        return f"{self._asked}: the largest packages, in MB: {listed}"
 
     def basics(self) -> Iterator[str]:
         """Prints the version, and runs the machine check."""
@@ -446,26 +446,26 @@ def main() -> int:
         "--out", type=Path, default=ROOT / "out" / "release", help="the folder for the archives"
     )
     parser.add_argument("--only", choices=INSTALLS, help="try one environment only")
-    asked, of, lines = parser.parse_args(), version(), []
+    options, of, lines = parser.parse_args(), version(), []
     try:
         check_commit(of)
         notes = section((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), of)
-        archives = asked.out / "archives"
-        shutil.rmtree(asked.out, ignore_errors=True)
+        archives = options.out / "archives"
+        shutil.rmtree(options.out, ignore_errors=True)
         archives.mkdir(parents=True)
         for folder in PACKAGES:
             build(folder, archives)
             check_files(folder, archives)
             check_sdist_wheel(folder, archives)
-        if not asked.no_trial:
+        if not options.no_trial:
             lines += _print_lines(build_kernels(archives, of))
         check_metadata(archives)
-        (asked.out / "notes.md").write_text(notes, encoding="utf-8")
+        (options.out / "notes.md").write_text(notes, encoding="utf-8")
         count = len(list(archives.iterdir()))
         print(f"enliven {of}: {count} archives in {archives}; files and metadata checked", flush=True)
-        if not asked.no_trial:
-            lines += _print_lines(try_out(archives, of, [asked.only] if asked.only else list(INSTALLS)))
-            (asked.out / "trial.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        if not options.no_trial:
+            lines += _print_lines(try_out(archives, of, [options.only] if options.only else list(INSTALLS)))
+            (options.out / "trial.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     except ReleaseError as error:
         print(f"release: {error}", file=sys.stderr)
         return 1

@@ -53,7 +53,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Returns a page with links that are right in the site."""
+    """Returns a page with its links rewritten for the site."""
     sources = {uri: path for path, uri in ADDED.items()}
     uri = page.file.src_uri
     source = sources.get(uri, f"docs/{uri}")
@@ -65,7 +65,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Returns a page whose docstrings show names as code, without the roles that Sphinx would read."""
+    """Returns a page in which Sphinx roles of docstrings, such as :func:, are replaced by code formatting."""
     if page.file.src_uri != API:
         return html
     html = re.sub(r":(?:class|func|meth|mod|attr|data|obj):(?=<code>)", "", html)
@@ -85,10 +85,10 @@ def rewritten(match: re.Match[str], source: str, uri: str, files: Any) -> str:
     if re.match(r"[a-z]+:", target):
         return match[0]
     path = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
-    there = ADDED.get(path, path.removeprefix("docs/"))
-    if files.get_file_from_path(there) is None:
+    site_path = ADDED.get(path, path.removeprefix("docs/"))
+    if files.get_file_from_path(site_path) is None:
         return text
-    relative = posixpath.relpath(there, posixpath.dirname(uri) or ".")
+    relative = posixpath.relpath(site_path, posixpath.dirname(uri) or ".")
     return f"{mark}[{text}]({relative}{anchor or ''})"
 
 
@@ -114,7 +114,8 @@ def exported(package: str) -> dict[str, str]:
 
 
 def defining_module(module: str, name: str) -> str:
-    """Returns the module that defines a name which a module or a package's stub offers."""
+    """Returns the module that defines a name. The name is imported from ``module``, a module or a package
+    with a stub."""
     folder = ROOT / "shared" / Path(*module.split("."))
     if not (folder / "__init__.pyi").exists():
         return module

@@ -79,9 +79,9 @@ def command_of(row: Row, rest: list[str]) -> str:
     return " ".join([*words, ".venv/bin/python -m pytest", *row.options, *rest])
 
 
-def count_results(said: str) -> tuple[int, int]:
+def count_results(output: str) -> tuple[int, int]:
     """Returns (passed, failed) from pytest's last line. Errors count as failed."""
-    lines = [line for line in said.splitlines() if re.search(r"\d+ (passed|failed|error)", line)]
+    lines = [line for line in output.splitlines() if re.search(r"\d+ (passed|failed|error)", line)]
     matches = re.findall(r"(\d+) (passed|failed|error)", lines[-1] if lines else "")
     counts = {word: int(count) for count, word in matches}
     return counts.get("passed", 0), counts.get("failed", 0) + counts.get("error", 0)
@@ -100,8 +100,8 @@ def run(row: Row, rest: list[str]) -> tuple[bool, str]:
     passed, failed = count_results(done.stdout)
     if done.returncode:
         print(f"--- {row.name}: exit {done.returncode}\n{done.stdout}\n{done.stderr}", file=sys.stderr)
-    beside = f" beside {row.busy} busy processes" if row.busy else ""
-    line = f"| {row.name} | `{command_of(row, rest)}`{beside} | {passed} | {failed} | {seconds:.0f} |"
+    load_note = f" beside {row.busy} busy processes" if row.busy else ""
+    line = f"| {row.name} | `{command_of(row, rest)}`{load_note} | {passed} | {failed} | {seconds:.0f} |"
     return done.returncode == 0, line
 
 
@@ -117,8 +117,8 @@ def main() -> int:
     print("| row | command | passed | failed | seconds |\n|---|---|---|---|---|", flush=True)
     passed = []
     for name in options.only or rows_by_name:
-        good, line = run(rows_by_name[name], rest)
-        passed.append(good)
+        has_passed, line = run(rows_by_name[name], rest)
+        passed.append(has_passed)
         print(line, flush=True)
     return 0 if all(passed) else 1
 

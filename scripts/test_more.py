@@ -19,7 +19,7 @@ to this factor."""
 
 
 def round_of_laws(seed: int, times: int, until: float, rest: list[str]) -> bool:
-    """Runs one round of property-based tests in random order, as many as the time allows. Returns True if all
+    """Runs one round of property-based tests in random order until the time is up. Returns True if all
     passed."""
     laws = ["-m", "hypothesis", "--hypothesis-profile", "more", "--hypothesis-seed", str(seed)]
     laws += ["--examples", str(times)]
@@ -31,7 +31,7 @@ def round_of_laws(seed: int, times: int, until: float, rest: list[str]) -> bool:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=10.0, help="begin no law later than this")
+    parser.add_argument("--minutes", type=float, default=10.0, help="minutes after which no test is started")
     options, rest = parser.parse_known_args()
     rest = [word for word in rest if word != "--"]
     until = time.time() + 60 * options.minutes

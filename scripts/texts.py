@@ -48,13 +48,14 @@ TRANSLATING_FUNCTIONS |= {
 TRANSLATING_FUNCTIONS |= {"_name": (1, 2), "change": (0,), "_change": (0,)}
 """Functions that translate the texts they show, with the argument positions of these texts."""
 TEXT_TABLES = {"_TITLES", "_TAB_TIPS", "_MOUSE", "_SIDE_TITLES"}
-"""Tables of texts that are passed to one of these functions."""
+"""Tables of texts that are passed to a translating function."""
 SETTINGS = {"surface": ArapSettings(), "examples": ExampleSettings(), "locomotion": LocomotionSettings()}
 """Settings of a puppet: numbers with tooltips."""
 LINE_LENGTH = 78
 """Characters of a line of a catalogue, as gettext's own programs write it."""
 TEXT_FUNCTION_PREFIXES = ("hint", "lacks", "why_not", "at_end")
-"""Name prefixes of functions that return texts shown by these functions: hints of tools, and reasons."""
+"""Name prefixes of functions that return texts which are translated when they are shown: hints of tools, and
+reasons."""
 
 
 def constants(node: ast.AST) -> Iterator[ast.Constant]:
@@ -137,13 +138,13 @@ def is_translated(entry: polib.POEntry) -> bool:
     return all(entry.msgstr_plural.values()) if entry.msgid_plural else bool(entry.msgstr)
 
 
-def update(catalogue: polib.POFile, found: dict[str, str]) -> None:
+def update(catalogue: polib.POFile, texts: dict[str, str]) -> None:
     """Adds missing texts to a catalogue, and removes texts that the window no longer has."""
     many = plurals()
     for entry in list(catalogue):
-        if entry.msgid not in found or entry.msgid_plural != many.get(entry.msgid, ""):
+        if entry.msgid not in texts or entry.msgid_plural != many.get(entry.msgid, ""):
             catalogue.remove(entry)
-    for text, place in found.items():
+    for text, place in texts.items():
         entry = catalogue.find(text)
         if entry is None:
             entry = polib.POEntry(msgid=text)

@@ -36,8 +36,8 @@ class Walk:
 
 
 def table(house: House, walk: Walk) -> str:
-    """Returns a table of a trace's files in order, with the function that receives the value and its first
-    sentence.
+    """Returns a table of a trace's files in order, with the function that receives the value and the first
+    sentence of its docstring.
 
     Raises:
         ValueError: if a function does not exist, is not mentioned by an earlier function of the trace, or has

@@ -15,7 +15,7 @@ from enliven.files import DAMAGE
 from enliven.possession import Actor
 from enliven.wire import (
     MAX_REVISION,
-    MAX_SENT_BYTES,
+    MAX_UPLOAD_BYTES,
     Answer,
     Awaited,
     CharacterPart,
@@ -28,11 +28,11 @@ from enliven_edge.stage import HoldStarts, Peer, Stage
 log = logging.getLogger(__name__)
 
 _MAX_UPLOADS_PER_VIEWER = 4
-"""Maximum number of characters of one viewer that are collected at a time, with ``MAX_SENT_BYTES`` in
+"""Maximum number of characters of one viewer that are collected at a time, with ``MAX_UPLOAD_BYTES`` in
 total."""
 _MAX_UPLOADS = 12
 """Maximum number of characters of all viewers that are collected at a time."""
-_MAX_BYTES = 2 * MAX_SENT_BYTES
+_MAX_BYTES = 2 * MAX_UPLOAD_BYTES
 """Maximum bytes of all characters that are collected or wait for preparation: one viewer cannot use all of
 them."""
 _TIMEOUT_S = 10.0
@@ -267,7 +267,7 @@ class CharacterUploads:
         while True:
             all_uploads = [*self._waiting.values(), *self._complete]
             viewer_uploads = [upload for upload in all_uploads if upload.peer is new_upload.peer]
-            free_bytes = MAX_SENT_BYTES - sum(upload.order.size for upload in viewer_uploads)
+            free_bytes = MAX_UPLOAD_BYTES - sum(upload.order.size for upload in viewer_uploads)
             mend = "Send it again in a moment."
             if len(viewer_uploads) >= _MAX_UPLOADS_PER_VIEWER or order.size > free_bytes:
                 raise InputError("too many characters are being transferred", where=where, mend=mend)

@@ -10,8 +10,8 @@ from dataclasses import replace
 from enliven.commands import parent_is_gone
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame, Frame
-from enliven.health import HealthState, Severity, worst_first
-from enliven.wire import CallMessage, Order, as_sent
+from enliven.health import HealthState, Severity, sort_by_severity
+from enliven.wire import CallMessage, Order, round_to_wire
 from enliven_edge.camera_preview import CameraPreview
 from enliven_edge.character_upload import CharacterUploads
 from enliven_edge.controls import Call, Controls, Lamps, lamps_from_state
@@ -124,7 +124,7 @@ class Edge:
             return
         self._show_characters()
         self.tracker.output.latency = self.pace.latency_ms(50) * 1e-3
-        bodies = [] if self.scans.active else as_sent(self.tracker.track(frame))
+        bodies = [] if self.scans.active else round_to_wire(self.tracker.track(frame))
         while not self.scans.take(frame, waits=getattr(self.sensor, "recorded", False)):
             self._poll_requests()
         self.sizing.follow(bodies, frame.time_ns)
@@ -212,7 +212,7 @@ class Edge:
 
     def _health_states(self) -> list[HealthState]:
         """Returns the health states, including those that the sensor reports itself."""
-        return worst_first([*self.health.states, *health_of(self.sensor)])
+        return sort_by_severity([*self.health.states, *health_of(self.sensor)])
 
     def _poll_requests(self) -> None:
         """Carries out the requests of viewers and controls. One that fails is refused with its reason."""

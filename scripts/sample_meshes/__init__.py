@@ -1,1 +1,2 @@
-"""Makes the meshes of ``enliven.samples``, as fine as asked; scripts/make_samples.py writes what ships."""
+"""Creates the meshes of ``enliven.samples`` at any resolution. scripts/make_samples.py writes the files that
+ship."""

@@ -1,4 +1,4 @@
-"""A saguaro in a flower pot, with two arms and two eyes: a mesh that no skeleton of a person fits into."""
+"""A saguaro in a flower pot, with two arms and two eyes. A person's skeleton does not fit into this mesh."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.meshes import Mesh
 from sample_meshes.isosurface import surface_of
 
 POT, SOIL, GREEN, WHITE, BLACK, BLOOM, HEART = range(7)
-"""The numbers of the parts, rows of ``_COLOURS``."""
+"""The numbers of the parts: their rows in ``_COLOURS``."""
 _COLOURS = np.array(
     [
         (196, 98, 62),
@@ -24,7 +24,7 @@ _COLOURS = np.array(
 )
 """sRGB of the parts, in the order of their names."""
 _THORN_COLOUR = np.array([206, 224, 168], np.float64)
-"""Of the thorns."""
+"""sRGB of the thorns."""
 
 TOP = np.array([0.0, 1.30, 0.0])
 """Metres, the top of the trunk."""
@@ -36,28 +36,29 @@ FOOT = np.array([0.15, 0.0, 0.0])
 """Metres, the left of the pot."""
 
 _TRUNK_RADIUS = 0.148
-"""Metres, the trunk's radius: of a saguaro as tall as a child."""
+"""Metres, the trunk's radius. It fits a saguaro as tall as a child."""
 _ARM_RADIUS = 0.078
 """Metres, an arm's radius: about half the trunk's."""
 _RIB_COUNT = 9
-"""Ribs of the trunk, chosen by eye."""
+"""Number of ribs of the trunk, chosen by eye."""
 _BLEND_WIDTH = 0.045
-"""Metres over which trunk and arms run into each other: they are grown, not joined."""
+"""Width, metres, of the smooth blend between trunk and arms. It is wide, so that the arms look grown."""
 _FILLET_WIDTH = 0.016
-"""Metres over which all other parts run into each other; it is finer than ``_BLEND_WIDTH``."""
+"""Width, metres, of the fillet between all other parts. It is smaller than ``_BLEND_WIDTH``."""
 
 
 def make_cactus(cell: float = 0.018) -> Mesh:
-    """A cactus 1.3 m tall that stands on y = 0, looks along +Z, and is its own mirror image across x = 0.
+    """Creates a cactus 1.3 m tall that stands on y = 0 and looks along +Z. It is symmetric about the plane x
+    = 0.
 
-    Its arms leave the trunk at 0.62 m, to the sides, and bend up. It is one closed surface; the vertices have
-    colours.
+    The arms leave the trunk sideways at a height of 0.62 m, and bend up. The surface is closed and connected,
+    and has vertex colours.
 
     Args:
         cell: metres, about the length of an edge.
     """
     low, high = np.array([-0.56, -0.04, -0.28]), np.array([0.56, 1.42, 0.28])
-    # The grid is its own mirror image, so that the mesh is.
+    # The grid is symmetric, so that the mesh is symmetric too.
     low[0] = -cell * (np.ceil(0.56 / cell) + 0.5)
     vertices, faces = surface_of(lambda points: _parts(points)[0], low, high, cell)
     part = _parts(vertices)[1]
@@ -65,13 +66,13 @@ def make_cactus(cell: float = 0.018) -> Mesh:
 
 
 def _parts(points: Float) -> tuple[Float, Int]:
-    """(N,) signed distance of points (N, 3), and (N,) the nearest part."""
+    """Returns (N,) the signed distance of points (N, 3), and (N,) the nearest part."""
     mirrored = np.abs(points) * [1.0, 0.0, 0.0] + points * [0.0, 1.0, 1.0]
     green = _green(mirrored)
     eye = np.linalg.norm(mirrored - [0.055, 1.08, 0.138], axis=1) - 0.036
     pupil = np.linalg.norm(mirrored - [0.053, 1.082, 0.166], axis=1) - 0.016
     distances = np.stack([_pot(points), _soil(points), green, eye, pupil, *_bloom(points)])
-    # With fillets no crevice is narrower than a cell.
+    # The fillets prevent crevices that are narrower than a cell.
     whole = distances[0]
     for distance in distances[1:]:
         whole = _smooth_union(whole, distance, _FILLET_WIDTH)
@@ -79,7 +80,7 @@ def _parts(points: Float) -> tuple[Float, Int]:
 
 
 def _green(points: Float) -> Float:
-    """Trunk and left arm; the right one is its mirror image."""
+    """Returns the distance to trunk and left arm. The right arm is the mirror image of the left arm."""
     trunk = _capsule(points, np.array([0.0, 0.22, 0.0]), TOP - [0.0, _TRUNK_RADIUS, 0.0], _TRUNK_RADIUS)
     trunk = trunk + 0.009 * _ribs(points, _RIB_COUNT, _TRUNK_RADIUS)
     shoulder, bend = np.array([0.08, 0.62, 0.0]), np.array([0.30, 0.66, 0.0])
@@ -92,14 +93,15 @@ def _green(points: Float) -> Float:
 
 
 def _ribs(points: Float, count: int, radius: float) -> Float:
-    """0 on the ribs around the upright axis to 2 between them; none on the axis, where they meet."""
+    """Returns the depth of the grooves between ribs around the vertical axis: 0 on the ribs, 2 between them,
+    and 0 on the axis."""
     ring, away = np.arctan2(points[:, 2], points[:, 0]), np.hypot(points[:, 0], points[:, 2])
     between = 1.0 - np.cos(count * (ring + np.pi / 2))
     return np.asarray(between * np.minimum(away / (0.6 * radius), 1.0) ** 2)
 
 
 def _pot(points: Float) -> Float:
-    """A cone that opens upwards, with a rim."""
+    """Returns the distance to the pot: a cone that opens upwards, with a rim."""
     away, height = np.hypot(points[:, 0], points[:, 2]), points[:, 1]
     wall = (away - (0.155 + 0.19 * height)) * 0.98
     body = np.maximum(wall, np.abs(height - 0.115) - 0.115)
@@ -110,13 +112,13 @@ def _pot(points: Float) -> Float:
 
 
 def _soil(points: Float) -> Float:
-    """A low mound in the pot."""
+    """Returns the distance to the soil: a low mound in the pot."""
     squeezed = (points - [0.0, 0.235, 0.0]) * [1.0, 4.0, 1.0]
     return np.asarray((np.linalg.norm(squeezed, axis=1) - 0.182) / 2.0)
 
 
 def _bloom(points: Float) -> tuple[Float, Float]:
-    """Six petals around a heart, on the top."""
+    """Returns the distances to the flower on the top: six petals, and their centre."""
     at = points - TOP - [0.0, 0.004, 0.0]
     ring = np.arctan2(at[:, 2], at[:, 0])
     nearest = np.round((ring - np.pi / 2) / (np.pi / 3)) * (np.pi / 3) + np.pi / 2
@@ -133,19 +135,20 @@ def _capsule(points: Float, start: Float, end: Float, radius: float) -> Float:
 
 
 def _rounded_rectangle(across: Float, up: Float, wide: float, tall: float, corner: float) -> Float:
-    """A rectangle with round corners, turned about the upright axis."""
+    """Returns the distance to a rectangle with round corners that is rotated about the vertical axis."""
     out = np.stack([np.abs(across) - wide + corner, np.abs(up) - tall + corner])
     return np.asarray(np.hypot(*np.maximum(out, 0.0)) + np.minimum(out.max(0), 0.0) - corner)
 
 
 def _smooth_union(a: Float, b: Float, blend: float) -> Float:
-    """The union with a fillet (I. Quilez's polynomial smooth minimum)."""
+    """Returns the union of two distances with a fillet (I. Quilez's polynomial smooth minimum)."""
     share = np.maximum(blend - np.abs(a - b), 0.0) / blend
     return np.asarray(np.minimum(a, b) - share * share * blend / 4.0)
 
 
 def _vertex_colours(vertices: Float, part: Int) -> UInt8:
-    """(V, 3) the parts' colours; the ribs are darker in between, and carry thorns."""
+    """Returns (V, 3) the colours of the parts. The trunk is darker between the ribs, and has thorns on
+    them."""
     colours = _COLOURS[part]
     ring = np.arctan2(vertices[:, 2], vertices[:, 0])
     rib = 0.5 + 0.5 * np.cos(_RIB_COUNT * (ring + np.pi / 2))

@@ -1,8 +1,9 @@
-"""The cactus as a puppet that a tracked person moves: control points, and what a few poses mean on it.
+"""The cactus as a puppet that a tracked person moves: its control points, and their positions for a few poses
+of the person.
 
     project = cactus_project()           # with the puppet "cactus", and the take of the poses
 
-The poses are made here, of directions of bones; they are not recordings.
+The poses are constructed here from bone directions. They are not recordings.
 """
 
 from __future__ import annotations
@@ -35,9 +36,9 @@ _POINTS: tuple[tuple[str, _Direction, Joint], ...] = (
     ("left foot", (0.15, 0.0, 0.0), Joint.ANKLE_LEFT),
     ("right foot", (-0.15, 0.0, 0.0), Joint.ANKLE_RIGHT),
 )
-"""Name, about where it is on the mesh at rest, and the joint that it is paired with."""
+"""Name, approximate position on the mesh at rest, and paired joint of each control point."""
 _SOIL_HEIGHT = 0.25
-"""Metres above the floor at which the trunk leaves the pot, as the mesh has it."""
+"""Height of the mesh's soil, where the trunk leaves the pot, metres above the floor."""
 _SHOULDER_HEIGHT = 0.64
 """Metres above the floor at which the arms leave the trunk."""
 _TRUNK_TOP_HEIGHT = 1.33
@@ -47,12 +48,13 @@ _BONE_LENGTHS: Mapping[str, float] = {
     "SPINE": 0.22, "SHOULDER_CENTER": 0.30, "HEAD": 0.22, "SHOULDER": 0.19, "ELBOW": 0.28, "WRIST": 0.25,
     "HAND": 0.08, "HIP": 0.13, "KNEE": 0.42, "ANKLE": 0.40, "FOOT": 0.15,
 }  # fmt: skip
-"""Metres of an adult's bones, by the joint that each ends at."""
+"""Lengths of an adult's bones, metres, by the joint at their end."""
 
 
 @dataclass(frozen=True)
 class _Arm:
-    """An arm: ways of the performer's upper arm and forearm, and where elbow and end of the cactus's are."""
+    """An arm pose: directions of the performer's upper arm and forearm, and positions of the cactus's elbow
+    and arm end."""
 
     upper: _Direction
     fore: _Direction
@@ -70,14 +72,14 @@ _BENT = _Arm((0.99, -0.1, 0.0), (0.1, 1.0, 0.0), (0.44, 0.67, 0.0), (0.40, 1.10,
 
 @dataclass(frozen=True)
 class _Pose:
-    """What a performer does, and what it means.
+    """A pose of the performer, with the parameters of the cactus's pose.
 
     Attributes:
         left, right: the arms.
-        lean: radians that the trunk leans to its left.
-        bow: radians that it bows.
-        crouch: 0..1 of a deep knee bend; the cactus is pressed.
-        step: 0..1 of a raised left knee; the pot tips over its right edge.
+        lean: radians by which the trunk leans to its left.
+        bow: radians by which the trunk bows forward.
+        crouch: 0..1, depth of a knee bend. It compresses the cactus.
+        step: 0..1, height of the raised left knee. It tips the pot over its right edge.
     """
 
     left: _Arm = _DOWN
@@ -103,7 +105,7 @@ _POSES: tuple[_Pose, ...] = (
 
 
 def cactus_project(cell: float = 0.018) -> Project:
-    """A project with the puppet and the take of its poses.
+    """Creates a project with the puppet and the take of its poses.
 
     Args:
         cell: metres, about the length of an edge of the mesh.
@@ -125,7 +127,7 @@ def cactus_project(cell: float = 0.018) -> Project:
 
 
 def _performer(pose: _Pose) -> Body:
-    """A person in a pose, who faces +Z."""
+    """Returns a person in a pose. The person faces +Z."""
     trunk = _turn(pose.lean, pose.bow)
     ways = {joint: np.array([0.0, 1.0, 0.0]) for joint in Joint}
     for side, name, arm in ((1.0, "LEFT", pose.left), (-1.0, "RIGHT", pose.right)):
@@ -153,7 +155,7 @@ def _performer(pose: _Pose) -> Body:
 
 
 def _places(pose: _Pose, rest: Float) -> Float:
-    """(P, 3) metres, where the control points are in a pose."""
+    """Returns (P, 3) metres, the positions of the control points in a pose."""
     places = rest.copy()
     arms = {"left": (pose.left, 1.0), "right": (pose.right, -1.0)}
     for k, (name, _, _) in enumerate(_POINTS):
@@ -171,7 +173,8 @@ def _places(pose: _Pose, rest: Float) -> Float:
 
 
 def _on_trunk(pose: _Pose, at: Float, height: float) -> Float:
-    """(3,) metres of a place that goes with the trunk at a height, where the trunk is bent and pressed."""
+    """Returns (3,) metres, the position of a point that moves with the trunk at a height. The trunk is bent
+    and compressed by the pose."""
     share = (height - _SOIL_HEIGHT) / (_TRUNK_TOP_HEIGHT - _SOIL_HEIGHT)
     pressed = 1.0 - 0.36 * pose.crouch
     lean, bow = 1.2 * pose.lean * share, 1.1 * pose.bow * share
@@ -182,7 +185,7 @@ def _on_trunk(pose: _Pose, at: Float, height: float) -> Float:
 
 
 def _turn(lean: float, bow: float) -> Float:
-    """(3, 3) what leans to +X and bows to +Z."""
+    """Returns (3, 3) the rotation that leans to +X and bows to +Z."""
     c, s = np.cos(lean), np.sin(lean)
     a, b = np.cos(bow), np.sin(bow)
     over = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])

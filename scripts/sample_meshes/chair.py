@@ -1,4 +1,4 @@
-"""Shapes that the project makes itself: a wooden armchair that a standing person fits into."""
+"""A wooden armchair that a standing person fits into."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _STAINED_COLOUR = (139, 88, 47)
 _FABRIC_COLOUR = (62, 108, 122)
 """sRGB, 0..255, of the cushions; a board of this colour gets no wood grain."""
 _FILLET_WIDTH = 0.010
-"""Metres over which two wooden parts run into each other."""
+"""Width, metres, of the fillet between two wooden parts."""
 _MAX_DISTANCE = 0.05
-"""Metres from the surface beyond which no distance is needed."""
+"""Maximum distance, metres, that is computed. Larger distances are not needed."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ class _Board:
 
 
 def make_chair(cell: float = 0.0135) -> Mesh:
-    """An armchair 1.75 m tall that a standing person can possess: it faces +Z and stands on y = 0.
+    """Creates an armchair 1.75 m tall that a standing person can possess. It faces +Z and stands on y = 0.
 
-    The origin lies under the back. A person who stands there, facing +Z, has the legs in the back legs, the
-    hips in the seat's rear rail at 0.85 m, the spine and the head in the raked back, and the forearms, held
-    forward at 1.1 m, in the armrests; their front ends are free so that they move like arms. The side
-    stretchers make the front legs walk with the back legs. It is one closed surface, so that nothing can
-    come apart; the vertices have colours.
+    The origin lies under the back. For a person that stands there and faces +Z, the legs are in the chair's
+    back legs, and the hips in the seat's rear rail at 0.85 m. The spine and the head are in the raked back.
+    The forearms, held forward at 1.1 m, are in the armrests. The front ends of the armrests are free so that
+    they move like arms. The side stretchers make the front legs walk with the back legs. The surface is
+    closed and connected, so that no part can separate. It has vertex colours.
 
     Args:
         cell: metres, about the length of an edge.
@@ -71,7 +71,7 @@ def make_chair(cell: float = 0.0135) -> Mesh:
 
 
 def _curve(*points: tuple[float, float, float], count: int = 10) -> Float:
-    """(count, 3) a Bezier curve with the given control points."""
+    """Returns (count, 3) points of a Bezier curve with the given control points."""
     control = np.array(points, np.float64)
     t = np.linspace(0, 1, count)[:, None, None]
     while len(control) > 1 or control.ndim < 3:
@@ -84,13 +84,13 @@ def _curve(*points: tuple[float, float, float], count: int = 10) -> Float:
 
 
 def _taper(path: Float, first: tuple[float, float], last: tuple[float, float]) -> Float:
-    """(P, 2) half sizes that go evenly from ``first`` to ``last`` along ``path``."""
+    """Returns (P, 2) half sizes, interpolated linearly from ``first`` to ``last`` along ``path``."""
     t = np.linspace(0, 1, len(path))[:, None]
     return np.array(first) * (1 - t) + np.array(last) * t
 
 
 def _chair_boards() -> list[_Board]:
-    """Every part of the chair, as seen from the seat: x to the left, y up, z forward."""
+    """Returns all parts of the chair. Seen from the seat, x points to the left, y up and z forward."""
     boards = [*_seat(), *_back()]
     for side in (-1.0, 1.0):
         boards += [*_legs(side), *_arm(side)]
@@ -98,7 +98,8 @@ def _chair_boards() -> list[_Board]:
 
 
 def _legs(side: float) -> list[_Board]:
-    """One back leg that runs up into the back's post, one front leg, and the stretcher between them."""
+    """Returns a back leg, which continues upward as the post of the back, a front leg, and the stretcher
+    between them."""
     x = side * 0.222
     lower = _curve((x, 0.022, -0.045), (x, 0.45, 0.0), (side * 0.215, 0.85, 0.0))
     post = _curve((side * 0.215, 0.85, 0.0), (side * 0.212, 1.3, -0.01), (side * 0.205, 1.69, -0.085))
@@ -114,7 +115,8 @@ def _legs(side: float) -> list[_Board]:
 
 
 def _arm(side: float) -> list[_Board]:
-    """An armrest that leaves the back's post, sways outwards, and ends free over the front leg."""
+    """Returns an armrest. It begins at the back's post, curves outward, and ends freely over the front
+    leg."""
     rest = _curve(
         (side * 0.214, 1.085, -0.01),
         (side * 0.225, 1.115, 0.12),
@@ -132,7 +134,7 @@ def _arm(side: float) -> list[_Board]:
 
 
 def _seat() -> list[_Board]:
-    """The rails around the seat and the cushion on them."""
+    """Returns the rails around the seat, and the cushion on them."""
     right, forward = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     boards = []
     for z, thick in ((0.0, 0.026), (0.485, 0.026)):
@@ -149,7 +151,8 @@ def _seat() -> list[_Board]:
 
 
 def _back() -> list[_Board]:
-    """The crest rail, the lower rail, and three slats between them; the middle one is the spine."""
+    """Returns the crest rail, the lower rail, and three slats between them. The middle slat contains the
+    performer's spine."""
     forward, right = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
     crest = _curve((-0.225, 1.655, -0.078), (0.0, 1.755, -0.125), (0.225, 1.655, -0.078), count=16)
     bulge = np.sin(np.linspace(0, np.pi, 16))[:, None]
@@ -165,7 +168,7 @@ def _back() -> list[_Board]:
 
 
 class _Pieces(NamedTuple):
-    """The boards' S straight pieces, with all that a distance to one needs besides the point.
+    """The S straight pieces of all boards, in the form that the distance function needs.
 
     Attributes:
         start: (S, 3) metres.
@@ -173,7 +176,7 @@ class _Pieces(NamedTuple):
         square: (S,) square metres, the squared length.
         axes: (S, 3, 3) unit axes of the section, across and through it, and of the piece itself.
         half: (S, 2, 2) metres, half sizes of the section at the start and at the end.
-        reach: (S,) metres from the piece's middle line within which all of it lies.
+        reach: (S,) maximum distance of the piece's surface from its middle line, metres.
         rounding: (S,) metres.
     """
 
@@ -187,13 +190,13 @@ class _Pieces(NamedTuple):
 
 
 def _pieces(boards: list[_Board]) -> tuple[_Pieces, Int]:
-    """All boards' pieces, and (B + 1,) where each board's pieces start."""
+    """Returns the pieces of all boards, and (B + 1,) the index at which each board's pieces start."""
     counts = [len(board.path) - 1 for board in boards]
     start = np.concatenate([board.path[:-1] for board in boards])
     along = np.concatenate([board.path[1:] for board in boards]) - start
     length = np.sqrt((along * along).sum(1, keepdims=True))
     way = along / length
-    # Across, made square to the piece's direction, and the third axis.
+    # Make ``across`` perpendicular to the piece's direction, and compute the third axis.
     across = np.repeat([board.across for board in boards], counts, axis=0)
     across = across - (across * way).sum(1, keepdims=True) * way
     across /= np.sqrt((across * across).sum(1, keepdims=True))
@@ -206,7 +209,7 @@ def _pieces(boards: list[_Board]) -> tuple[_Pieces, Int]:
 
 
 def _boxes(boards: list[_Board]) -> Float:
-    """(B, 6) lowest and highest corner of a box around each board."""
+    """Returns (B, 6) the lowest and the highest corner of a box around each board."""
     reach = [np.hypot(*board.half.max(0)) for board in boards]
     pairs = zip(boards, reach, strict=True)
     return np.array([[*(b.path.min(0) - r), *(b.path.max(0) + r)] for b, r in pairs])
@@ -214,9 +217,11 @@ def _boxes(boards: list[_Board]) -> Float:
 
 @njit(cache=True, nogil=True)
 def _distance(points, pieces, starts, boxes, wood):
-    """Signed distance of ``points`` (N, 3) to all boards, at most _MAX_DISTANCE, and (N,) the nearest board.
+    """Returns (N,) the signed distance of ``points`` (N, 3) to all boards, at most _MAX_DISTANCE, and (N,)
+    the nearest board.
 
-    Wooden boards are joined with a fillet (I. Quilez's polynomial smooth minimum), the cushion without.
+    Wooden boards are joined with a fillet (I. Quilez's polynomial smooth minimum). The cushion is joined
+    without a fillet.
     """
     distance = np.empty(points.shape[0])
     nearest = np.zeros(points.shape[0], np.int64)
@@ -224,7 +229,7 @@ def _distance(points, pieces, starts, boxes, wood):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         joined, soft, closest = _MAX_DISTANCE, _MAX_DISTANCE, _MAX_DISTANCE
         for b in range(boxes.shape[0]):
-            # A board that is not nearer than this changes nothing.
+            # A board farther away than this does not change the result.
             bound = min(_MAX_DISTANCE, max(joined + _FILLET_WIDTH, closest)) if wood[b] else soft
             if x < boxes[b, 0] - bound or x > boxes[b, 3] + bound:
                 continue
@@ -251,7 +256,8 @@ def _distance(points, pieces, starts, boxes, wood):
 
 @njit(cache=True, nogil=True)
 def _nearer(x, y, z, pieces, s, bound):
-    """Signed distance of a point to one straight piece with a rounded rectangular section, or ``bound``."""
+    """Returns the signed distance of a point to one straight piece with a rounded rectangular section, or
+    ``bound`` if it is larger."""
     ax, ay, az = pieces.along[s, 0], pieces.along[s, 1], pieces.along[s, 2]
     dx, dy, dz = x - pieces.start[s, 0], y - pieces.start[s, 1], z - pieces.start[s, 2]
     t = min(1.0, max(0.0, (dx * ax + dy * ay + dz * az) / pieces.square[s]))
@@ -274,7 +280,7 @@ def _nearer(x, y, z, pieces, s, bound):
 
 
 def _vertex_colours(vertices: Float, nearest: Int, boards: list[_Board]) -> UInt8:
-    """(V, 3) each board's colour with a quiet grain along the wood."""
+    """Returns (V, 3) the colours of the boards, with a faint grain along the wood."""
     colours = np.array([board.colour for board in boards], np.float64)[nearest]
     wood = np.array([board.colour != _FABRIC_COLOUR for board in boards])[nearest]
     x, y, z = vertices.T

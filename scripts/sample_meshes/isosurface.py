@@ -1,8 +1,8 @@
 """Triangles from a signed distance function: naive surface nets on a regular grid.
 
-One vertex for each cell that the surface crosses, at the mean of the crossings of the cell's edges (S. F. F.
-Gibson, "Constrained elastic surface nets", 1998, without the relaxation); one quad for each crossed edge.
-The result is closed and has well shaped faces; every vertex is then moved onto the surface.
+Each cell that the surface crosses gets one vertex, at the mean of the crossings of the cell's edges (S. F. F.
+Gibson, "Constrained elastic surface nets", 1998, without the relaxation). Each crossed edge gets one quad.
+The result is closed and has well shaped faces. Finally, every vertex is moved onto the surface.
 """
 
 from __future__ import annotations
@@ -14,16 +14,18 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int, Int32
 
 Field = Callable[[Float], Float]
-"""(N, 3) points to (N,) signed distances in metres, negative inside."""
+"""A function from (N, 3) points to (N,) signed distances in metres, negative inside."""
 
 _CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 _SURFACE_TOLERANCE = 1e-9
-"""Of a cell: a vertex that is so near to the surface stays; a step of it would take six values."""
+"""Distance from the surface, as a fraction of a cell, below which a vertex is not moved. A move would need
+six more evaluations."""
 _EDGES = np.array([[a, b] for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1])
 
 
 def surface_of(field: Field, low: Float, high: Float, cell: float) -> tuple[Float, Int32]:
-    """(V, 3) vertices and (F, 3) outward faces of the zero set of ``field`` in the box ``low``..``high``.
+    """Returns (V, 3) vertices and (F, 3) outward faces of the zero set of ``field`` in the box from ``low``
+    to ``high``.
 
     Args:
         field: the signed distance; parts thinner than a cell are lost.
@@ -47,7 +49,7 @@ def surface_of(field: Field, low: Float, high: Float, cell: float) -> tuple[Floa
 
 
 def _crossed_cells(inside: Bool) -> Bool:
-    """True for each cell with corners on both sides of the surface."""
+    """Returns True for each cell with corners on both sides of the surface."""
     views = [
         inside[i : inside.shape[0] - 1 + i, j : inside.shape[1] - 1 + j, k : inside.shape[2] - 1 + k]
         for i, j, k in _CORNERS
@@ -57,7 +59,8 @@ def _crossed_cells(inside: Bool) -> Bool:
 
 
 def _cell_points(values: Float, cells: Int) -> Float:
-    """(C, 3) in grid units: the mean of the points where the surface crosses the twelve edges of a cell."""
+    """Returns (C, 3) in grid units the mean of the points at which the surface crosses the twelve edges of a
+    cell."""
     corners = cells[:, None] + _CORNERS
     at_corner = values[tuple(np.moveaxis(corners, -1, 0))]
     a, b = at_corner[:, _EDGES[:, 0]], at_corner[:, _EDGES[:, 1]]
@@ -70,7 +73,8 @@ def _cell_points(values: Float, cells: Int) -> Float:
 
 
 def _project_to_surface(field: Field, points: Float, cell: float) -> Float:
-    """One Newton step along the gradient, at most half a cell long, of what is not on the surface yet."""
+    """Moves the points that are not on the surface yet by one Newton step along the gradient, at most half a
+    cell long."""
     values = field(points)
     off = np.abs(values) > _SURFACE_TOLERANCE * cell
     moved = points.copy()
@@ -79,7 +83,7 @@ def _project_to_surface(field: Field, points: Float, cell: float) -> Float:
 
 
 def _newton_step(field: Field, points: Float, values: Float, cell: float) -> Float:
-    """(N, 3) points with these values, one Newton step further."""
+    """Returns (N, 3) points with these ``values``, moved by one Newton step."""
     h = 1e-4 * cell
     offsets = h * np.concatenate([np.eye(3), -np.eye(3)])
     around = field((points[:, None] + offsets).reshape(-1, 3)).reshape(-1, 6)
@@ -90,7 +94,8 @@ def _newton_step(field: Field, points: Float, values: Float, cell: float) -> Flo
 
 
 def _quads(inside: Bool, number: Int, axis: int) -> Int:
-    """(Q, 4) the vertices around each grid edge along ``axis`` that the surface crosses, outward."""
+    """Returns (Q, 4) the vertices around each grid edge along ``axis`` that the surface crosses, facing
+    outward."""
     first = np.take(inside, range(inside.shape[axis] - 1), axis)
     second = np.take(inside, range(1, inside.shape[axis]), axis)
     at = np.argwhere(first != second)
@@ -109,7 +114,7 @@ def _quads(inside: Bool, number: Int, axis: int) -> Int:
 
 
 def _triangles(vertices: Float, quads: Int) -> Int32:
-    """(F, 3) each quad cut along its shorter diagonal."""
+    """Returns (F, 3) triangles: each quad is split along its shorter diagonal."""
     corners = vertices[quads]
     first = np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1)
     second = np.linalg.norm(corners[:, 1] - corners[:, 3], axis=1)

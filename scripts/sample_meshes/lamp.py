@@ -28,9 +28,9 @@ _HEAD = np.array([-0.80, 1.51, 0.0])
 _SHADE_DIRECTION = np.array([-0.8, -0.6, 0.0])
 """Unit direction in which the shade opens."""
 _PIN_AXIS = np.array([0.0, 0.0, 1.0])
-"""Along the pins about which everything turns."""
+"""Direction of the pins, the axes of all joints."""
 _SPRING_END = 0.48
-"""Where along an arm its springs end."""
+"""Position along an arm at which its springs end, as a fraction of its length."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,12 @@ class _Shell:
 
 
 def make_lamp(cell: float = 0.016) -> Mesh:
-    """A sprung lamp 1.7 m tall that a standing person can possess with "hip and right arm".
+    """Creates a sprung lamp 1.7 m tall that a standing person can possess with "hip and right arm".
 
-    It stands on y = 0 and reaches to the right. A person who stands at the origin facing +Z, with the right
-    arm held out to the side, has the hip beside the lower arm, the shoulder at the lamp's elbow at 1.4 m, the
-    arm in the upper arm and the hand at the shade. Eighteen closed shells, each running into its neighbours;
-    the vertices have colours.
+    It stands on y = 0 and reaches to the right. For a person that stands at the origin and faces +Z, with the
+    right arm held out to the side, the hip is next to the lamp's lower arm. The shoulder is at the lamp's
+    elbow at 1.4 m, the arm in its upper arm and the hand at the shade. The lamp has eighteen closed shells,
+    each overlapping its neighbours, with vertex colours.
 
     Args:
         cell: metres, about the longest edge.
@@ -75,7 +75,7 @@ def make_lamp(cell: float = 0.016) -> Mesh:
 
 
 def _base(cell: float) -> _Shell:
-    """A heavy foot that runs up into a post."""
+    """Returns the base: a heavy foot that continues upward as a post."""
     profile = [(0.0, 0.0), (0.228, 0.0), (0.242, 0.010), (0.244, 0.024), (0.226, 0.036), (0.150, 0.052)]
     profile += [
         (0.078, 0.072),
@@ -91,7 +91,8 @@ def _base(cell: float) -> _Shell:
 
 
 def _arm(start: Float, end: Float, cell: float) -> list[_Shell]:
-    """Two parallel bars, a spring on either side near the arm's lower end, and the pin that holds both."""
+    """Returns an arm: two parallel bars, a spring on either side near the arm's lower end, and the pin that
+    holds both springs."""
     along = (end - start) / np.linalg.norm(end - start)
     apart = np.cross(_PIN_AXIS, along)
     bars = [_bar(start + s * 0.030 * apart, end + s * 0.030 * apart, cell) for s in (-1.0, 1.0)]
@@ -103,12 +104,12 @@ def _arm(start: Float, end: Float, cell: float) -> list[_Shell]:
 
 
 def _bar(start: Float, end: Float, cell: float) -> _Shell:
-    """A round bar."""
+    """Returns a round bar."""
     return _paint(_tube(start, end, np.array([[0.0, 0.013], [1.0, 0.013]]), cell), _ENAMEL_COLOUR)
 
 
 def _spring(start: Float, end: Float, beside: Float) -> _Shell:
-    """A tension spring, its coils touching, between two hooks: one tube with a helical groove."""
+    """Returns a tension spring with touching coils between two hooks. It is a tube with a helical groove."""
     length = float(np.linalg.norm(end - start))
     pitch, around, coil = 0.016, 14, 0.020
     rings = int(length / pitch * 5)
@@ -121,7 +122,7 @@ def _spring(start: Float, end: Float, beside: Float) -> _Shell:
 
 
 def _joints(cell: float) -> list[_Shell]:
-    """The pins about which the arms turn, with plates beside the bars at the elbow."""
+    """Returns the pins about which the arms turn, and the plates next to the bars at the elbow."""
     pin = [(0.0, -0.036), (0.030, -0.036), (0.036, -0.030), (0.036, 0.030), (0.030, 0.036), (0.0, 0.036)]
     plate = [(0.0, -0.006), (0.058, -0.006), (0.062, 0.0), (0.058, 0.006), (0.0, 0.006)]
     shells = [
@@ -135,7 +136,7 @@ def _joints(cell: float) -> list[_Shell]:
 
 
 def _top(cell: float) -> list[_Shell]:
-    """The shade with its socket, open in front, and the bulb in it."""
+    """Returns the shade with its socket, open at the front, and the bulb in it."""
     outer = [(0.0, -0.052), (0.040, -0.052), (0.050, -0.042), (0.052, 0.060), (0.066, 0.086), (0.110, 0.130)]
     outer += [(0.150, 0.190), (0.172, 0.262), (0.178, 0.300)]
     inner = [(0.172, 0.300), (0.165, 0.262), (0.143, 0.194), (0.104, 0.138), (0.060, 0.096), (0.030, 0.090)]
@@ -150,7 +151,7 @@ def _top(cell: float) -> list[_Shell]:
 
 
 def _round_profile(profile: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """The profile with its corners cut twice (Chaikin); its ends stay."""
+    """Returns the profile with its corners cut twice (Chaikin). The ends stay unchanged."""
     points = np.array(profile)
     for _ in range(2):
         cut = np.stack([0.75 * points[:-1] + 0.25 * points[1:], 0.25 * points[:-1] + 0.75 * points[1:]], 1)
@@ -159,7 +160,7 @@ def _round_profile(profile: list[tuple[float, float]]) -> list[tuple[float, floa
 
 
 def _inner_side(vertices: Float, inner: Float) -> Bool:
-    """(V,) whether a point of the shade lies on its inner side."""
+    """Returns (V,) True for each point of the shade on its inner side."""
     along = (vertices - _HEAD) @ _SHADE_DIRECTION
     radius = np.linalg.norm(vertices - _HEAD - along[:, None] * _SHADE_DIRECTION, axis=1)
     middle = np.interp(along, inner[::-1, 1], inner[::-1, 0] + 0.003, left=-1.0, right=-1.0)
@@ -172,11 +173,12 @@ def _paint(surface: tuple[Float, Int32], colour: tuple[int, int, int]) -> _Shell
 
 
 def _revolve(profile: Float, at: Float, axis: Float, cell: float) -> tuple[Float, Int32]:
-    """A closed surface of revolution.
+    """Returns a closed surface of revolution.
 
     Args:
-        profile: (P, 2) radius and height along ``axis``; from the axis to the axis, outside on its right.
-        at: (3,) where the height is 0.
+        profile: (P, 2) radius and height along ``axis``. It begins and ends on the axis, with the outside on
+            its right.
+        at: (3,) the position of height 0.
     """
     steps = np.linalg.norm(np.diff(profile, axis=0), axis=1)
     counts = np.maximum(np.ceil(steps / cell).astype(int), 1)
@@ -191,7 +193,8 @@ def _revolve(profile: Float, at: Float, axis: Float, cell: float) -> tuple[Float
 
 
 def _tube(start: Float, end: Float, radii: Float, cell: float) -> tuple[Float, Int32]:
-    """A round bar from ``start`` to ``end``; ``radii`` (R, 2) are fractions of the way and radii there."""
+    """Returns a round bar from ``start`` to ``end``. ``radii`` (R, 2) are fractions of the length and the
+    radii at these fractions."""
     length = float(np.linalg.norm(end - start))
     t = np.linspace(0.0, 1.0, max(2, int(np.ceil(length / cell)) + 1))
     radius = np.broadcast_to(np.interp(t, *radii.T)[:, None], (len(t), 10))
@@ -199,7 +202,8 @@ def _tube(start: Float, end: Float, radii: Float, cell: float) -> tuple[Float, I
 
 
 def _rings(start: Float, end: Float, t: Float, radius: Float) -> tuple[Float, Int32]:
-    """A tube of rings at the fractions ``t`` (R,), with ``radius`` (R, K) at K angles."""
+    """Returns a tube of rings at the fractions ``t`` (R,) of the length, with ``radius`` (R, K) at K
+    angles."""
     way, length = (end - start) / np.linalg.norm(end - start), float(np.linalg.norm(end - start))
     cap = 0.3 * float(radius[0].min())
     return _wrap_rings(start, way, t * length, radius, -cap, length + cap)
@@ -208,7 +212,7 @@ def _rings(start: Float, end: Float, t: Float, radius: Float) -> tuple[Float, In
 def _wrap_rings(
     at: Float, axis: Float, heights: Float, radius: Float, first: float, last: float
 ) -> tuple[Float, Int32]:
-    """Rings about an axis, joined, and closed by a point at each end.
+    """Returns rings about an axis, connected to a surface and closed by a point at each end.
 
     Args:
         heights: (R,) of the rings along ``axis``; ``first`` and ``last`` are those of the end points.

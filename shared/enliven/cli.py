@@ -16,13 +16,13 @@ import typer
 
 from enliven import __version__
 from enliven.commands import LazyCommands, has_display
-from enliven.errors import EnlivenError, place_of
+from enliven.errors import EnlivenError, error_location
 from enliven.files import file_fault, is_file_fault
-from enliven.logs import escaped, ignore_broken_stderr, start_logging
+from enliven.logs import escape_text, ignore_broken_stderr, start_logging
 
-_INTERRUPTED = 130
+_INTERRUPTED_EXIT_CODE = 130
 """Exit code of a run that Ctrl-C ended: 128 + SIGINT (2), the convention of shells."""
-_COLLECT_EVERY = 20_000
+_GARBAGE_COLLECTION_THRESHOLD = 20_000
 """Number of new objects that triggers Python's garbage collection. Loading modules creates some 10^5
 objects that stay, and with Python's own 700 collections cost 0.1 s of each start."""
 
@@ -53,7 +53,7 @@ input that cannot be used, 4 something this machine lacks (a port, a sensor, Ope
 
 def main() -> None:
     """Runs the command line and ends the process with its exit code."""
-    gc.set_threshold(_COLLECT_EVERY, *gc.get_threshold()[1:])
+    gc.set_threshold(_GARBAGE_COLLECTION_THRESHOLD, *gc.get_threshold()[1:])
     arguments = sys.argv[1:]
     ignore_broken_stderr()
     start_logging(as_json="--log-json" in arguments)
@@ -68,42 +68,42 @@ def run(arguments: list[str]) -> int:
     try:
         code = application()(arguments, standalone_mode=False)
     except (typer.Abort, KeyboardInterrupt):
-        return _INTERRUPTED
+        return _INTERRUPTED_EXIT_CODE
     except typer.Exit as ended:
         return int(ended.exit_code)
     except EnlivenError as error:
-        _complain(str(error))
+        _print_error(str(error))
         return error.exit_code
     except OSError as error:
-        return _system_failure(error)
+        return _report_os_error(error)
     except Exception as error:
-        return _other_failure(error)
+        return _report_other_error(error)
     return code if isinstance(code, int) else 0
 
 
-def _system_failure(error: OSError) -> int:
+def _report_os_error(error: OSError) -> int:
     """Returns the exit code of an operating system error: a fault of a file or its device, or of enliven."""
     if os.environ.get("ENLIVEN_DEBUG") or not is_file_fault(error):
-        return _other_failure(error)
+        return _report_other_error(error)
     where = error.filename if isinstance(error.filename, str) else "a file"
     fault = file_fault(error, where, "used")
-    _complain(str(fault))
+    _print_error(str(fault))
     return fault.exit_code
 
 
-def _other_failure(error: Exception) -> int:
+def _report_other_error(error: Exception) -> int:
     """Returns the exit code of wrong usage, or of an internal fault.
 
     Usage errors are recognised by their attributes: their class is click's in some versions of typer and
     typer's own copy in others.
     """
     if hasattr(error, "show") and hasattr(error, "exit_code"):
-        vars(error)["message"] = escaped(str(vars(error).get("message", "")))
+        vars(error)["message"] = escape_text(str(vars(error).get("message", "")))
         error.show()
         return int(error.exit_code)
     if os.environ.get("ENLIVEN_DEBUG"):
         raise error
-    _complain(f"a fault of enliven itself{place_of(error)}. ENLIVEN_DEBUG=1 shows all of it.")
+    _print_error(f"a fault of enliven itself{error_location(error)}. ENLIVEN_DEBUG=1 shows all of it.")
     return 1
 
 
@@ -115,11 +115,11 @@ def application() -> Any:
         rich_markup_mode=None,
         context_settings={"max_content_width": 100},
     )
-    app.callback(invoke_without_command=True)(_root)
+    app.callback(invoke_without_command=True)(_main_command)
     return typer.main.get_command(app)
 
 
-def _root(
+def _main_command(
     context: typer.Context,
     version: bool = typer.Option(False, "--version", help="Print the version and stop."),
 ) -> None:
@@ -137,6 +137,6 @@ def _root(
     context.invoke(window)
 
 
-def _complain(message: str) -> None:
+def _print_error(message: str) -> None:
     """Writes one line to standard error."""
-    typer.echo(f"enliven: {escaped(message)}", err=True)
+    typer.echo(f"enliven: {escape_text(message)}", err=True)

@@ -27,7 +27,7 @@ class Check:
     mend: str = ""
 
 
-def all_checks() -> list[Check]:
+def run_all_checks() -> list[Check]:
     """Runs every installed package's checks, the library's own first."""
     entries = sorted(entry_points(group="enliven.checks"), key=lambda e: (e.name != "shared", e.name))
     checks: list[Check] = []
@@ -44,10 +44,10 @@ def all_checks() -> list[Check]:
 
 def checks() -> list[Check]:
     """Checks Python, the compiler cache and the ports."""
-    return [_python(), _compiler_cache(), *(_port(port) for port in DEFAULT_PORTS)]
+    return [_check_python(), _check_compiler_cache(), *(_check_port(port) for port in DEFAULT_PORTS)]
 
 
-def _python() -> Check:
+def _check_python() -> Check:
     version = platform.python_version()
     ok = sys.version_info >= (3, 11)
     return Check(
@@ -58,7 +58,7 @@ def _python() -> Check:
     )
 
 
-def _compiler_cache() -> Check:
+def _check_compiler_cache() -> Check:
     """Checks that compiled kernels can be kept between starts, and names where those of a release are."""
     mend = "Set NUMBA_CACHE_DIR to a folder that can be written, or every start compiles for two minutes."
     folder = user_folder()
@@ -67,18 +67,18 @@ def _compiler_cache() -> Check:
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryFile(dir=folder):
-            return Check("compiled kernels", True, f"are kept between starts; {_shipped_kernels()}")
+            return Check("compiled kernels", True, f"are kept between starts; {_describe_shipped_kernels()}")
     except OSError as error:
         return Check("compiled kernels", False, f"{folder} cannot be written ({error.strerror})", mend)
 
 
-def _shipped_kernels() -> str:
+def _describe_shipped_kernels() -> str:
     """Returns how many compiled kernels the installed release brings, in words."""
     count = sum(len(list(folder.glob("*.kernel"))) for folder in shipped_folders())
     return f"{count} came with the release" if count else "none came with the installation"
 
 
-def _port(port: int) -> Check:
+def _check_port(port: int) -> Check:
     """Checks that an edge could listen on this port now."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         try:

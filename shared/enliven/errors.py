@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from enliven.logs import escaped
+from enliven.logs import escape_text
 
 
 class EnlivenError(Exception):
@@ -21,7 +21,7 @@ class EnlivenError(Exception):
     def __init__(self, what: str, *, where: str = "", mend: str = "") -> None:
         self.what, self.where, self.mend = what, where, mend
         message = f"{where}: {what}" if where else what
-        super().__init__(escaped(f"{message}. {mend}" if mend else message))
+        super().__init__(escape_text(f"{message}. {mend}" if mend else message))
 
 
 class InputError(EnlivenError):
@@ -40,7 +40,7 @@ class ResourceError(EnlivenError):
     exit_code = 4
 
 
-_MAX_MAKER_LETTERS = 40
+_MAX_PROGRAM_NAME_LENGTH = 40
 """Maximum length of a program's name that an error repeats from a file."""
 
 
@@ -58,9 +58,9 @@ def refuse_later_version(version: int, newest: int, where: str, made_by: str = "
     # Imported here, because a package that is still being loaded has no version yet.
     from enliven import __version__
 
-    maker = f", made by {made_by[:_MAX_MAKER_LETTERS]}" if made_by else ""
+    program = f", made by {made_by[:_MAX_PROGRAM_NAME_LENGTH]}" if made_by else ""
     mend = f"This is enliven {__version__}, which reads up to version {newest}: update enliven."
-    raise LaterVersionError(f"it is of version {version}{maker}", where=where, mend=mend)
+    raise LaterVersionError(f"it is of version {version}{program}", where=where, mend=mend)
 
 
 def plain_reason(error: BaseException, otherwise: str = "its contents do not fit together") -> str:
@@ -86,11 +86,11 @@ def plain_reason(error: BaseException, otherwise: str = "its contents do not fit
     return otherwise
 
 
-def place_of(error: BaseException) -> str:
+def error_location(error: BaseException) -> str:
     """Returns the place of an internal fault, as a suffix for a message. Empty if unknown."""
-    at = error.__traceback__
-    if at is None:
+    trace = error.__traceback__
+    if trace is None:
         return ""
-    while at.tb_next is not None:
-        at = at.tb_next
-    return f", in {Path(at.tb_frame.f_code.co_filename).name}, line {at.tb_lineno}"
+    while trace.tb_next is not None:
+        trace = trace.tb_next
+    return f", in {Path(trace.tb_frame.f_code.co_filename).name}, line {trace.tb_lineno}"

@@ -34,9 +34,9 @@ from enliven.errors import EnlivenError, InputError, ResourceError, plain_reason
 if sys.platform != "win32":
     import fcntl
 
-MOST_BYTES = 1 << 31
-"""Maximum bytes of one file that is read completely, and of all files that it names: more than a scan of
-20 million triangles with its images has, and still less than a small machine's memory."""
+MAX_FILE_BYTES = 1 << 31
+"""Maximum bytes of one file that is read completely, and of all files that it names. A scan of 20 million
+triangles with its images is smaller, and a small machine's memory is larger."""
 DAMAGE = (
     LookupError,
     TypeError,
@@ -46,19 +46,23 @@ DAMAGE = (
     MemoryError,
     RecursionError,
 )
-"""The exceptions that parsers raise on a damaged file's numbers. Checking each number would be most of a
-reader."""
-_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+"""The exceptions that parsers raise on a damaged file's numbers. Checking each number explicitly would be
+most of a reader's code."""
+_READ_FLAGS = (
+    os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+)
 """Flags for reading. A pipe without a writer is opened and refused, instead of blocking."""
-_NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
+_CREATE_FLAGS = (
+    os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
+)
 """Flags that create a file, and never open an existing one or one behind a link."""
-_OVER = os.O_RDWR | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-PART = ".part"
+_OVERWRITE_FLAGS = os.O_RDWR | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+PART_SUFFIX = ".part"
 """Suffix of a file that is not written completely yet."""
-_PART_LETTERS = 40
+_MAX_PART_NAME_LENGTH = 40
 """Maximum length of a file's name within the name of its temporary file: file systems allow 255 bytes."""
-_LEFT_OVER_S = 86_400.0
-"""Age, in seconds, above which a temporary file was left by a killed program. No write takes a day."""
+_MAX_WRITE_S = 86_400.0
+"""Maximum duration of a write, seconds: a day. An older temporary file was left by a killed program."""
 _BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),
@@ -72,21 +76,25 @@ _FOLDER_PREFIX = "enliven-capture-"
 """Prefix of the names of temporary folders, also in older versions."""
 _LOCK_NAME = ".in-use"
 """The file in a temporary folder that its process keeps locked."""
-_ABANDONED_S = 86_400.0
+_MIN_ABANDONED_AGE_S = 86_400.0
 """Age, in seconds, above which a temporary folder without a locked file counts as abandoned: a day."""
-_ROOM = "Check the folder's permissions and the space on the disk."
-_FAILING = "Its card or disk may be failing: check it, and copy what can still be read to another one."
-_GONE = "Its network drive or device does not answer: connect it again, or copy the file to this machine."
-_FULL = "Make room on the disk, or choose a folder on another one."
+_WRITE_ADVICE = "Check the folder's permissions and the space on the disk."
+_FAILING_DISK_ADVICE = (
+    "Its card or disk may be failing: check it, and copy what can still be read to another one."
+)
+_DISCONNECTED_ADVICE = (
+    "Its network drive or device does not answer: connect it again, or copy the file to this machine."
+)
+_FULL_DISK_ADVICE = "Make room on the disk, or choose a folder on another one."
 _DEVICE_FAULTS = {
     number: mend
     for mend, names in (
-        (_FAILING, ("EIO", "EUCLEAN", "EBADMSG", "EILSEQ", "EMEDIUMTYPE", "ENOMEDIUM")),
+        (_FAILING_DISK_ADVICE, ("EIO", "EUCLEAN", "EBADMSG", "EILSEQ", "EMEDIUMTYPE", "ENOMEDIUM")),
         (
-            _GONE,
+            _DISCONNECTED_ADVICE,
             ("ESTALE", "ENODEV", "ENXIO", "EREMOTEIO", "ETIMEDOUT", "EHOSTDOWN", "ENOTCONN", "ESHUTDOWN"),
         ),
-        (_FULL, ("ENOSPC", "EDQUOT", "EFBIG")),
+        (_FULL_DISK_ADVICE, ("ENOSPC", "EDQUOT", "EFBIG")),
         ("The disk can only be read: choose a folder on another one.", ("EROFS",)),
         ("Close other programs, or raise the limit of open files (ulimit -n).", ("EMFILE", "ENFILE")),
     )
@@ -94,11 +102,11 @@ _DEVICE_FAULTS = {
     if (number := getattr(errno, name, None)) is not None
 }
 """The remedy for an error number that means a fault of a device or of this machine, not of a file."""
-_DENIED = {errno.EACCES, errno.EPERM}
+_PERMISSION_ERRORS = {errno.EACCES, errno.EPERM}
 """Error numbers of a file without permission for this user."""
-NO_NAME = "no file can have that name"
+INVALID_NAME_REASON = "no file can have that name"
 """The reason for a path that the system refuses without giving one."""
-_TOGETHER = "Keep the files of the model in one folder."
+_SAME_FOLDER_ADVICE = "Keep the files of the model in one folder."
 
 
 def file_fault(
@@ -117,8 +125,8 @@ def file_fault(
     if mend is not None:
         return ResourceError(problem, where=str(path), mend=mend)
     if doing == "written":
-        return ResourceError(problem, where=str(path), mend=_ROOM)
-    mend = "Check its permissions." if error.errno in _DENIED else "Name a file that can be read."
+        return ResourceError(problem, where=str(path), mend=_WRITE_ADVICE)
+    mend = "Check its permissions." if error.errno in _PERMISSION_ERRORS else "Name a file that can be read."
     return InputError(problem, where=str(path), mend=mend)
 
 
@@ -126,7 +134,7 @@ def is_file_fault(error: OSError) -> bool:
     """Returns True if an error of the operating system is about a file, a folder or their device."""
     number = error.errno or 0
     is_device = number in _DEVICE_FAULTS and not isinstance(error, ConnectionError | TimeoutError)
-    return is_device or error.filename is not None or number in _DENIED
+    return is_device or error.filename is not None or number in _PERMISSION_ERRORS
 
 
 class _ReportedFile(io.FileIO):
@@ -180,11 +188,11 @@ def remove_dead_folders() -> list[str]:
     if sys.platform == "win32":
         return []
     removed = []
-    with contextlib.suppress(OSError), _opened_folder(tempfile.gettempdir()) as temporary:
+    with contextlib.suppress(OSError), _open_folder(tempfile.gettempdir()) as temporary:
         for name in os.listdir(temporary):
             if not name.startswith(_FOLDER_PREFIX):
                 continue
-            with contextlib.suppress(OSError), _opened_folder(name, temporary) as folder:
+            with contextlib.suppress(OSError), _open_folder(name, temporary) as folder:
                 if os.fstat(folder).st_uid == os.geteuid() and _is_dead(folder):
                     shutil.rmtree(name, dir_fd=temporary)
                     removed.append(name)
@@ -192,7 +200,7 @@ def remove_dead_folders() -> list[str]:
 
 
 @contextlib.contextmanager
-def _opened_folder(name: str, within: int | None = None) -> Iterator[int]:
+def _open_folder(name: str, within: int | None = None) -> Iterator[int]:
     """Opens a folder, but not a link to one, for functions with ``dir_fd``."""
     links = 0 if within is None else os.O_NOFOLLOW
     descriptor = os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC | links, dir_fd=within)
@@ -207,7 +215,7 @@ def _is_dead(folder: int) -> bool:
     try:
         lock = os.open(_LOCK_NAME, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
     except FileNotFoundError:
-        return time.time() - os.fstat(folder).st_mtime > _ABANDONED_S
+        return time.time() - os.fstat(folder).st_mtime > _MIN_ABANDONED_AGE_S
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
@@ -217,10 +225,10 @@ def _is_dead(folder: int) -> bool:
     return True
 
 
-def own_folder() -> Path:
+def user_data_folder() -> Path:
     """Returns the user's own folder for data that programs keep between runs."""
-    given = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
-    return (Path(given) if given else Path.home() / ".local" / "state") / "enliven"
+    configured = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
+    return (Path(configured) if configured else Path.home() / ".local" / "state") / "enliven"
 
 
 def open_file(path: Path) -> BinaryIO:
@@ -233,14 +241,14 @@ def open_file(path: Path) -> BinaryIO:
         ResourceError: if its device fails.
     """
     try:
-        descriptor = os.open(path, _FLAGS)
+        descriptor = os.open(path, _READ_FLAGS)
     except FileNotFoundError:
         raise InputError("there is no such file", where=str(path), mend="Check the path.") from None
     except OSError as error:
         raise file_fault(error, path) from None
     except ValueError:
         mend = "Name a file that can be read."
-        raise InputError(f"it cannot be read ({NO_NAME})", where=str(path), mend=mend) from None
+        raise InputError(f"it cannot be read ({INVALID_NAME_REASON})", where=str(path), mend=mend) from None
     kind = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(kind):
         os.close(descriptor)
@@ -251,7 +259,7 @@ def open_file(path: Path) -> BinaryIO:
     return io.BufferedReader(_ReportedFile(str(path), "rb", opener=lambda *_: descriptor))
 
 
-def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
+def read_file(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
     """Reads the bytes of a regular file of at most ``most`` bytes.
 
     Raises:
@@ -301,16 +309,16 @@ def text_bytes(data: bytes) -> bytes:
 
 def _decode_code_page(data: bytes) -> str:
     """Decodes bytes in the locale's 8-bit code page, or in Latin-1 if that lacks some of the bytes."""
-    own = codecs.lookup(locale.getpreferredencoding(False)).name
-    is_single_byte = own.startswith(("cp125", "iso8859", "koi8", "mac"))
+    code_page = codecs.lookup(locale.getpreferredencoding(False)).name
+    is_single_byte = code_page.startswith(("cp125", "iso8859", "koi8", "mac"))
     try:
-        return data.decode(own if is_single_byte else _USUAL_CODE_PAGE)
+        return data.decode(code_page if is_single_byte else _USUAL_CODE_PAGE)
     except UnicodeDecodeError:
         return data.decode("latin-1")
 
 
-def need_folder(*paths: Path | None) -> None:
-    """Refuses output files in a missing folder, before any work. None means no file.
+def require_folder(*paths: Path | None) -> None:
+    """Raises an error if the folder of an output file is missing, before any work begins. None means no file.
 
     Raises:
         ResourceError: names the missing folder and the most similar existing name.
@@ -325,9 +333,9 @@ def need_folder(*paths: Path | None) -> None:
             siblings: list[str] = []
             with contextlib.suppress(OSError):
                 siblings = [sibling.name for sibling in folder.parent.iterdir()]
-            near = difflib.get_close_matches(folder.name, siblings, n=1)
-            guess = f"Did you mean {folder.with_name(near[0])}? " if near else ""
-            problem, mend = f"there is no folder {str(folder)!r}", f"{guess}Make it, or check its name."
+            similar = difflib.get_close_matches(folder.name, siblings, n=1)
+            suggestion = f"Did you mean {folder.with_name(similar[0])}? " if similar else ""
+            problem, mend = f"there is no folder {str(folder)!r}", f"{suggestion}Make it, or check its name."
             raise ResourceError(problem, where=str(path), mend=mend)
 
 
@@ -343,12 +351,12 @@ def write_file(path: Path, data: bytes | str, mend: str = "") -> None:
         ResourceError: if it cannot be written. The existing file is then untouched.
     """
     content = data.encode() if isinstance(data, str) else data
-    with _explained(path, mend):
+    with _explain_errors(path, mend):
         if _is_stream(path):
             path.write_bytes(content)
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-    with replace_file(path, mend) as part, _explained(path, mend), part.open("r+b") as file:
+    with replace_file(path, mend) as part, _explain_errors(path, mend), part.open("r+b") as file:
         file.write(content)
 
 
@@ -390,15 +398,15 @@ def replace_file(path: Path, mend: str = "") -> Iterator[Path]:
     """
     part = None
     try:
-        with _explained(path, mend):
+        with _explain_errors(path, mend):
             target = Path(os.path.realpath(path)) if path.is_symlink() else path
             before = _stat_regular(target)
             _remove_leftovers(target)
-            need_folder(target)
-            part = _new_part(target, 0o666 if before is None else 0o600)
+            require_folder(target)
+            part = _create_part(target, 0o666 if before is None else 0o600)
         yield part
-        with _explained(path, mend):
-            _put(part, target, before)
+        with _explain_errors(path, mend):
+            _replace_target(part, target, before)
     except BaseException:
         if part is not None:
             with contextlib.suppress(OSError):
@@ -407,7 +415,7 @@ def replace_file(path: Path, mend: str = "") -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def _explained(path: Path, mend: str) -> Iterator[None]:
+def _explain_errors(path: Path, mend: str) -> Iterator[None]:
     """Converts errors of the operating system to one that names the file and the remedy."""
     try:
         yield
@@ -426,7 +434,7 @@ def _is_stream(path: Path) -> bool:
 
 
 def _stat_regular(path: Path) -> os.stat_result | None:
-    """Returns the state of the file that will be replaced. None if there is none.
+    """Returns the state (``os.stat``) of the file that will be replaced. None if it does not exist.
 
     Raises:
         OSError: if the path is a folder, a pipe or a device.
@@ -441,12 +449,12 @@ def _stat_regular(path: Path) -> os.stat_result | None:
     return state
 
 
-def _new_part(target: Path, mode: int) -> Path:
+def _create_part(target: Path, mode: int) -> Path:
     """Creates an empty file next to another. Its random name cannot be predicted by other users."""
     while True:
-        part = target.with_name(f".{target.name[:_PART_LETTERS]}.{secrets.token_hex(8)}{PART}")
+        part = target.with_name(f".{target.name[:_MAX_PART_NAME_LENGTH]}.{secrets.token_hex(8)}{PART_SUFFIX}")
         try:
-            os.close(os.open(part, _NEW, mode))
+            os.close(os.open(part, _CREATE_FLAGS, mode))
         except FileExistsError:
             continue
         return part
@@ -454,22 +462,22 @@ def _new_part(target: Path, mode: int) -> Path:
 
 def _remove_leftovers(target: Path) -> None:
     """Removes temporary files next to a file that killed programs left more than a day ago."""
-    oldest = time.time() - _LEFT_OVER_S
-    for part in target.parent.glob(f".{glob.escape(target.name[:_PART_LETTERS])}.*{PART}"):
+    oldest = time.time() - _MAX_WRITE_S
+    for part in target.parent.glob(f".{glob.escape(target.name[:_MAX_PART_NAME_LENGTH])}.*{PART_SUFFIX}"):
         with contextlib.suppress(OSError):
             if part.lstat().st_mtime < oldest:
                 part.unlink()
 
 
-def _put(part: Path, target: Path, before: os.stat_result | None) -> None:
+def _replace_target(part: Path, target: Path, before: os.stat_result | None) -> None:
     """Replaces a file by a finished one, and preserves its attributes."""
     with part.open("r+b") as file:
-        kept = before is None or _copy_attributes(file.fileno(), target, before)
+        has_attributes = before is None or _copy_attributes(file.fileno(), target, before)
         os.fsync(file.fileno())
-    if kept:
+    if has_attributes:
         os.replace(part, target)
     else:  # Replacing the file would give it another owner, so its content is overwritten instead.
-        _write_over(part, target)
+        _overwrite_target(part, target)
 
 
 def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> bool:
@@ -481,8 +489,8 @@ def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> b
     if sys.platform == "win32":
         # On Windows, a new file inherits the permissions of its folder, so there is nothing to copy.
         return True
-    now = os.fstat(descriptor)
-    if (now.st_uid, now.st_gid) != (before.st_uid, before.st_gid):
+    current = os.fstat(descriptor)
+    if (current.st_uid, current.st_gid) != (before.st_uid, before.st_gid):
         try:
             os.fchown(descriptor, before.st_uid, before.st_gid)
         except OSError:
@@ -497,9 +505,9 @@ def _copy_attributes(descriptor: int, target: Path, before: os.stat_result) -> b
     return True
 
 
-def _write_over(part: Path, target: Path) -> None:
+def _overwrite_target(part: Path, target: Path) -> None:
     """Copies a finished file into one of a different owner, after reserving the space."""
-    with part.open("rb") as new, os.fdopen(os.open(target, _OVER), "r+b") as old:
+    with part.open("rb") as new, os.fdopen(os.open(target, _OVERWRITE_FLAGS), "r+b") as old:
         size = os.fstat(new.fileno()).st_size
         if size and hasattr(os, "posix_fallocate"):
             os.posix_fallocate(old.fileno(), 0, size)
@@ -518,7 +526,7 @@ class ReferencedFiles:
         most: maximum bytes of all reads together. A file named a thousand times counts a thousand times.
     """
 
-    def __init__(self, path: Path, most: int = MOST_BYTES) -> None:
+    def __init__(self, path: Path, most: int = MAX_FILE_BYTES) -> None:
         self._path, self._left = path, most
 
     def uri(self, uri: str) -> bytes:
@@ -546,17 +554,19 @@ class ReferencedFiles:
             folder = self._path.parent.resolve()
             target = (folder / name).resolve()
             if not target.is_relative_to(folder):
-                raise self._wrong(name, "lies outside of its folder", _TOGETHER)
+                raise self._wrong(name, "lies outside of its folder", _SAME_FOLDER_ADVICE)
             data = read_file(target, self._left)
         except InputError as error:
             if error.where == str(self._path):
                 raise
-            raise self._wrong(name, f"cannot be read ({error.what})", _TOGETHER) from None
+            raise self._wrong(name, f"cannot be read ({error.what})", _SAME_FOLDER_ADVICE) from None
         except (OSError, ValueError, RuntimeError) as error:
             # The path is a loop of symbolic links, or the name is invalid.
-            raise self._wrong(name, f"cannot be read ({plain_reason(error, NO_NAME)})", _TOGETHER) from None
+            raise self._wrong(
+                name, f"cannot be read ({plain_reason(error, INVALID_NAME_REASON)})", _SAME_FOLDER_ADVICE
+            ) from None
         self._left -= len(data)
         return data
 
-    def _wrong(self, name: str, what: str, mend: str) -> InputError:
-        return InputError(f"its part {name[:80]!r} {what}", where=str(self._path), mend=mend)
+    def _wrong(self, name: str, problem: str, mend: str) -> InputError:
+        return InputError(f"its part {name[:80]!r} {problem}", where=str(self._path), mend=mend)

@@ -10,7 +10,7 @@ class Severity(IntEnum):
     """The severity of a health state."""
 
     NOTE = 0
-    """No problem yet: it passes by itself, or is good to know."""
+    """Not a problem: it passes by itself, or is only information."""
     WARNING = 1
     """Tracking is impaired."""
     ERROR = 2
@@ -76,8 +76,8 @@ class HealthState:
         return f"{self.what} {self.mend}"
 
 
-def worst_first(states: list[HealthState]) -> list[HealthState]:
-    """Returns the states sorted by severity, the gravest first.
+def sort_by_severity(states: list[HealthState]) -> list[HealthState]:
+    """Returns the states sorted by severity, the most severe first.
 
     Among equal ones the longest lasting comes first.
     """

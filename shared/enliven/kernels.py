@@ -1,4 +1,4 @@
-"""Shared tools for compiled kernels: the compiler decorator, held arguments, and copies by loops."""
+"""Shared tools for compiled kernels: the compiler decorator, pointers to arguments, and copy loops."""
 
 from __future__ import annotations
 

@@ -18,29 +18,29 @@ OWN_LOGGERS = ("enliven", "enliven_edge", "enliven_viewer", "py.warnings")
 
 _KEPT_CATEGORIES = frozenset({"Zs"})
 """Unicode categories of spaces, which are invisible and move no other character."""
-_KEPT = frozenset("\u200c\u200d")
+_KEPT_JOINERS = frozenset("\u200c\u200d")
 """Joiners that Persian, Hindi and emoji need. They neither end a line nor change its direction."""
-_PLAIN = re.compile(r"[\x20-\x7e]*")
+_ASCII_PATTERN = re.compile(r"[\x20-\x7e]*")
 
 
-def escaped(text: str) -> str:
+def escape_text(text: str) -> str:
     r"""Returns text with every non-printable character written as ``\x1b`` or ``\u202e``.
 
     These are control characters, line ends, terminal escapes, marks that change the direction of writing, and
     surrogates. Escaping text again changes nothing.
     """
-    if _PLAIN.fullmatch(text):
+    if _ASCII_PATTERN.fullmatch(text):
         return text
-    return "".join(letter if _is_shown(letter) else _written(letter) for letter in text)
+    return "".join(letter if _is_printable(letter) else _escape_character(letter) for letter in text)
 
 
-def _is_shown(letter: str) -> bool:
+def _is_printable(letter: str) -> bool:
     """Returns True if a character is printable on one line."""
     category = unicodedata.category(letter)
-    return category[0] not in "CZ" or category in _KEPT_CATEGORIES or letter in _KEPT
+    return category[0] not in "CZ" or category in _KEPT_CATEGORIES or letter in _KEPT_JOINERS
 
 
-def _written(letter: str) -> str:
+def _escape_character(letter: str) -> str:
     """Returns a character as Python writes it in a text literal."""
     return ascii(letter)[1:-1]
 
@@ -51,7 +51,7 @@ class EscapedRecord(logging.LogRecord):
 
     def getMessage(self) -> str:
         """Returns the message with every non-printable character escaped."""
-        return escaped(super().getMessage())
+        return escape_text(super().getMessage())
 
 
 def escape_records() -> None:
@@ -72,11 +72,11 @@ def escape_records() -> None:
     logging.setLogRecordFactory(make_escaped)
 
 
-class JsonLines(logging.Formatter):
+class JsonLinesFormatter(logging.Formatter):
     """Formats a record as {"time", "level", "logger", "message"} and extra fields, one object per line,
     times in UTC."""
 
-    _PLAIN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime"}
+    _STANDARD_FIELDS = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime"}
 
     def format(self, record: logging.LogRecord) -> str:
         """Returns a record as one line of JSON."""
@@ -88,14 +88,16 @@ class JsonLines(logging.Formatter):
             "message": record.getMessage(),
         }
         line |= {
-            k: v for k, v in vars(record).items() if k not in self._PLAIN and k not in ("message", "asctime")
+            k: v
+            for k, v in vars(record).items()
+            if k not in self._STANDARD_FIELDS and k not in ("message", "asctime")
         }
         if record.exc_info:
             line["exception"] = self.formatException(record.exc_info)
         return json.dumps(line, default=str).replace("\x7f", "\\u007f")
 
 
-class Sentences(logging.Formatter):
+class SentenceFormatter(logging.Formatter):
     """Formats a record as its logger and its message. A Python warning becomes one sentence."""
 
     def format(self, record: logging.LogRecord) -> str:
@@ -104,7 +106,7 @@ class Sentences(logging.Formatter):
         return f"{name}: {record.getMessage().strip()}"
 
 
-class _Lossy(io.FileIO):
+class _LossyStream(io.FileIO):
     """A standard error that never fails: text that a closed pipe or a full disk refuses is dropped."""
 
     def write(self, data: Any) -> int:
@@ -117,7 +119,7 @@ class _Lossy(io.FileIO):
 def ignore_broken_stderr() -> None:
     """Prevents a failure of standard error from ending the process or changing its exit code."""
     try:
-        stream = io.BufferedWriter(_Lossy(sys.stderr.fileno(), "w", closefd=False))
+        stream = io.BufferedWriter(_LossyStream(sys.stderr.fileno(), "w", closefd=False))
         sys.stderr = io.TextIOWrapper(
             stream, sys.stderr.encoding, errors="backslashreplace", line_buffering=True
         )
@@ -129,7 +131,7 @@ def start_logging(*, as_json: bool = False, level: int = logging.INFO) -> None:
     """Sends the log of every logger under "enliven" to standard error, escaped."""
     escape_records()
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(JsonLines() if as_json else Sentences())
+    handler.setFormatter(JsonLinesFormatter() if as_json else SentenceFormatter())
     for name in OWN_LOGGERS:
         logger = logging.getLogger(name)
         logger.handlers[:] = [handler]

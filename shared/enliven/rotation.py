@@ -17,7 +17,7 @@ _MIN_STRETCH = 1e-4
 """Minimum stretch of a map. Smaller values are invisible, and the logarithm of zero does not exist."""
 _ROWS, _COLUMNS = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 """(6,) rows and columns of the numbers xx, yy, zz, xy, xz, yz in a symmetric matrix."""
-_PLACES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+_SYMMETRIC_INDICES = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 """(3, 3) index of these numbers for each matrix entry."""
 
 
@@ -130,7 +130,7 @@ def slerp(a: AnyArray, b: AnyArray, t: AnyArray) -> Float:
     return multiply(a, from_rotation_vector(step * np.asarray(t, np.float64)[..., None]))
 
 
-def continuous(turns: AnyArray) -> Float:
+def remove_sign_jumps(turns: AnyArray) -> Float:
     """Returns (T, N, 4) the same rotations without sign jumps over time, with w >= 0 in the first frame."""
     flips = np.sign(np.einsum("tnc,tnc->tn", turns[1:], turns[:-1]))
     flips[flips == 0] = 1.0
@@ -142,8 +142,8 @@ def continuous(turns: AnyArray) -> Float:
 def swing(a: AnyArray, b: AnyArray) -> Float:
     """Returns (..., 4) the rotation by the shortest arc from the unit vector ``a`` to ``b``, both (..., 3).
 
-    For opposite vectors it is a half turn about an axis perpendicular to ``a``. Any such axis is equally
-    short; the chosen one depends only on ``a``.
+    For opposite vectors it is a half turn about an axis perpendicular to ``a``. The rotation is equally short
+    about every such axis; the chosen axis depends only on ``a``.
     """
     a, b = np.broadcast_arrays(np.asarray(a, np.float64), np.asarray(b, np.float64))
     # |a + b| is twice the cosine of half the angle, and |a - b| is twice its sine. Both are exact near 0 and
@@ -273,7 +273,7 @@ def _jacobi_turn(k, v, p, q):
         v[r, q] = s * first + c * second
 
 
-def strain_of(linear: AnyArray, turns: AnyArray) -> Float:
+def hencky_strain(linear: AnyArray, turns: AnyArray) -> Float:
     """Returns (..., 6) the Hencky strain log U of maps (..., 3, 3) with rotations ``turns``: linear = R U.
 
     The result is a symmetric matrix as (xx, yy, zz, xy, xz, yz). Stretches below :data:`_MIN_STRETCH` are
@@ -282,26 +282,26 @@ def strain_of(linear: AnyArray, turns: AnyArray) -> Float:
     stretch = np.swapaxes(to_matrix(turns), -1, -2) @ np.asarray(linear, np.float64)
     sizes, axes = np.linalg.eigh((stretch + np.swapaxes(stretch, -1, -2)) / 2.0)
     logs = np.log(np.maximum(np.abs(sizes), _MIN_STRETCH))
-    return np.asarray(_as_matrix(logs, axes)[..., _ROWS, _COLUMNS])
+    return np.asarray(_matrix_from_eigen(logs, axes)[..., _ROWS, _COLUMNS])
 
 
-def stretch_of(strain: AnyArray) -> Float:
+def stretch_from_strain(strain: AnyArray) -> Float:
     """Returns (..., 3, 3) the symmetric stretch U = exp(strain) of Hencky strains (..., 6)."""
-    sizes, axes = np.linalg.eigh(symmetric(strain))
-    return _as_matrix(np.exp(sizes), axes)
+    sizes, axes = np.linalg.eigh(symmetric_matrix(strain))
+    return _matrix_from_eigen(np.exp(sizes), axes)
 
 
-def symmetric(six: AnyArray) -> Float:
+def symmetric_matrix(six: AnyArray) -> Float:
     """Returns (..., 3, 3) the symmetric matrices of (..., 6) numbers xx, yy, zz, xy, xz, yz."""
-    return np.asarray(six, np.float64)[..., _PLACES]
+    return np.asarray(six, np.float64)[..., _SYMMETRIC_INDICES]
 
 
-def turned_strain(q: AnyArray, strain: AnyArray) -> Float:
+def rotate_strain(q: AnyArray, strain: AnyArray) -> Float:
     """Returns (..., 6) a strain (..., 6) in axes rotated by ``q`` (..., 4): R strain Rᵀ."""
     turned = to_matrix(q)
-    whole = turned @ symmetric(strain) @ np.swapaxes(turned, -1, -2)
+    whole = turned @ symmetric_matrix(strain) @ np.swapaxes(turned, -1, -2)
     return np.asarray(whole[..., _ROWS, _COLUMNS])
 
 
-def _as_matrix(sizes: Float, axes: Float) -> Float:
+def _matrix_from_eigen(sizes: Float, axes: Float) -> Float:
     return np.asarray((axes * sizes[..., None, :]) @ np.swapaxes(axes, -1, -2))

@@ -25,15 +25,15 @@ TOML_VERSION = 1
 only a changed meaning of an existing key needs a new version."""
 _VERSION = "version"
 """Key that holds the version of a TOML file."""
-MOST_TOML = 1 << 22
+MAX_TOML_BYTES = 1 << 22
 """Maximum bytes of a TOML file: a session of 1,000 key poses with 20 points each has 1.5 million."""
-MOST_LINE = 1 << 14
+MAX_LINE_BYTES = 1 << 14
 """Maximum bytes of a line: the time to read a key of many dots grows with the square of their number."""
-MOST_NESTED = 32
+MAX_NESTING = 32
 """Maximum nesting depth of tables and arrays: files written by enliven have at most six."""
-_LATER_KEY = "If a later version of enliven wrote it, update enliven."
+_UNKNOWN_KEY_ADVICE = "If a later version of enliven wrote it, update enliven."
 """Appended to the error about an unknown key."""
-_DEEP = f"tables or arrays are nested deeper than {MOST_NESTED}"
+_TOO_DEEP_REASON = f"tables or arrays are nested deeper than {MAX_NESTING}"
 
 
 def setting(
@@ -77,21 +77,21 @@ def read_toml(path: Path, newest: int = TOML_VERSION) -> dict[str, Any]:
 
     Raises:
         InputError: if the file cannot be read, is not TOML, has a later version, is longer than
-            :data:`MOST_TOML` bytes, or is nested deeper than :data:`MOST_NESTED`.
+            :data:`MAX_TOML_BYTES` bytes, or is nested deeper than :data:`MAX_NESTING`.
     """
-    data = read_file(path, MOST_TOML)
+    data = read_file(path, MAX_TOML_BYTES)
     longest = max(map(len, data.splitlines()), default=0)
     try:
-        if longest > MOST_LINE:
-            raise ValueError(f"a line has {longest} bytes, and no more than {MOST_LINE} are read")
+        if longest > MAX_LINE_BYTES:
+            raise ValueError(f"a line has {longest} bytes, and no more than {MAX_LINE_BYTES} are read")
         tables = tomllib.loads(data.decode("utf-8"))
         level: list[Any] = [tables]
-        for _ in range(MOST_NESTED):
-            level = [inner for container in level for inner in _inside(container)]
+        for _ in range(MAX_NESTING):
+            level = [inner for container in level for inner in _nested_containers(container)]
         if level:
-            raise ValueError(_DEEP)
+            raise ValueError(_TOO_DEEP_REASON)
     except RecursionError:
-        raise InputError(f"it is not readable TOML ({_DEEP})", where=str(path)) from None
+        raise InputError(f"it is not readable TOML ({_TOO_DEEP_REASON})", where=str(path)) from None
     except ValueError as error:
         raise InputError(f"it is not readable TOML ({error})", where=str(path)) from None
     version = tables.pop(_VERSION, 1)
@@ -118,7 +118,7 @@ def refuse_later_toml(path: Path) -> None:
         return
 
 
-def _inside(value: Any) -> list[Any]:
+def _nested_containers(value: Any) -> list[Any]:
     """Returns the tables and arrays directly inside a table or an array."""
     inner = value.values() if isinstance(value, dict) else value
     return [item for item in inner if isinstance(item, (dict, list))]
@@ -131,12 +131,16 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
     for key in values:
         if key not in fields:
             near = difflib.get_close_matches(key, fields, n=1)
-            mend = f"Did you mean {prefix}{near[0]}?" if near else f"Known: {', '.join(fields)}. {_LATER_KEY}"
+            mend = (
+                f"Did you mean {prefix}{near[0]}?"
+                if near
+                else f"Known: {', '.join(fields)}. {_UNKNOWN_KEY_ADVICE}"
+            )
             raise InputError(f"unknown key {prefix}{key}", where=where, mend=mend)
     arguments: dict[str, Any] = {}
     for name, field in fields.items():
         if name in values:
-            arguments[name] = _value(hints[name], values[name], where, prefix + name, field)
+            arguments[name] = _check_value(hints[name], values[name], where, prefix + name, field)
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise InputError(
                 f"the key {prefix}{name} is missing", where=where, mend=field.metadata.get("doc", "")
@@ -144,7 +148,7 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
     return kind(**arguments)
 
 
-def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Field[Any]) -> Any:
+def _check_value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Field[Any]) -> Any:
     """Returns one value, checked against its type hint and range."""
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         if not isinstance(value, Mapping):
@@ -155,9 +159,11 @@ def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Fiel
         if not isinstance(value, Mapping):
             raise InputError(f"{path} must hold tables", where=where)
         group: Any = tables[0]
-        return {key: _named(group, table, where, f"{path}.{key}") for key, table in value.items()}
-    converted = _converted(hint, value)
-    if converted is _WRONG:
+        return {
+            key: _build_named_groups(group, table, where, f"{path}.{key}") for key, table in value.items()
+        }
+    converted = _convert_value(hint, value)
+    if converted is _INVALID:
         expected = getattr(hint, "__name__", str(hint))
         if typing.get_origin(hint) is typing.Literal:
             expected = " or ".join(repr(word) for word in typing.get_args(hint))
@@ -171,25 +177,25 @@ def _value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Fiel
     return converted
 
 
-def _named(kind: Any, table: Any, where: str, path: str) -> Any:
+def _build_named_groups(kind: Any, table: Any, where: str, path: str) -> Any:
     """Builds one of several settings groups with freely chosen names."""
     if not isinstance(table, Mapping):
         raise InputError(f"{path} must be a table", where=where)
     return _build(kind, table, where, path + ".")
 
 
-_WRONG = object()
+_INVALID = object()
 
 
-def _converted(hint: Any, value: Any) -> Any:
+def _convert_value(hint: Any, value: Any) -> Any:
     """Converts ``value`` to ``hint`` (bool, int, float, str, Literal, tuple, dict, X | None), or _WRONG."""
     import msgspec
 
     try:
         converted = msgspec.convert(value, hint)
     except msgspec.ValidationError:
-        return _WRONG
-    return converted if _is_finite(converted) else _WRONG
+        return _INVALID
+    return converted if _is_finite(converted) else _INVALID
 
 
 def _is_finite(value: Any) -> bool:

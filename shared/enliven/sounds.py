@@ -11,7 +11,7 @@ from enliven.arrays import Int16
 from enliven.errors import InputError
 
 SOUND_RATE = 32_000
-"""Samples per second: half of this suffices to recognise the sound, and it halves a project's size."""
+"""Samples per second. A lower rate than that of music keeps projects small, and the sound is still clear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,23 +43,23 @@ _MAX_INT16 = 32767
 """The largest sample of 16 bits."""
 
 
-def mixed(sounds: Iterable[Sound], first: int, count: int) -> Int16:
-    """Returns (count,) the mix of all sounds from a sample ``first`` of the project's time on."""
-    heard = np.zeros(count, np.int32)
+def mix_sounds(sounds: Iterable[Sound], first: int, count: int) -> Int16:
+    """Returns (count,) the mix of all sounds, beginning at the sample ``first`` of the project's time."""
+    total = np.zeros(count, np.int32)
     for sound in sounds:
         begin = round(sound.begin * SOUND_RATE)
         low, high = max(first, begin), min(first + count, begin + len(sound.samples))
         if low < high:
-            heard[low - first : high - first] += sound.samples[low - begin : high - begin]
-    return np.clip(heard, -_MAX_INT16 - 1, _MAX_INT16).astype(np.int16)
+            total[low - first : high - first] += sound.samples[low - begin : high - begin]
+    return np.clip(total, -_MAX_INT16 - 1, _MAX_INT16).astype(np.int16)
 
 
-def heard_from(sounds: Iterable[Sound], second: float) -> Int16:
-    """Returns (N,) the mix of all sounds from a time in seconds of the project to the end of the last
+def mix_from(sounds: Iterable[Sound], second: float) -> Int16:
+    """Returns (N,) the mix of all sounds from ``second``, in seconds of the project, to the end of the last
     sound."""
     all_sounds = tuple(sounds)
     first, last = (
         round(second * SOUND_RATE),
         round(max((sound.end for sound in all_sounds), default=0.0) * SOUND_RATE),
     )
-    return mixed(all_sounds, first, max(last - first, 0))
+    return mix_sounds(all_sounds, first, max(last - first, 0))

@@ -20,10 +20,10 @@ from enliven.deformation.graph import DeformationGraph
 from enliven.meshes import Mesh
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, standing_figure
-from enliven.possession.attachment import Growth, attach
+from enliven.possession.attachment import ReachGrowth, attach
 from enliven.possession.likeness import find_body_in_mesh
-from enliven.possession.likeness.any_mesh import body_by_extremities
-from enliven.possession.preparation import as_moved, prepared
+from enliven.possession.likeness.any_mesh import body_from_extremities
+from enliven.possession.preparation import apply_vertex_motion, prepare_mesh
 
 PEER = "extremities by height alone"
 
@@ -48,7 +48,7 @@ def figures() -> Iterator[Figure]:
         like = find_body_in_mesh(body.mesh, graph)
         times.append(1e3 * (time.process_time() - start))
         limb_count += sum(limbs_found(like.joints, body).values())
-        before += sum(limbs_found(body_by_extremities(graph).joints, body).values())
+        before += sum(limbs_found(body_from_extremities(graph).joints, body).values())
         certain += not like.doubts
         fitted, joints = _in_fitted(body)
         off.append(100.0 * float(np.linalg.norm((joints - standing_figure())[_TRUNK].mean(0)[[0, 2]])))
@@ -80,15 +80,17 @@ def _turning_figures() -> Iterator[Figure]:
 def _in_fitted(known: KnownBody) -> tuple[Mesh, Float]:
     """Returns the mesh placed so that a standing performer fits into it, and its own (20, 3) joints there,
     metres."""
-    fitted, _ = prepared(known.mesh, ActorSettings())
-    return fitted, as_moved(known.joints, known.mesh.vertices, fitted.vertices[: len(known.mesh.vertices)])
+    fitted, _ = prepare_mesh(known.mesh, ActorSettings())
+    return fitted, apply_vertex_motion(
+        known.joints, known.mesh.vertices, fitted.vertices[: len(known.mesh.vertices)]
+    )
 
 
 def _held_far(mesh: Mesh, joints: Float) -> float:
     """Returns the fraction of attached points that are on another limb, for a performer in the mesh's own
     pose."""
     graph, settings = DeformationGraph.build(mesh, nodes=128), ActorSettings()
-    grow = Growth(settings.enough, settings.farthest_reach)
+    grow = ReachGrowth(settings.enough, settings.farthest_reach)
     held = attach(graph, joints, np.ones(20), settings=settings.attachment, grow=grow)
     apart = np.stack([metres_from_bone(graph.positions, joints, joint) for joint in range(1, 20)], 1)
     limbs = np.stack([apart[:, _LIMB_OF[1:] == limb].min(1) for limb in range(5)], 1)

@@ -30,12 +30,12 @@ from enliven.scanning import (
     ScanSettings,
     TsdfVolume,
     VolumeSettings,
-    decimated,
+    decimate,
     draw_mesh,
 )
-from enliven.scanning.objects import MovedScanner, sampled
-from enliven.scanning.objects.registration import laid
-from enliven.scanning.objects.surface_points import nearest_grid
+from enliven.scanning.objects import MovedScanner, sample_surface
+from enliven.scanning.objects.registration import align_from_starts
+from enliven.scanning.objects.surface_points import make_nearest_grid
 from enliven_edge.importing.placed_images import PosedDepthReader
 from enliven_edge.stage import create_mesh_actor
 from enliven_synthesis.sensor import (
@@ -44,7 +44,7 @@ from enliven_synthesis.sensor import (
     HandheldScan,
     MovedObjectPath,
     MovedObjectScan,
-    laid_on_its_back,
+    lie_on_back_pose,
     load_profile,
 )
 
@@ -163,7 +163,7 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
     meshed = time.perf_counter()
     thing = scanner.thing()
     yield Figure("scanning.mesh_s", time.perf_counter() - meshed, "s")
-    reduced = decimated(thing, 50_000)
+    reduced = decimate(thing, 50_000)
     with tempfile.TemporaryDirectory() as folder:
         save_mesh(reduced.mesh, Path(folder) / "chair.glb")
         create_mesh_actor(load_mesh(Path(folder) / "chair.glb").mesh, "chair").warm_up()
@@ -189,7 +189,7 @@ def _chair(scan: HandheldScan, frames: list[DepthFrame], truth: list[np.ndarray]
 def _laid_down(chair: Mesh) -> Iterator[Figure]:
     """Measures a scan in which the chair is laid on its back half-way: the completeness of the mesh, and its
     error."""
-    poses = [np.eye(4), laid_on_its_back(chair, (0.0, 0.15))]
+    poses = [np.eye(4), lie_on_back_pose(chair, (0.0, 0.15))]
     way = MovedObjectPath(poses, [LAID], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
     scan, scanner = MovedObjectScan(chair, way, load_profile("kinect1"), LAID_PATH), MovedScanner()
     again, off = None, list[float]()
@@ -210,8 +210,10 @@ def _laid_down(chair: Mesh) -> Iterator[Figure]:
     yield Figure("scanning.join_s", time.perf_counter() - start, "s")
     points = _sampled(chair, 600_000)
     # The first image has the true pose, but the later path drifts, so the surfaces are aligned first.
-    grid = nearest_grid(sampled(chair, 60_000), 0.006, 0.1)
-    ((pose,), _) = laid(grid, sampled(mesh, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003))
+    grid = make_nearest_grid(sample_surface(chair, 60_000), 0.006, 0.1)
+    ((pose,), _) = align_from_starts(
+        grid, sample_surface(mesh, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003)
+    )
     mesh = Mesh(mesh.vertices @ pose[:3, :3].T + pose[:3, 3], mesh.faces)
     error = _errors(mesh, points)
     yield Figure("scanning.surface_mm_laid", 1e3 * float(error.mean()), "mm")
@@ -278,7 +280,7 @@ def _left(frames: list[DepthFrame], poses: list[np.ndarray], settings: ScanSetti
     for frame, pose in zip(frames, poses, strict=True):
         scanner.place(frame, pose)
     judged = (
-        scanner.tracker.judged(scanner.prepared(frame), pose)
+        scanner.tracker.evaluate(scanner.prepare_view(frame), pose)
         for frame, pose in zip(frames, poses, strict=True)
     )
     return float(np.mean([match.error for match in judged]))

@@ -17,8 +17,8 @@ from scipy.spatial import cKDTree
 from enliven.meshes import Mesh
 from enliven.scanning import Scanner, ScanState
 from enliven.scanning.decimation import distances
-from enliven.scanning.objects import sampled
-from enliven.scanning.rigid import apart
+from enliven.scanning.objects import sample_surface
+from enliven.scanning.rigid import pose_difference
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 
 PATH = HandheldPath(target=(0.0, 0.3, 0.0), radius=1.0, height=(0.3, 1.1), turns=1.1, seconds=15.0)
@@ -37,7 +37,7 @@ def figures() -> Iterator[Figure]:
             frame = take.frame(index)
             step = scanner.add(frame if index else replace(frame, world_from_camera=take.pose(0)))
             lost += step.state is not ScanState.SCANNING
-            off.append(apart(step.world_from_camera, take.pose(index))[0])
+            off.append(pose_difference(step.world_from_camera, take.pose(index))[0])
         scanner.close_loops()
         yield Figure(f"scanning.off_mm_{name}", 1e3 * float(np.median(off)), "mm of the camera")
         yield Figure(f"scanning.left_out_{name}", float(lost), "images")
@@ -49,10 +49,12 @@ def _surface(name: str, truth: Mesh, whole: Mesh) -> Iterator[Figure]:
     low, high = truth.bounds
     inside = ((whole.vertices > low - [0.05, -0.02, 0.05]) & (whole.vertices < high + 0.05)).all(1)
     inner = whole.with_faces(inside[whole.faces].all(1))
-    error = distances(truth, sampled(inner, 20_000).points)
+    error = distances(truth, sample_surface(inner, 20_000).points)
     yield Figure(f"scanning.surface_mm_{name}", 1e3 * float(error.mean()), "mm")
     yield Figure(f"scanning.surface_mm_{name}_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
-    is_near = cKDTree(sampled(inner, 400_000).points).query(sampled(truth, 20_000).points)[0] < NEAR
+    is_near = (
+        cKDTree(sample_surface(inner, 400_000).points).query(sample_surface(truth, 20_000).points)[0] < NEAR
+    )
     yield Figure(
         f"scanning.completeness_{name}", float(is_near.mean()), "of the surface, undersides included"
     )

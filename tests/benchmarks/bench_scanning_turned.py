@@ -18,10 +18,10 @@ from scipy.spatial import cKDTree
 
 from enliven.meshes import Mesh
 from enliven.scanning.decimation import distances
-from enliven.scanning.objects import MovedScanner, ObjectState, following, sampled
-from enliven.scanning.objects.registration import laid
-from enliven.scanning.objects.surface_points import nearest_grid
-from enliven.scanning.rigid import apart, inverse
+from enliven.scanning.objects import MovedScanner, ObjectState, object_tracking_settings, sample_surface
+from enliven.scanning.objects.registration import align_from_starts
+from enliven.scanning.objects.surface_points import make_nearest_grid
+from enliven.scanning.rigid import invert_pose, pose_difference
 from enliven.scanning.settings import ScanSettings
 from enliven_synthesis.sensor import HandheldPath, HandTurnedPath, MovedObjectScan, MovingObject, load_profile
 
@@ -47,18 +47,18 @@ def figures() -> Iterator[Figure]:
 
 def _followed(name: str, take: MovedObjectScan, images: int) -> Iterator[Figure]:
     """Yields the figures of one path."""
-    scanner, off, room, took, followed = MovedScanner(following(ScanSettings())), [], [], [], 0
+    scanner, off, room, took, followed = MovedScanner(object_tracking_settings(ScanSettings())), [], [], [], 0
     for index in range(0, images, EVERY):
         frame = take.frame(index)
         frame = frame if index else replace(frame, world_from_camera=take.pose(0))
         start = time.perf_counter()
         step = scanner.add(frame)
         took.append(time.perf_counter() - start)
-        room.append(apart(step.scan.world_from_camera, take.pose(index))[0])
+        room.append(pose_difference(step.scan.world_from_camera, take.pose(index))[0])
         followed += step.state in (ObjectState.FOLLOWED, ObjectState.RESTING)
         if step.object_from_camera is not None:
-            true = inverse(take.thing_pose(index)) @ take.pose(index)
-            off.append(apart(step.object_from_camera, true)[0])
+            true = invert_pose(take.thing_pose(index)) @ take.pose(index)
+            off.append(pose_difference(step.object_from_camera, true)[0])
     yield Figure(f"scanning.{name}_ms", 1e3 * float(np.median(took)), "ms")
     yield Figure(f"scanning.{name}_p99_ms", 1e3 * float(np.quantile(took, 0.99)), "ms")
     yield Figure(f"scanning.{name}_followed", followed / len(took), "of the images")
@@ -71,13 +71,15 @@ def _mesh(name: str, made: Mesh) -> Iterator[Figure]:
     """Yields the distance of the aligned mesh from the chair, and the completeness."""
     middle = np.mean(THING.bounds, axis=0) * [1, 0, 1]
     truth = replace(THING, vertices=THING.vertices - middle)
-    grid = nearest_grid(sampled(truth, 60_000), 0.006, 0.1)
-    ((pose,), _) = laid(grid, sampled(made, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003))
+    grid = make_nearest_grid(sample_surface(truth, 60_000), 0.006, 0.1)
+    ((pose,), _) = align_from_starts(
+        grid, sample_surface(made, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003)
+    )
     made = replace(made, vertices=made.vertices @ pose[:3, :3].T + pose[:3, 3])
-    error = distances(truth, sampled(made, 20_000).points)
+    error = distances(truth, sample_surface(made, 20_000).points)
     yield Figure(f"scanning.surface_mm_{name}", 1e3 * float(error.mean()), "mm")
     yield Figure(f"scanning.surface_mm_{name}_p95", 1e3 * float(np.quantile(error, 0.95)), "mm")
     yield Figure(f"scanning.too_much_{name}", float((error > NEAR).mean()), "of the mesh, hands and the like")
-    tree = cKDTree(sampled(made, 200_000).points)
-    is_near = tree.query(sampled(truth, 20_000).points)[0] < NEAR
+    tree = cKDTree(sample_surface(made, 200_000).points)
+    is_near = tree.query(sample_surface(truth, 20_000).points)[0] < NEAR
     yield Figure(f"scanning.completeness_{name}", float(is_near.mean()), "of the surface, within 1 cm")

@@ -22,8 +22,8 @@ from enliven.possession import ActorSettings, EmbeddedActor, find_person_in_mesh
 from enliven.samples import cactus_project
 from enliven.wire import (
     MAX_PART_BYTES,
-    MAX_SENT_BYTES,
     MAX_TEXTURE_BYTES,
+    MAX_UPLOAD_BYTES,
     Awaited,
     CharacterPart,
     Done,
@@ -154,7 +154,7 @@ def test_no_message_sequence_harms_the_stage(data):
         st.sampled_from(["chair", "b", "c", "d", "e", "f"]),
         st.sampled_from([bytes(32), b"\1" * 32]),
     )
-    sizes = st.sampled_from([1, 5, MAX_SENT_BYTES // 2, MAX_SENT_BYTES])
+    sizes = st.sampled_from([1, 5, MAX_UPLOAD_BYTES // 2, MAX_UPLOAD_BYTES])
     puts = st.builds(PutCharacter, names, st.integers(1, 3), digests, sizes, st.booleans())
     parts = st.builds(CharacterPart, names, digests, st.integers(0, 6), st.binary(max_size=6))
     for message in data.draw(st.lists(puts | parts, max_size=25)):
@@ -162,7 +162,7 @@ def test_no_message_sequence_harms_the_stage(data):
             (uploads.put if isinstance(message, PutCharacter) else uploads.take)(message)
         except InputError as error:
             assert error.mend
-        assert sum(each.order.size for each in uploads._waiting.values()) <= MAX_SENT_BYTES
+        assert sum(each.order.size for each in uploads._waiting.values()) <= MAX_UPLOAD_BYTES
         assert len(uploads._waiting) <= 4
     deadline = time.monotonic() + PATIENCE
     while uploads._complete or uploads._preparing:

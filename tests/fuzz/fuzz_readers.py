@@ -27,7 +27,7 @@ from enliven.recording import Recording
 from enliven.recording.depth_codec import decode_depth
 from enliven.recording.messages import pack_bodies, pack_depth, unpack_bodies, unpack_depth
 from enliven.settings import load_settings
-from enliven.takes import upright_capture
+from enliven.takes import turn_upright
 from enliven.takes.possessed import read_possessed
 from enliven.wire import characters, convert, convert_characters, envelope, streams, topics
 from enliven.wire.envelope import MalformedMessageError
@@ -129,7 +129,7 @@ def _mesh(suffix: str) -> Callable[[bytes, Path], None]:
 
 
 def _bvh(data: bytes, folder: Path) -> None:
-    capture = upright_capture(parse_bvh(decode_text(data)))
+    capture = turn_upright(parse_bvh(decode_text(data)))
     assert capture.positions.shape == (capture.frames, len(capture.names), 3)
 
 

@@ -11,7 +11,7 @@ from enliven.example_sessions.mesh import mesh_of
 from enliven.example_sessions.tables import MeshTable
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, load_mesh, load_upright
-from enliven.takes import exportables_of
+from enliven.takes import find_exportables
 from enliven_edge.stage.character_setup import create_actor
 from enliven_edge.stage.rig import create_rig_actor
 from enliven_viewer.commands.stage import _read as read_for_stage
@@ -27,7 +27,7 @@ def _of(mesh: Mesh) -> Surface:
 
 
 def _exported(path: Path) -> Surface:
-    exportable = exportables_of(path).found[0]
+    exportable = find_exportables(path).items[0]
     return _of(exportable.sample(0.0, 0.0, None, False, False).surface[0])
 
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from enliven.kernels import njit
 from enliven.motion.kinematics import between, load, store
-from enliven.motion.layers.polyline import knot_turns, place_of
+from enliven.motion.layers.polyline import knot_turns, locate_on_knots
 from enliven.rotation import IDENTITY
 
 
@@ -26,7 +26,7 @@ def turns(line, frames, weight=1.0, basis=IDENTITY, mirrored=False):
 def sample(line, s, frames, weight=1.0, basis=IDENTITY, mirrored=False):
     """Returns (T, S, 4) q(s, t) at arc lengths ``s`` (S,) and frame numbers (T,)."""
     at_knots = turns(line, frames, weight, basis, mirrored)
-    knot, part = place_of(line.knots, np.atleast_1d(s))
+    knot, part = locate_on_knots(line.knots, np.atleast_1d(s))
     out = np.empty((len(at_knots), len(knot), 4))
     for t in range(len(at_knots)):
         _samples(at_knots[t], knot, part, out[t])

@@ -13,7 +13,12 @@ from enliven.person.limbs import Limb
 from enliven_synthesis.body.kinematics import FOLDED, STRAIGHTEST
 from enliven_synthesis.body.performer import Figure, Performer
 from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
-from enliven_synthesis.body.rotations import about_x, about_y, about_z, on_grid
+from enliven_synthesis.body.rotations import (
+    rotation_about_x,
+    rotation_about_y,
+    rotation_about_z,
+    round_to_grid,
+)
 
 
 class SlowPerformer(Performer):
@@ -26,7 +31,9 @@ class SlowPerformer(Performer):
         moved along the leg if it is out of reach, or closer than a folded leg allows.
         """
         joints, frames = np.zeros((20, 3)), np.zeros((16, 3, 4))
-        pelvis = about_y(posture.yaw) @ about_x(posture.pitch) @ about_z(-posture.roll)
+        pelvis = (
+            rotation_about_y(posture.yaw) @ rotation_about_x(posture.pitch) @ rotation_about_z(-posture.roll)
+        )
         feet = [self._ankle(posture.left_foot), self._ankle(posture.right_foot)]
         joints[Joint.HIP_CENTER] = self._pelvis_position(posture, pelvis, feet)
         frames[Limb.PELVIS] = _frame(pelvis, joints[Joint.HIP_CENTER])
@@ -35,13 +42,13 @@ class SlowPerformer(Performer):
         self._arm(posture.right_arm, 1, joints, frames)
         for side, foot in enumerate((posture.left_foot, posture.right_foot)):
             self._leg(foot, *feet[side], side, pelvis, joints, frames)
-        return Figure(on_grid(joints), on_grid(frames))
+        return Figure(round_to_grid(joints), round_to_grid(frames))
 
     def _ankle(self, foot: FootPose) -> tuple[Float, Float]:
         """Returns (3,) the target position of the ankle, and (3, 3) the foot's orientation."""
-        heading = about_y(foot.yaw)
+        heading = rotation_about_y(foot.yaw)
         ball = np.array([foot.x, self.ankle_height + foot.lift, foot.z]) + heading @ self.ball
-        orientation = heading @ about_x(-foot.pitch)
+        orientation = heading @ rotation_about_x(-foot.pitch)
         return ball - orientation @ self.ball, orientation
 
     def _pelvis_position(
@@ -79,10 +86,15 @@ class SlowPerformer(Performer):
         sign = 1.0 - 2.0 * side
         first = (Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)[side]
         chest = frames[Limb.CHEST, :, :3]
-        girdle = chest @ about_z(sign * arm.shrug)
-        upper = chest @ about_z(sign * arm.abduct) @ about_x(-arm.flex) @ about_y(-sign * arm.twist)
-        fore = upper @ about_x(-arm.elbow)
-        palm = fore @ about_y(-sign * arm.pronate) @ about_z(-sign * arm.wrist)
+        girdle = chest @ rotation_about_z(sign * arm.shrug)
+        upper = (
+            chest
+            @ rotation_about_z(sign * arm.abduct)
+            @ rotation_about_x(-arm.flex)
+            @ rotation_about_y(-sign * arm.twist)
+        )
+        fore = upper @ rotation_about_x(-arm.elbow)
+        palm = fore @ rotation_about_y(-sign * arm.pronate) @ rotation_about_z(-sign * arm.wrist)
         down = np.array([0.0, -1.0, 0.0])
         joints[first] = joints[Joint.SHOULDER_CENTER] + girdle @ _mirrored(self.shoulder, side)
         joints[first + 1] = joints[first] + self.upper_arm * (upper @ down)
@@ -111,7 +123,7 @@ class SlowPerformer(Performer):
         along = leg / apart if apart > 1e-6 else np.array([0.0, -1.0, 0.0])
         distance = min(max(apart, FOLDED * reach), reach)
         ankle = hip + distance * along
-        ahead = about_y(foot.yaw + (1.0 - 2.0 * side) * foot.splay) @ np.array([0.0, 0.0, 1.0])
+        ahead = rotation_about_y(foot.yaw + (1.0 - 2.0 * side) * foot.splay) @ np.array([0.0, 0.0, 1.0])
         forward = ahead + 0.35 * (pelvis @ np.array([0.0, 0.0, 1.0]))
         forward = forward - (forward @ along) * along
         forward /= float(np.sqrt(forward @ forward))
@@ -127,7 +139,7 @@ class SlowPerformer(Performer):
 
 def _bend(yaw: float, pitch: float, roll: float) -> Float:
     """Returns (3, 3) rotation: to its left, forward bend, and lean to its left."""
-    return about_y(yaw) @ about_x(pitch) @ about_z(-roll)
+    return rotation_about_y(yaw) @ rotation_about_x(pitch) @ rotation_about_z(-roll)
 
 
 def _limb_axes(up: Float, forward: Float) -> Float:

@@ -18,7 +18,7 @@ from enliven.formats.gltf import read_gltf
 from enliven.formats.rig import playing
 from enliven.meshes import load_mesh
 from enliven.motion.layers import Player
-from enliven.takes import exportables_of
+from enliven.takes import find_exportables
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "shared" / "formats"))
 from slow_gltf import SlowGltf
@@ -98,7 +98,7 @@ def test_faulty_clips_move_and_are_written_as_the_format_says(stem, tmp_path):
     path = FAULTS / f"{stem}.glb"
     slow, rig = SlowGltf(path), read_gltf(path)
     for number, clip in enumerate(rig.clips):
-        sampled = exportables_of(path).found[number].sample(0.0, None, None, False, True)
+        sampled = find_exportables(path).items[number].sample(0.0, None, None, False, True)
         (tmp_path / "again.glb").write_bytes(glb_of([sampled]))
         again = SlowGltf(tmp_path / "again.glb")
         inputs = {s["input"] for s in slow.json["animations"][number]["samplers"]}
@@ -114,7 +114,7 @@ def test_faulty_clips_move_and_are_written_as_the_format_says(stem, tmp_path):
 
 
 def test_a_spike_of_20_ms_is_written(tmp_path):
-    sampled = exportables_of(FAULTS / "odd_keys.glb").found[0].sample(0.0, None, None, False, True)
+    sampled = find_exportables(FAULTS / "odd_keys.glb").items[0].sample(0.0, None, None, False, True)
     (tmp_path / "again.glb").write_bytes(glb_of([sampled]))
     slow = SlowGltf(FAULTS / "odd_keys.glb")
     for seconds in (1.0, 1.01, 1.02):

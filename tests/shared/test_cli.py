@@ -9,9 +9,9 @@ import pytest
 
 from enliven import cli
 from enliven.commands.processes import Process, run_together
-from enliven.doctor import Check, all_checks
+from enliven.doctor import Check, run_all_checks
 from enliven.errors import InputError, ResourceError
-from enliven.logs import JsonLines
+from enliven.logs import JsonLinesFormatter
 
 
 def enliven(*arguments: str, **options) -> subprocess.CompletedProcess:
@@ -59,7 +59,7 @@ def test_missing_recording_is_reported():
 
 def test_doctors_commands_are_complete(monkeypatch, capsys):
     lacking = Check("[OAK]", False, "it lacks [one thing]", 'Type: pip install "enliven-edge[oak]"')
-    monkeypatch.setattr("enliven.commands.doctor.all_checks", lambda: [lacking])
+    monkeypatch.setattr("enliven.commands.doctor.run_all_checks", lambda: [lacking])
     cli.run(["doctor"])
     output = " ".join(capsys.readouterr().out.split())
     assert output.endswith('[OAK] it lacks [one thing] Type: pip install "enliven-edge[oak]"')
@@ -74,7 +74,7 @@ def test_doctor_as_json():
 
 
 def test_every_missing_item_has_a_fix():
-    for check in all_checks():
+    for check in run_all_checks():
         assert isinstance(check, Check)
         assert check.ok or check.mend, check.name
 
@@ -83,7 +83,7 @@ def test_json_lines():
     record = logging.makeLogRecord(
         {"name": "enliven", "levelname": "INFO", "msg": "a %s", "args": ("b",), "port": 3}
     )
-    line = json.loads(JsonLines().format(record))
+    line = json.loads(JsonLinesFormatter().format(record))
     assert line["message"] == "a b"
     assert line["port"] == 3
     assert line["level"] == "info"

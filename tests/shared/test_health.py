@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven.health import HealthKind, HealthState, Severity, worst_first
-from enliven.logs import escaped
+from enliven.health import HealthKind, HealthState, Severity, sort_by_severity
+from enliven.logs import escape_text
 from enliven.wire.convert import health_to_messages, messages_to_health
 from enliven.wire.envelope import pack_stream, unpack_stream
 from enliven.wire.fields import MAX_HEALTH
@@ -16,8 +16,8 @@ states = st.builds(
     st.sampled_from([str(k) for k in HealthKind]),
     st.sampled_from(Severity),
     st.integers(0, 10**15),
-    st.text(max_size=40).map(escaped),
-    st.text(max_size=40).map(escaped),
+    st.text(max_size=40).map(escape_text),
+    st.text(max_size=40).map(escape_text),
     st.integers(-1, 9),
 )
 
@@ -26,7 +26,7 @@ states = st.builds(
 def test_states_survive_the_wire(given_states):
     status = StatusMessage("edge", 1, 2, 3, health=health_to_messages(given_states))
     back = unpack_stream(pack_stream(status))[1]
-    assert messages_to_health(back.health) == worst_first(given_states)
+    assert messages_to_health(back.health) == sort_by_severity(given_states)
 
 
 def test_the_gravest_go_first_and_a_heartbeat_stays_small():

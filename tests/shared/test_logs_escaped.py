@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.logs import JsonLines, Sentences, escape_records, escaped
+from enliven.logs import JsonLinesFormatter, SentenceFormatter, escape_records, escape_text
 
 EVIL = {
     "terminal escape": "a\x1b[2J\x1b]0;owned\x07",
@@ -39,19 +39,19 @@ def is_safe(text: str) -> bool:
 
 @pytest.mark.parametrize("text", GOOD)
 def test_names_of_all_languages_stay_as_they_are(text: str) -> None:
-    assert escaped(text) == text
+    assert escape_text(text) == text
 
 
 @pytest.mark.parametrize("text", EVIL.values(), ids=EVIL.keys())
 def test_terminal_control_characters_are_escaped(text: str) -> None:
-    shown = escaped(text)
+    shown = escape_text(text)
     assert is_safe(shown) and not is_safe(text) and "\\" in shown and shown[0] == text[0]
 
 
 @given(st.text())
 def test_escaped_text_is_safe_and_escaping_again_changes_nothing(text: str) -> None:
-    shown = escaped(text)
-    assert is_safe(shown) and escaped(shown) == shown
+    shown = escape_text(text)
+    assert is_safe(shown) and escape_text(shown) == shown
     assert shown == text or not is_safe(text)
 
 
@@ -61,7 +61,7 @@ def test_log_record_is_one_safe_line(text: str, handler: str) -> None:
     escape_records()
     stream = io.StringIO()
     out = logging.StreamHandler(stream)
-    out.setFormatter({"sentences": Sentences(), "json": JsonLines()}.get(handler))
+    out.setFormatter({"sentences": SentenceFormatter(), "json": JsonLinesFormatter()}.get(handler))
     logger = logging.getLogger("enliven_edge.a_test")
     logger.addHandler(out)
     try:
@@ -71,7 +71,7 @@ def test_log_record_is_one_safe_line(text: str, handler: str) -> None:
     (line,) = stream.getvalue().removesuffix("\n").split("\n")
     assert is_safe(line) and "stands on the stage" in line
     if handler == "json":
-        assert escaped(json.loads(line)["message"]) == escaped(f"{text} stands on the stage")
+        assert escape_text(json.loads(line)["message"]) == escape_text(f"{text} stands on the stage")
 
 
 @pytest.mark.parametrize("text", EVIL.values(), ids=EVIL.keys())

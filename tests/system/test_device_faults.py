@@ -94,8 +94,8 @@ def test_reads_name_the_file_and_not_its_descriptor(tmp_path) -> None:
 
 def test_a_part_that_unpacks_to_a_flood_names_its_file(monkeypatch) -> None:
     """The message used to name the file "3", its descriptor."""
-    monkeypatch.setattr("enliven.recording.chunks._MAX_RATIO", 0)
-    monkeypatch.setattr("enliven.recording.chunks._FREE_BYTES", 10)
+    monkeypatch.setattr("enliven.recording.chunks._MAX_COMPRESSION_RATIO", 0)
+    monkeypatch.setattr("enliven.recording.chunks._MIN_CHUNK_BYTE_LIMIT", 10)
     with pytest.raises(InputError, match=rf"^{CHAIR}, byte \d+: a part of \d+ bytes states"):
         list(Recording(CHAIR).frames())
 

@@ -9,7 +9,7 @@ from gltf_twins import TWINS
 
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import load_mesh
-from enliven.takes import exportables_of
+from enliven.takes import find_exportables
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.workspace.files import add_file
 
@@ -44,7 +44,7 @@ def test_every_entry_point_reports_ignored_morph_targets(tmp_path, capsys, caplo
     notes_of = {
         "load_mesh": load_mesh(path).notes,
         "retarget": read_gltf(path).notes,
-        "export": exportables_of(path).notes,
+        "export": find_exportables(path).notes,
         "studio": [toast.text for toast in editor.toasts.shown],
     }
     caplog.set_level("INFO")

@@ -228,7 +228,7 @@ def test_departed_characters_leave_no_memory(house: House, capsys: pytest.Captur
     with capsys.disabled():
         if VISITORS > 1000:
             print(f"\n{VISITORS} characters: latched {counts}, MB {[round(each, 1) for each in used]}")
-    about = [name for name, topic in STREAMS.items() if topic.of_character]
+    about = [name for name, topic in STREAMS.items() if topic.is_per_character]
     assert len({*counts}) == 1 and not {name for name, _ in latched(house)} & {*about}
     assert used[-1] - used[1] < 8.0, f"memory grows: {used}"
     house.until(lambda: viewer.edges[0].complete, viewer.poll)

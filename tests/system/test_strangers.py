@@ -19,7 +19,7 @@ import zmq
 
 from enliven.wire import requests, topics
 from enliven.wire.envelope import pack_control, unpack_control, unpack_stream
-from enliven.wire.zmtp import GREETING, framed
+from enliven.wire.zmtp import GREETING, make_frame
 
 PATIENCE = 60.0
 """Timeout of a test in seconds, long enough for a loaded machine."""
@@ -27,7 +27,7 @@ ATTACK = 2.0
 """Duration of an attack in seconds."""
 MOST_GROWTH_MB = 30.0
 """Maximum growth of the edge's memory by one attack; without limits each took 100 to 1,400 MB."""
-PING = framed(b"\x04PING\0\0", 4)
+PING = make_frame(b"\x04PING\0\0", 4)
 
 pytestmark = [
     pytest.mark.system,
@@ -120,7 +120,7 @@ def connected(port: int, kind: str) -> socket.socket:
     """Opens a raw connection that has introduced itself as a DEALER or SUB."""
     opened = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
     about = b"\x0bSocket-Type" + struct.pack(">I", len(kind)) + kind.encode()
-    opened.sendall(GREETING + framed(b"\x05READY" + about, 4))
+    opened.sendall(GREETING + make_frame(b"\x05READY" + about, 4))
     received = b""
     while len(received) < 66 or len(received) < 66 + received[65]:
         received += opened.recv(200)
@@ -153,7 +153,7 @@ def reset(connection: socket.socket) -> None:
 
 def request(body: requests.Ask) -> bytes:
     """Returns one request in its wire format."""
-    return framed(pack_control(requests.Request(1, body)))
+    return make_frame(pack_control(requests.Request(1, body)))
 
 
 @pytest.mark.slow
@@ -176,7 +176,7 @@ def test_a_viewer_that_floods_and_leaves_does_not_end_the_edge(edge: RunningEdge
     ("port", "kind", "message"),
     [
         ("control_port", "DEALER", request(requests.Possess("statue"))),
-        ("pose_port", "SUB", framed(b"\x09SUBSCRIBEpose", 4)),
+        ("pose_port", "SUB", make_frame(b"\x09SUBSCRIBEpose", 4)),
     ],
 )
 def test_pings_among_a_flood_that_is_reset_do_not_end_the_edge(
@@ -192,7 +192,7 @@ def test_pings_among_a_flood_that_is_reset_do_not_end_the_edge(
 def test_long_subscriptions_take_no_memory_and_stop_no_stream(edge: RunningEdge) -> None:
     rude = connected(edge.pose_port, "SUB")
     noise = os.urandom(2000 * 4000)
-    data = b"".join(framed(b"\x09SUBSCRIBE" + noise[i * 4000 : (i + 1) * 4000], 4) for i in range(2000))
+    data = b"".join(make_frame(b"\x09SUBSCRIBE" + noise[i * 4000 : (i + 1) * 4000], 4) for i in range(2000))
     pushed([rude], data)
     edge.goes_on()
     assert edge.grown < MOST_GROWTH_MB
@@ -221,7 +221,7 @@ def test_idle_connections_neither_end_a_loop_nor_keep_others_out() -> None:
 
 def test_long_requests_that_pile_up_take_no_memory(edge: RunningEdge) -> None:
     rude = [connected(edge.control_port, "DEALER") for _ in range(20)]
-    sent = pushed(rude, framed(bytes(4000)) * 16)
+    sent = pushed(rude, make_frame(bytes(4000)) * 16)
     grown = edge.grown
     edge.goes_on()
     assert sent > 20_000_000, "the attack was one"

@@ -19,7 +19,7 @@ from coarse_pixels import coarse_pixels
 from studio_driver import STEP, Action, Click, Do, Drag, Near, Pixel, Wait, Widget, steps, where
 from studio_driver.filming import WindowStage
 
-from enliven.takes import plays
+from enliven.takes import has_motion
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
@@ -119,7 +119,7 @@ def by_hand(workspace: Workspace) -> Iterator[Action]:
     report["pieces"] = pieces
     report["plays after"] = editor.playing
     yield from meets(workspace, "tool carry")
-    report["dance on"] = [plays(editor.project, graph) for graph in editor.project.graphs.values()]
+    report["dance on"] = [has_motion(editor.project, graph) for graph in editor.project.graphs.values()]
     yield Click(Widget("tool carry"))
     yield from meets(workspace, "the piece", picture=True)
     yield from follow_the_arrow(workspace, shift=True)

@@ -15,7 +15,7 @@ import typer
 
 from enliven.commands import known_parts
 from enliven.errors import InputError
-from enliven.files import need_folder
+from enliven.files import require_folder
 from enliven.settings import load_settings
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def edge(
       enliven edge --sensor synthetic --mesh chair --mesh HORSE.obj
     """
     _limit_blas_threads()
-    need_folder(record)
+    require_folder(record)
     from enliven_edge.network import check_open, raise_descriptor_limit
     from enliven_edge.physics import PhysicsSettings
     from enliven_edge.settings import characters_from_options

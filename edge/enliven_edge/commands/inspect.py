@@ -11,7 +11,7 @@ from rich.progress import track
 
 from enliven.commands import facts_table, plain_console, say
 from enliven.errors import InputError
-from enliven.files import need_folder, write_picture
+from enliven.files import require_folder, write_picture
 
 if TYPE_CHECKING:
     from enliven.arrays import UInt8
@@ -51,7 +51,7 @@ def inspect(
     from enliven_edge.inspection import SensorLog
     from enliven_edge.sensors import LogReader
 
-    need_folder(output, sheet)
+    require_folder(output, sheet)
     source, log = Recording(recording), SensorLog()
     count = source.info.topics[DEPTH_TOPIC].count if DEPTH_TOPIC in source.info.topics else 0
     if output is None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from enliven.errors import InputError
-from enliven.files import need_folder, write_picture
+from enliven.files import require_folder, write_picture
 
 if TYPE_CHECKING:
     from enliven.meshes import Mesh
@@ -109,7 +109,7 @@ def scan(
       enliven scan --recording WITH.mcap --before EMPTY.mcap -o chair.glb
       enliven scan --recording MORE.mcap --add chair.glb -o chair.glb
     """
-    from enliven.scanning.objects import MovedScanner, following
+    from enliven.scanning.objects import MovedScanner, object_tracking_settings
     from enliven_edge.commands.scan_job import (
         ScanJob,
         create_scanner,
@@ -125,7 +125,7 @@ def scan(
         stage_command,
     )
 
-    need_folder(output, sheet)
+    require_folder(output, sheet)
     _check_arguments(output, recording, sensor, overwrite or output == add)
     kept_part = select_kept_part(whole, parse_box(box), before, within)
     if before is not None and add is not None:
@@ -136,7 +136,7 @@ def scan(
     scanner = create_scanner(voxel, reach, within, memory, thing)
     if moved or turned:
         refuse_combination("--turned" if turned else "--moved", whole, box, before, add, within)
-        scanner = MovedScanner(following(scanner.settings) if turned else scanner.settings)
+        scanner = MovedScanner(object_tracking_settings(scanner.settings) if turned else scanner.settings)
     if person:
         refuse_combination("--person", whole, box, before, add, within)
         if moved or turned:

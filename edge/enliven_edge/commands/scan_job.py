@@ -21,7 +21,7 @@ from enliven.scanning import (
     ScanState,
     ScanStep,
     VolumeSettings,
-    alone_within,
+    settings_within,
 )
 from enliven.scanning.objects import MovedScanner
 from enliven_edge.commands.progress import frame_progress, interruptible
@@ -54,7 +54,7 @@ def create_scanner(voxel: float, reach: float, within: float | None, memory: int
     volume = VolumeSettings(voxel=voxel * 1e-3, reach=reach, memory=memory)
     if within is None:
         return Scanner(ScanSettings(volume=volume, cut_out=CutOutSettings(number=thing)))
-    return Scanner(alone_within(volume, within))
+    return Scanner(settings_within(volume, within))
 
 
 def parse_box(box: str) -> tuple[Float, Float] | None:
@@ -188,7 +188,7 @@ class ScanJob:
                 earlier_count = load_first_part(self.scanner, self.first, stop)
             for frame in itertools.takewhile(self._start_time_limit(), self._images(stop)):
                 step = self.scanner.add(frame)
-                self.scan_log.add(step if isinstance(step, ScanStep) else step.told, frame.time_ns)
+                self.scan_log.add(step if isinstance(step, ScanStep) else step.scan_step, frame.time_ns)
                 progress.update(
                     task, count=self.scan_log.frames, description=f"Scanning, {self.scan_log.now}"
                 )

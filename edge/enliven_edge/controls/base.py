@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from enliven.errors import EnlivenError, InputError
-from enliven.person import parts_named
+from enliven.person import parse_parts
 from enliven.wire import Browse, Lock, Order, Possess, Release, Resize
 from enliven_edge.controls.panel_protocol import Lamps
 from enliven_edge.stage import Stage
@@ -58,7 +58,7 @@ def _parse_command(key: str, text: str, where: str) -> Command:
     if word in WORDS and (word in _COMMANDS_WITH_PARTS or not parts):
         if parts:
             try:
-                parts_named(parts)
+                parse_parts(parts)
             except InputError as error:
                 raise InputError(f"{key!r}: {error.what}", where=where, mend=error.mend) from None
         elif word == _PARTS_COMMAND:

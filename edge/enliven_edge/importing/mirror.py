@@ -9,7 +9,7 @@ import numpy as np
 
 from enliven.frames import BodyFrame, DepthFrame, Frame
 from enliven.person import Joint
-from enliven.person import mirrored as reflected
+from enliven.person import mirror_body as reflected
 
 _MIRROR_NORMAL = np.array([1.0, 0.0, 0.0])
 """(3,) the normal of the mirror: x of the bodies' world."""

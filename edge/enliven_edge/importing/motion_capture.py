@@ -17,12 +17,12 @@ from enliven.person import Body, J, Joint, Limb
 from enliven.rotation import from_matrix
 from enliven.takes import (
     Roles,
+    find_limb_rotations,
     find_roles,
-    half_way,
     leg_length,
-    limb_rotations,
+    path_midpoint,
     read_capture,
-    upright_capture,
+    turn_upright,
 )
 from enliven_edge.importing.base import (
     DEFAULT_OPTIONS,
@@ -84,15 +84,15 @@ class MotionCaptureReader(FileReader):
 
 def bodies_from_capture(capture: Capture, roles: Roles) -> tuple[Float, Float]:
     """Returns (F, 20, 3) metres and (F, 20, 4) orientations, +Y up, of a capture in its own unit and axes."""
-    capture = upright_capture(capture)
+    capture = turn_upright(capture)
     p = capture.positions
     metres = UNITS[guess_unit(leg_length(capture, roles))]
-    limbs, _ = limb_rotations(capture, roles)
+    limbs, _ = find_limb_rotations(capture, roles)
     joints = np.empty((capture.frames, J, 3))
     hips, shoulders = p[:, list(roles.hips)].mean(1), p[:, list(roles.shoulders)].mean(1)
     trunk = np.concatenate([hips[:, None], p[:, list(roles.spine)], shoulders[:, None]], 1)
     joints[:, Joint.HIP_CENTER] = p[:, roles.root]
-    joints[:, Joint.SPINE] = half_way(trunk)
+    joints[:, Joint.SPINE] = path_midpoint(trunk)
     joints[:, Joint.SHOULDER_CENTER] = shoulders
     joints[:, Joint.HEAD] = p[:, roles.head] + _HEAD_CENTRE / metres * limbs[:, Limb.SKULL, :, 1]
     sides = (roles.shoulders, roles.elbows, roles.wrists, roles.tips)

@@ -15,7 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError, ResourceError
-from enliven.files import own_folder
+from enliven.files import user_data_folder
 from enliven.settings import setting
 from enliven_edge.closeable import Closeable
 
@@ -88,7 +88,7 @@ class MediaPipeSettings:
     @property
     def model_file(self) -> Path | None:
         """The model to use: the configured one, or else the user's own if it exists."""
-        default_model = own_folder() / _MODEL
+        default_model = user_data_folder() / _MODEL
         return Path(self.model) if self.model else default_model if default_model.is_file() else None
 
     def check(self) -> None:
@@ -110,7 +110,7 @@ class MediaPipeSettings:
             raise ResourceError(problem, where="landmarks", mend=_INSTALL_HINT)
         folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
         if model is None and not any((folder / "python" / "solutions").is_dir() for folder in folders):
-            default_model = own_folder() / _MODEL
+            default_model = user_data_folder() / _MODEL
             mend = f"Download a pose landmarker's .task file, save it as {default_model}, or set model to it."
             raise ResourceError("this MediaPipe brings no model of a pose", where="landmarks", mend=mend)
 

@@ -7,7 +7,7 @@ import time
 from collections import deque
 from typing import Any
 
-from enliven.wire import ZmtpSession, head
+from enliven.wire import ZmtpSession, frame_header
 
 _COST_HALF_LIFE_S = 10.0
 """Half-life in seconds of a connection's recorded cost: a past flood is soon forgiven."""
@@ -95,7 +95,7 @@ class Connection:
 
     def queue_message(self, first: bytes, rest: bytes = b"") -> None:
         """Queues a message of one part with its data in two pieces. A long piece is shared, not copied."""
-        self.queue(head(len(first) + len(rest)) + first, rest)
+        self.queue(frame_header(len(first) + len(rest)) + first, rest)
 
     def flush(self, until: float) -> None:
         """Sends as much as the system accepts now.

@@ -17,10 +17,10 @@ from enliven.wire import (
     OtherVersionError,
     Ping,
     Refused,
-    Rejects,
+    RejectCounter,
     Request,
-    payload,
-    reply_head,
+    pack_payload,
+    reply_prefix,
     unpack_control,
 )
 from enliven_edge.network.connection import Connection
@@ -85,7 +85,7 @@ class ControlSocket:
     ) -> None:
         self._server, self._answer = server, answer
         self._rate, self._budget = rate, budget
-        self.rejects = Rejects("edge, requests")
+        self.rejects = RejectCounter("edge, requests")
         self.refused = 0
 
     @property
@@ -157,5 +157,5 @@ class ControlSocket:
 
     def _send(self, peer: Connection, number: int, answer: Answer | bytes) -> None:
         """Sends to a viewer. Nothing is sent to a closed connection."""
-        packed = answer if isinstance(answer, bytes) else payload(answer)
-        self._server.send(peer, reply_head(number), packed)
+        packed = answer if isinstance(answer, bytes) else pack_payload(answer)
+        self._server.send(peer, reply_prefix(number), packed)

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from enliven.document import Character
-from enliven.health import HealthState, worst_first
+from enliven.health import HealthState, sort_by_severity
 from enliven.wire import (
     BY_TYPE,
     Revision,
@@ -158,7 +158,7 @@ class Outlet(Closeable):
     def set_health(self, states: list[HealthState]) -> None:
         """Sets the health states of the edge, plus those of the take. A change is sent immediately."""
         take = self._take.health_states if self._take is not None else []
-        health = health_to_messages(worst_first([*states, *take]))
+        health = health_to_messages(sort_by_severity([*states, *take]))
         published = self._publisher.status.health
         if health == published:
             return

@@ -17,7 +17,7 @@ from enliven.wire import (
     BY_TYPE,
     CONTROL_PORT,
     MAX_CHARACTERS,
-    MAX_LATEST,
+    MAX_LATCHED_MESSAGES,
     MAX_REVISION,
     POSE_PORT,
     REQUEST,
@@ -34,13 +34,13 @@ from enliven.wire import (
     PoseCodec,
     PoseMessage,
     Refused,
-    Rejects,
+    RejectCounter,
     Revision,
     StatusMessage,
     Welcome,
     character_to_message,
     pack_checked,
-    payload,
+    pack_payload,
 )
 from enliven_edge.closeable import Closeable
 from enliven_edge.network.control_socket import Command, ControlSocket
@@ -116,7 +116,7 @@ class Publisher(Closeable):
         self._latest: dict[tuple[str, str], bytes] = {}
         self._status = StatusMessage(self.name, self.instance, 0, 0)
         self._last_heartbeat_at = -math.inf
-        self._unsent = Rejects("edge, sending")
+        self._unsent = RejectCounter("edge, sending")
 
     @property
     def viewers(self) -> int:
@@ -153,7 +153,7 @@ class Publisher(Closeable):
         revision = max(self.last_revision(character.id) + 1, least)
         if revision > MAX_REVISION:
             revision = 1  # Restart at 1. Viewers fetch any revision that differs from theirs.
-        self._packed[character.id] = payload(character_to_message(character, revision))
+        self._packed[character.id] = pack_payload(character_to_message(character, revision))
         self._characters[character.id] = (revision, codec)
         self._notify_state_change()
         return revision
@@ -167,7 +167,7 @@ class Publisher(Closeable):
         self._last_removed_revision = max(self._last_removed_revision, held[0])
         self._last_sequence = max(self._last_sequence, self._sequences.pop(character, -1))
         for name, topic in STREAMS.items():
-            if topic.of_character:
+            if topic.is_per_character:
                 self._latest.pop((name, character), None)
         self._notify_state_change()
 
@@ -228,7 +228,7 @@ class Publisher(Closeable):
             self._unsent.add(error)
             return 0
         # Do not latch messages about a removed character, because they would stay for ever.
-        if topic.latched and not (topic.of_character and message.character not in self._characters):
+        if topic.latched and not (topic.is_per_character and message.character not in self._characters):
             self._latest[topic.name, topic.key(message)] = data
         self._streams.send(data)
         return len(data)
@@ -286,7 +286,9 @@ class Publisher(Closeable):
                 self._send_first_heartbeat(request.listening)
                 revisions = [Revision(name, entry[0]) for name, entry in self._characters.items()]
                 return Welcome(
-                    self._status, revisions[-MAX_CHARACTERS:], list(self._latest.values())[-MAX_LATEST:]
+                    self._status,
+                    revisions[-MAX_CHARACTERS:],
+                    list(self._latest.values())[-MAX_LATCHED_MESSAGES:],
                 )
             case GetState():
                 missing = Refused(f"there is no character {request.character!r}")

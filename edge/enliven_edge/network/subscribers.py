@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from enliven.wire import MAX_STREAM_BYTES, STREAMS, framed
+from enliven.wire import MAX_STREAM_BYTES, STREAMS, make_frame
 from enliven_edge.network.server import ZmtpServer
 
 _MAX_SUBSCRIPTION_BYTES = 64
@@ -40,7 +40,7 @@ class Subscribers:
 
     def send(self, data: bytes) -> None:
         """Sends a message, its topic first."""
-        frame = framed(data)
+        frame = make_frame(data)
         for peer in list(self._server.connections):
             wanted = peer.state
             if (

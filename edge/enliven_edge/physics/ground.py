@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.person import BONES, Body, Joint
-from enliven.possession import facing
+from enliven.possession import body_yaw
 
 _MAX_SWAY_M = 0.12
 """Maximum sway of a person that stands still, in metres."""
@@ -92,7 +92,7 @@ def ground_under(body: Body) -> WorldGround | None:
     hip = body.joints[Joint.HIP_CENTER]
     if not np.isfinite(hip).all() or body.confidence[Joint.HIP_CENTER] <= 0:
         return None
-    return WorldGround(np.array([float(hip[0]), 0.0, float(hip[2])]), facing(body))
+    return WorldGround(np.array([float(hip[0]), 0.0, float(hip[2])]), body_yaw(body))
 
 
 def _radii() -> Float:

@@ -14,11 +14,11 @@ from typing import Any, Literal
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.errors import EnlivenError, InputError, place_of
+from enliven.errors import EnlivenError, InputError, error_location
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
-from enliven.scanning import Scanner, ScanSettings, ScanState, ScanStep, VolumeSettings, alone_within
-from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState, following
+from enliven.scanning import Scanner, ScanSettings, ScanState, ScanStep, VolumeSettings, settings_within
+from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState, object_tracking_settings
 from enliven.wire import Scan, ScanMessage, ScanPieceMessage
 from enliven_edge.scanning.checkpoints import Checkpoints
 from enliven_edge.scanning.object_messages import describe_places
@@ -62,8 +62,8 @@ def scan_settings(order: Scan) -> ScanSettings:
     """Returns the settings of a scan that a viewer requested."""
     volume = VolumeSettings(voxel=order.voxel)
     if order.person:
-        return alone_within(replace(volume, reach=MAX_PERSON_DISTANCE_M), MAX_PERSON_DISTANCE_M)
-    return ScanSettings(volume=volume) if order.within is None else alone_within(volume, order.within)
+        return settings_within(replace(volume, reach=MAX_PERSON_DISTANCE_M), MAX_PERSON_DISTANCE_M)
+    return ScanSettings(volume=volume) if order.within is None else settings_within(volume, order.within)
 
 
 def _create_scanner(order: Scan) -> Scanner | MovedScanner:
@@ -72,7 +72,7 @@ def _create_scanner(order: Scan) -> Scanner | MovedScanner:
     if order.person:
         return PersonScanner(settings)
     if order.turned:
-        return MovedScanner(following(settings))
+        return MovedScanner(object_tracking_settings(settings))
     return MovedScanner(settings) if order.moved else Scanner(settings)
 
 
@@ -175,7 +175,7 @@ class LiveScan(threading.Thread):
             except Exception as error:  # The edge must go on running, and the scan reports the error.
                 log.exception("the scan failed")
                 mend = "Cancel it and scan again; the log of the edge says more."
-                self._fail(InputError(f"the scan failed{place_of(error)}", where="scan", mend=mend))
+                self._fail(InputError(f"the scan failed{error_location(error)}", where="scan", mend=mend))
             self._queue_messages()
 
     def _fuse(self, frame: DepthFrame) -> None:
@@ -200,8 +200,8 @@ class LiveScan(threading.Thread):
             self._last_preview_at = 0.0
         is_placed = added.state in (ObjectState.RESTING, ObjectState.FOLLOWED)
         self._camera = added.scan.world_from_camera if is_placed else None
-        self._run.scan_log.add(added.told, time_ns)
-        return added.told
+        self._run.scan_log.add(added.scan_step, time_ns)
+        return added.scan_step
 
     def _execute(self, order: Scan) -> None:
         """Carries out a viewer's order."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.scanning import Scanner, find_ground, focus_of, levelled, parts_about, surface_of
+from enliven.scanning import Scanner, extract_surface, find_focus, find_ground, find_parts, level_mesh
 from enliven.scanning.objects import MovedScanner
 
 _NOT_SEEN_TO_TURN = (
@@ -60,15 +60,15 @@ def describe_places(scanner: Scanner | MovedScanner) -> list[str]:
 
 def _describe_choice(scanner: Scanner) -> list[str]:
     """Returns a sentence that lists the objects near the focus, largest first, if there are several."""
-    mesh, cut = surface_of(scanner.volumes[_COARSE_VOLUME]), scanner.settings.cut_out
+    mesh, cut = extract_surface(scanner.volumes[_COARSE_VOLUME]), scanner.settings.cut_out
     try:
         ground = find_ground(mesh, settings=cut)
     except InputError:
         return []
-    parts = parts_about(mesh, ground, focus_of([pose for _, pose in scanner.poses]), cut)
+    parts = find_parts(mesh, ground, find_focus([pose for _, pose in scanner.poses]), cut)
     if len(parts) < 2:
         return []
-    sizes = [_size(levelled(part, ground)) for part in parts]
+    sizes = [_size(level_mesh(part, ground)) for part in parts]
     listed = ", ".join(f"{n}: {size}" for n, size in enumerate(sizes, 1))
     return [f"{len(parts)} objects stand there ({listed} cm); number {cut.number} was taken, see --thing."]
 

@@ -23,8 +23,8 @@ from enliven.scanning import (
     ScanState,
     ScanStep,
     cut_out,
-    levelled,
-    parts_about,
+    find_parts,
+    level_mesh,
 )
 from enliven_edge.scanning.feet import MAX_FOOT_HEIGHT_M, feet_pixels
 from enliven_edge.tracking import Tracker
@@ -178,7 +178,7 @@ class PersonScanner(Scanner):
         )
         # If no floor is visible, use the lowest visible point as the floor.
         floor = GroundPlane(_UP, 0.0 if self.is_on_floor else float(surface.vertices[:, 1].min()) - 1.0, 0.0)
-        parts = parts_about(surface, floor, focus, cut)
+        parts = find_parts(surface, floor, focus, cut)
         if not parts:
             mend = "Stand fully in view, and nearer."
             raise InputError("too little of the person was scanned", where="scan", mend=mend)
@@ -186,7 +186,7 @@ class PersonScanner(Scanner):
             mesh = cut_out(surface, floor, focus, cut)
         else:
             floor = GroundPlane(_UP, float(parts[0].vertices[:, 1].min()), 0.0)
-            mesh = levelled(parts[0], floor)
+            mesh = level_mesh(parts[0], floor)
         middle = parts[0].bounds.mean(0)
         return ScannedPerson(mesh, joints - np.array([middle[0], floor.offset, middle[2]]))
 

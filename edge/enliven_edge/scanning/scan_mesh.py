@@ -24,10 +24,10 @@ from enliven.scanning import (
     KnownImage,
     Scanner,
     cut_by_box,
-    cut_what_is_new,
-    decimated,
+    cut_new_object,
+    decimate,
+    find_focus,
     find_ground,
-    focus_of,
     largest_part,
     upright_frame,
 )
@@ -94,7 +94,7 @@ def finish_scan(scanner: Scanner | MovedScanner, keep: Keep, triangles: int, nam
     scanner.close_loops()
     person = scanner.person() if isinstance(scanner, PersonScanner) else None
     mesh, note = _cut_out(scanner, keep) if person is None else (person.mesh, "")
-    decimation = decimated(replace(mesh, name=name), triangles or len(mesh.faces))
+    decimation = decimate(replace(mesh, name=name), triangles or len(mesh.faces))
     return ScannedMesh(decimation.mesh, decimation.most, note, person)
 
 
@@ -121,9 +121,9 @@ def _cut_out(scanner: Scanner | MovedScanner, keep: Keep) -> tuple[Mesh, str]:
     with contextlib.suppress(InputError):  # Without a floor, keep the orientation of the first camera.
         ground = find_ground(mesh, settings=cut)
     if keep.what == "new":
-        out = cut_what_is_new(mesh, list(_empty_place_images(scanner, keep.before)), ground, cut)
+        out = cut_new_object(mesh, list(_empty_place_images(scanner, keep.before)), ground, cut)
         return out.mesh, _describe_parts(out, mesh, "new")
-    frame = np.eye(4) if ground is None else upright_frame(ground, focus_of([p for _, p in scanner.poses]))
+    frame = np.eye(4) if ground is None else upright_frame(ground, find_focus([p for _, p in scanner.poses]))
     if keep.what == "box" and keep.low is not None and keep.high is not None:
         own_frame = frame if keep.upright_from_world is None else keep.upright_from_world
         out = cut_by_box(mesh, CutBox(keep.low, keep.high, own_frame), cut)

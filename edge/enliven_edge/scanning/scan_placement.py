@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.scanning import GroundPlane, Scanner, find_ground, focus_of, surface_of, upright_frame
+from enliven.scanning import GroundPlane, Scanner, extract_surface, find_focus, find_ground, upright_frame
 from enliven_edge.scanning.next_best_view import find_next_view
 from enliven_edge.scanning.scan_view import ScanView
 
@@ -57,8 +57,8 @@ class ScanPlacement:
         if another:
             self._places, self._found = shown.places, False
             self._ground, self._ground_images = _ASSUMED_GROUND, 0
-        mesh, poses = surface_of(scanner.volumes[1]), [pose for _, pose in scanner.poses]
-        focus, ground = focus_of(poses), shown.ground or self._ground_of(scanner, mesh)
+        mesh, poses = extract_surface(scanner.volumes[1]), [pose for _, pose in scanner.poses]
+        focus, ground = find_focus(poses), shown.ground or self._ground_of(scanner, mesh)
         if shown.alone:
             mesh = shown.mesh()
             focus = np.asarray(mesh.bounds.mean(0)) if len(mesh.vertices) else focus

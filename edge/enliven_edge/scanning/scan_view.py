@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes import Mesh
-from enliven.scanning import GroundPlane, Scanner, TsdfVolume, surface_of
+from enliven.scanning import GroundPlane, Scanner, TsdfVolume, extract_surface
 from enliven.scanning.objects import MovedScanner, MovedStep, ObjectState
 from enliven.wire import ThingWord
 from enliven_edge.scanning.person import PersonScanner
@@ -44,7 +44,7 @@ class ScanView:
 
     def mesh(self) -> Mesh:
         """Returns the coarse surface in the room's frame."""
-        mesh, turn = surface_of(self.coarse), self.shown_from_room[:3, :3]
+        mesh, turn = extract_surface(self.coarse), self.shown_from_room[:3, :3]
         return Mesh((mesh.vertices - self.shown_from_room[:3, 3]) @ turn, mesh.faces)
 
 

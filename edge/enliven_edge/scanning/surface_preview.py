@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.scanning import PIECE_STEPS, PieceSums, ScanPiece, TsdfVolume, piece_of, piece_sums
+from enliven.scanning import PIECE_STEPS, PieceSums, ScanPiece, TsdfVolume, extract_piece, sum_pieces
 from enliven.wire import MAX_PIECE_FACES, MAX_PIECE_VERTICES, ScanPieceMessage
 
 _MIN_CHANGE = 0.25
@@ -35,7 +35,7 @@ class SurfacePreview:
     def changes(self, volume: TsdfVolume, most: int) -> list[ScanPieceMessage]:
         """Returns the pieces that changed most since they were last returned, of about ``most`` bytes in
         total."""
-        sums = piece_sums(volume)
+        sums = sum_pieces(volume)
         places = [_place(row) for row in sums.places]
         messages = [
             self._removal_message(place, volume.band.voxel) for place in self._sent.keys() - set(places)
@@ -48,7 +48,9 @@ class SurfacePreview:
             if place not in self._sent and len(self._sent) >= _MAX_PIECES:
                 continue
             self._sent[place] = int(sums.counts[k]), float(sums.weights[k])
-            message = message_from_piece(piece_of(volume, place, sums.blocks[sums.piece == k]), self._number)
+            message = message_from_piece(
+                extract_piece(volume, place, sums.blocks[sums.piece == k]), self._number
+            )
             most -= len(message.vertices) + len(message.seen) + len(message.faces) + len(message.colours)
             messages.append(message)
         return messages

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from enliven.files import own_folder
+from enliven.files import user_data_folder
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +61,7 @@ class CrashReport:
 
 def folder() -> Path:
     """Returns the folder of the reports."""
-    return own_folder() / "crashes"
+    return user_data_folder() / "crashes"
 
 
 def reports() -> list[CrashReport]:

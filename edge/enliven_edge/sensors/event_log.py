@@ -18,7 +18,7 @@ import msgspec
 
 from enliven.errors import EnlivenError, InputError
 from enliven.frames import Frame
-from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recording, frame_of
+from enliven.recording import BODIES_TOPIC, DEPTH_TOPIC, Recording, frame_from_message
 from enliven_edge.sensors.base import Condition, SensorFault
 
 log = logging.getLogger(__name__)
@@ -139,7 +139,7 @@ class LogReader:
 
     def __init__(self, recording: Recording, file: BinaryIO | None = None) -> None:
         topics = {DEPTH_TOPIC, BODIES_TOPIC, CONDITION_TOPIC, EVENTS_TOPIC}
-        self._messages = recording.in_order(topics, file)
+        self._messages = recording.messages_in_order(topics, file)
         self._condition: Condition | None = None
 
     def __iter__(self) -> Iterator[LogEntry]:
@@ -154,7 +154,7 @@ class LogReader:
                 if event is not None and (error := event.error) is not None:
                     return LogEntry(time_ns + round(1e9 * max(event.after, 0.0)), error, self._condition)
             else:
-                return LogEntry(time_ns, frame_of(topic, data), self._condition)
+                return LogEntry(time_ns, frame_from_message(topic, data), self._condition)
         raise StopIteration
 
 

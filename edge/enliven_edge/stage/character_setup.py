@@ -19,8 +19,8 @@ from enliven.possession import (
     BodyInMesh,
     EmbeddedActor,
     find_person_in_mesh,
-    prepared_as,
-    seeks_person,
+    needs_person_search,
+    prepare_for_actor,
 )
 from enliven.samples import load_sample
 
@@ -86,10 +86,10 @@ def create_mesh_actor(
     Raises:
         InputError: for a mesh that cannot be used.
     """
-    prepared = prepared_as(mesh, settings or ActorSettings(), fit=fit, ends=ends, joints=joints)
+    prepared = prepare_for_actor(mesh, settings or ActorSettings(), fit=fit, ends=ends, joints=joints)
     mesh, settings = prepared.mesh, prepared.settings
     no_person = like is not None and like.likeness is None and _same_faces(like, mesh)
-    searches_person = seeks_person(settings) and not settings.joints and not no_person
+    searches_person = needs_person_search(settings) and not settings.joints and not no_person
     with ThreadPoolExecutor(1) as background:  # Run both in parallel, because they take about the same time.
         person = background.submit(_person_in, mesh, settings) if searches_person else None
         character = character_from(mesh, DeformationGraph.build(mesh, nodes=nodes), name)

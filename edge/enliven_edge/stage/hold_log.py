@@ -10,7 +10,7 @@ from dataclasses import asdict
 from enliven.document import HoldMode
 from enliven.person import Body
 from enliven.possession import Actor, Mode
-from enliven.wire import MAX_SETTINGS, HoldMessage
+from enliven.wire import MAX_SETTINGS_LENGTH, HoldMessage
 from enliven_edge.stage.hold_memory import HoldStarts
 
 
@@ -97,7 +97,7 @@ class HoldLog:
                 parts=parts,
                 former=-1 if previous is None else previous,
                 holders=[hold.body for hold in actor.holds],
-                settings=settings if len(settings) <= MAX_SETTINGS else "{}",
+                settings=settings if len(settings) <= MAX_SETTINGS_LENGTH else "{}",
                 place=list(place),
                 size=actor.size,
             )

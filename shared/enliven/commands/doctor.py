@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from enliven.commands.terminal import plain_console, plain_text
-from enliven.doctor import Check, all_checks
+from enliven.doctor import Check, run_all_checks
 from enliven.errors import ResourceError
 from enliven.health import Severity
 
@@ -35,7 +35,7 @@ def doctor(
       enliven doctor --json | python -m json.tool
       enliven doctor --remote 127.0.0.1
     """
-    checks = edge_checks(remote) if remote else all_checks()
+    checks = edge_checks(remote) if remote else run_all_checks()
     if as_json:
         typer.echo(json.dumps([vars(check) for check in checks], indent=2))
     else:
@@ -50,11 +50,11 @@ def edge_checks(address: str) -> list[Check]:
     Raises:
         InputError: for an address that is none.
     """
-    from enliven.wire import hear_edge, parse_endpoint
+    from enliven.wire import parse_endpoint, receive_heartbeat
 
     endpoint = parse_endpoint(address)
     try:
-        status = hear_edge(endpoint, PATIENCE_S)
+        status = receive_heartbeat(endpoint, PATIENCE_S)
     except ResourceError as error:
         return [Check("edge", False, f"{error.where}: {error.what}", error.mend)]
     people = f"{status.performers} performer{'s' * (status.performers != 1)}"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from enliven.errors import InputError, ResourceError
-from enliven.files import need_folder
+from enliven.files import require_folder
 
 if TYPE_CHECKING:
     from enliven.document import Project, Puppet
@@ -62,7 +62,7 @@ def writer(output: Path) -> Callable[[Job], str]:
 
     built_in = {".mcap": _write_take, ".enliven": _write_project}
     if output.suffix.lower() in built_in:
-        need_folder(output)
+        require_folder(output)
         return built_in[output.suffix.lower()]
     exporter = exporter_of(output, tuple(built_in))
     if exporter.jointed:

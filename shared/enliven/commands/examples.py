@@ -10,7 +10,7 @@ import typer
 from enliven.commands.example_files import Job, opened, sheet_maker, span_of, writer
 from enliven.commands.terminal import say
 from enliven.errors import InputError
-from enliven.files import need_folder
+from enliven.files import require_folder
 
 if TYPE_CHECKING:
     from enliven.meshes import Axis
@@ -63,7 +63,7 @@ def new(
       enliven examples new CACTUS.off TRAFFIC.bvh -o cactus.toml --height 1.5
       enliven examples new TREX.ply WALK.bvh -o trex.toml --up z --turned 90 --poses 4
     """
-    need_folder(output)
+    require_folder(output)
     from enliven.document import Project
     from enliven.example_sessions import MeshTable, TakeTable, fitted, write_session
     from enliven.meshes import load_mesh
@@ -152,7 +152,7 @@ def fit(
     from enliven.examples import missing, motion_of, unposed
 
     write = writer(output)
-    need_folder(sheet)
+    require_folder(sheet)
     draw = sheet_maker("puppet") if sheet else None
     source = opened(session, puppet)
     project, character = source.project, source.puppet

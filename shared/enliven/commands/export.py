@@ -54,17 +54,17 @@ def export(
     all_options = {"unit": unit, "size": size, "morphs": morphs or None}
     options = {name: value for name, value in all_options.items() if value is not None}
     exporter = exporter_of(output, (), **options)
-    from enliven.sounds import heard_from
-    from enliven.takes import exportables_of
+    from enliven.sounds import mix_from
+    from enliven.takes import find_exportables
 
-    exportables, notes, sounds = exportables_of(source)
+    exportables, notes, sounds = find_exportables(source)
     for note in notes:
         say(f"enliven: {note}", err=True)
     performances = []
     for exportable in _chosen_characters(exportables, exporter, character or [], source):
         say(f"enliven: sampling {exportable.name}", err=True)
         performances.append(exportable.sample(start, end, rate, morphs, exporter.keyed))
-    heard = {"sound": heard_from(sounds, start)} if exporter.heard and sounds else {}
+    heard = {"sound": mix_from(sounds, start)} if exporter.heard and sounds else {}
     exporter.write(output, performances, source.stem, **options, **heard)
     lasts = max(performance.times[-1] for performance in performances)
     names = ", ".join(performance.name for performance in performances)

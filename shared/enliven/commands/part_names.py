@@ -13,11 +13,11 @@ def known_parts(texts: list[str] | None) -> list[str] | None:
     Raises:
         typer.BadParameter: for a part that no body has, with the nearest one.
     """
-    from enliven.person import parts_named
+    from enliven.person import parse_parts
 
     try:
         for text in texts or []:
-            parts_named(part.strip() for part in text.split("/"))
+            parse_parts(part.strip() for part in text.split("/"))
     except InputError as error:
         raise typer.BadParameter(str(error)) from None
     return texts

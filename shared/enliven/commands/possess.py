@@ -54,10 +54,10 @@ def possess(
     from enliven.exporters import exporter_of, performance_of
     from enliven.formats.project import write_project
     from enliven.modeling.possessed import possess_another, solve_again, with_possession
-    from enliven.takes import possession_in
+    from enliven.takes import read_possession
 
     exporter = None if output.suffix.lower() == ".enliven" else exporter_of(output)
-    source, name, bodies, how = possession_in(take, character)
+    source, name, bodies, how = read_possession(take, character)
     notes = list[str]()
     if parts:
         how = replace(how, holds=(HoldChange(at, parts=parts),))

@@ -9,7 +9,7 @@ import typer
 
 from enliven.commands.example_files import sheet_maker
 from enliven.commands.terminal import say
-from enliven.files import need_folder
+from enliven.files import require_folder
 
 if TYPE_CHECKING:
     from enliven.document import Clip
@@ -98,7 +98,7 @@ def retarget(
     from enliven.takes import read_take
 
     exporter = exporter_of(output)
-    need_folder(sheet, write_map)
+    require_folder(sheet, write_map)
     draw = sheet_maker("motion") if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)

@@ -14,7 +14,7 @@ from enliven.commands.part_names import known_parts
 from enliven.commands.processes import Process, is_listening, run_together
 from enliven.commands.terminal import say
 from enliven.errors import InputError, ResourceError
-from enliven.files import need_folder
+from enliven.files import require_folder
 from enliven.wire import free_ports
 
 _FILM_SECONDS = 10.0
@@ -83,7 +83,7 @@ def run(
     for label, path in (("recording", recording), ("settings file", settings)):
         if path is not None and not path.exists():
             raise InputError(f"this {label} does not exist", where=str(path), mend="Check the path.")
-    need_folder(out, record)
+    require_folder(out, record)
     as_film = not has_display() if film is None else film
     if as_film and film is None:
         say("enliven: no display was found, so this makes a film; with a display, a window opens")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from enliven.logs import escaped
+from enliven.logs import escape_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,7 +26,7 @@ def say(line: str, *, err: bool = False) -> None:
     Args:
         err: to standard error.
     """
-    typer.echo(escaped(line), err=err)
+    typer.echo(escape_text(line), err=err)
 
 
 def plain_console(*, err: bool = False) -> Console:
@@ -44,7 +44,7 @@ def plain_text(line: str, style: str = "") -> Text:
     """Returns text of one line for a table, with whatever is not shown as itself escaped."""
     from rich.text import Text
 
-    return Text(escaped(line), style)
+    return Text(escape_text(line), style)
 
 
 def facts_table(facts: Iterable[tuple[str, ...]]) -> Table:

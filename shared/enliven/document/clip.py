@@ -17,7 +17,7 @@ from enliven.arrays import Float, freeze
 from enliven.document.keys import KEY_STEP, MotionKey, key_values, placed_keys
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.rotation import from_rotation_vector, normalized, rotate, stretch_of
+from enliven.rotation import from_rotation_vector, normalized, rotate, stretch_from_strain
 
 _SAME_KEY = 1e-6
 """Seconds within which two keys count as one: rounding of float32 over a minute."""
@@ -199,8 +199,9 @@ class Clip:
         offsets: (F, N, 3) metres, displacement of each joint along its bone's rest axes, before the bone
             stretches and rotates. None: bones keep their lengths.
         strains: (F, N, 6) the Hencky strain log U_j of each bone in the rest axes, in the format of
-            :func:`enliven.rotation.strain_of`. Everything rigidly attached to bone j is moved by D_j U_j, and
-            joint j is at D_j U_j (its vector at rest + its offset) from its parent. None: bones only turn.
+            :func:`enliven.rotation.hencky_strain`. Everything rigidly attached to bone j is moved by D_j U_j,
+            and joint j is at D_j U_j (its vector at rest + its offset) from its parent. None: bones only
+            turn.
         mirrors: (F, N) 1, or -1 for a bone that is also reflected through its start joint, which negates U_j.
             None: no bone is reflected.
         keys: the keys that the frames were computed from, in order of time. Empty for a performance.
@@ -294,7 +295,7 @@ class Clip:
         """(F, N, 3, 3) stretch and reflection of each bone before it rotates, or None without both."""
         if self.strains is None and self.mirrors is None:
             return None
-        matrices = np.eye(3) if self.strains is None else stretch_of(self.strains)
+        matrices = np.eye(3) if self.strains is None else stretch_from_strain(self.strains)
         return np.asarray(matrices if self.mirrors is None else matrices * self.mirrors[..., None, None])
 
 

@@ -12,7 +12,7 @@ from enliven.document import Character, CubicKeys, Pose, Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.examples.baking import BakedMorphs, BakeError
 from enliven.meshes import Mesh
-from enliven.rotation import continuous, from_matrix, rotate, to_matrix
+from enliven.rotation import from_matrix, remove_sign_jumps, rotate, to_matrix
 
 _RIGID_TOLERANCE = 1e-6
 """Tolerance of rigid bones, for stretch and as a fraction of all bones' length: rounding of long chains."""
@@ -117,4 +117,4 @@ def stretches_of(linear: Float) -> tuple[Float, Float]:
     """
     turns = from_matrix(linear * np.where(np.linalg.det(linear) < 0, -1.0, 1.0)[..., None, None])
     scales = np.einsum("tnji,tnji->tni", to_matrix(turns), linear)
-    return continuous(turns), scales
+    return remove_sign_jumps(turns), scales

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from enliven.errors import InputError
-from enliven.files import need_folder
+from enliven.files import require_folder
 
 ENTRY_POINTS = "enliven.exporters"
 """Other packages add exporters through this group: an entry point names an :class:`Exporter`."""
@@ -74,7 +74,7 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
         if option not in parameters:
             problem = f"{path.suffix.lower()} has no {option!r} to choose"
             raise InputError(problem, where=str(path), mend="Leave it out.")
-    need_folder(path)
+    require_folder(path)
     exporter.check(**options)
     return exporter
 

@@ -37,24 +37,24 @@ AUTO = "auto"
 """The setting that takes the first of :data:`ENCODERS` that opens."""
 
 
-def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), wanted: str = AUTO) -> FilmEncoder:
+def choose_encoder(av: ModuleType, size: tuple[int, int] = (1280, 720), requested: str = AUTO) -> FilmEncoder:
     """Returns the requested encoder, or the first that opens for images of this size.
 
     Args:
         av: PyAV, which this library does not need otherwise.
         size: width and height in pixels, both even.
-        wanted: an encoder's name, or :data:`AUTO`.
+        requested: an encoder's name, or :data:`AUTO`.
 
     Raises:
         ResourceError: if there is none.
     """
     for encoder in ENCODERS:
-        if wanted in (AUTO, encoder.name) and _can_open(av, encoder, size):
+        if requested in (AUTO, encoder.name) and _can_open(av, encoder, size):
             return encoder
-    if wanted == AUTO:
+    if requested == AUTO:
         raise ResourceError("PyAV has no film encoder", where="film", mend="Install it again: pip install av")
     raise ResourceError(
-        f"the film encoder {wanted} cannot be used here",
+        f"the film encoder {requested} cannot be used here",
         where="film.encoder",
         mend='Choose another one, or "auto" for the first that can.',
     )

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 _SOUND_CODEC = "aac"
 """The sound encoder that every player supports."""
-_SOUND_BITS = 128_000
+_SOUND_BIT_RATE = 128_000
 """Bits per second of sound: more than one channel of music needs."""
 
 
@@ -65,7 +65,7 @@ class FilmWriter:
         self._av = _import_pyav()
         self.path, self.count, self.codec = path, 0, ""
         self._rate, self._bit_rate, self._encoder = Fraction(rate).limit_denominator(1001), bit_rate, encoder
-        self._sound, self._heard = sound, 0
+        self._sound, self._sound_end = sound, 0
         self._sound_stream: Any = None
         if size is not None:
             self._choose_encoder(size)
@@ -116,7 +116,7 @@ class FilmWriter:
         except (ValueError, self._av.FFmpegError):  # PyAV may have been built without this codec.
             log.warning("no encoder for sound was found, so %s is silent", self.path)
             return
-        stream.layout, stream.bit_rate = "mono", _SOUND_BITS
+        stream.layout, stream.bit_rate = "mono", _SOUND_BIT_RATE
         self._sound_stream = stream
 
     def _add_sound(self) -> None:
@@ -125,14 +125,14 @@ class FilmWriter:
             return
         samples, rate = self._sound
         until = min(round(float(self.count / self._rate) * rate), len(samples))
-        if until > self._heard:
-            part = np.ascontiguousarray(samples[None, self._heard : until])
+        if until > self._sound_end:
+            part = np.ascontiguousarray(samples[None, self._sound_end : until])
             frame = self._av.AudioFrame.from_ndarray(part, format="s16", layout="mono")
-            frame.sample_rate, frame.pts = rate, self._heard
+            frame.sample_rate, frame.pts = rate, self._sound_end
             frame.time_base = Fraction(1, rate)
             for packet in self._sound_stream.encode(frame):
                 self._file.mux(packet)
-            self._heard = until
+            self._sound_end = until
 
     def add(self, picture: UInt8) -> None:
         """Appends one sRGB image, (H, W, 3) or with an ignored fourth channel, with any strides.

@@ -29,7 +29,7 @@ from enliven.mapping.resting import (
     rebased,
     standing_turns,
 )
-from enliven.motion.layers import arc_of, bind_chain, branch, set_travel, travel_scale
+from enliven.motion.layers import arc_lengths, bind_chain, branch, set_travel, travel_scale
 from enliven.rotation import IDENTITY, conjugate, from_rotation_vector, multiply, normalized, rotate, swing
 
 _MAX_OPPOSITE_COSINE = -0.94
@@ -262,8 +262,8 @@ def _pose_like(
     since[list(line.bones)] = heading
     if len(line.mine) == 1:
         return
-    arc, ends = arc_of(skeleton, line.mine), target.positions[list(line.theirs)]
-    at = np.stack([np.interp(arc, arc_of(target, line.theirs), ends[:, k]) for k in range(3)], 1)
+    arc, ends = arc_lengths(skeleton, line.mine), target.positions[list(line.theirs)]
+    at = np.stack([np.interp(arc, arc_lengths(target, line.theirs), ends[:, k]) for k in range(3)], 1)
     ways, bones = turns.back(line, np.diff(at, axis=0)), skeleton.vectors[list(line.mine[1:])]
     middle = turns.middle(skeleton, line)
     if middle:

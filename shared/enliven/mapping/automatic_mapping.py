@@ -33,7 +33,7 @@ from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.resting import mean_turn
 from enliven.mapping.steps import stepped
 from enliven.motion.contact import pin_feet
-from enliven.motion.layers import arc_of, set_travel
+from enliven.motion.layers import arc_lengths, set_travel
 from enliven.rotation import conjugate, multiply
 
 
@@ -255,7 +255,7 @@ def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Sk
     other_side = {"left": "right", "right": "left"}.get(drive.role.split()[0], "")
     role = " ".join([other_side, *drive.role.split()[1:]])
     pair = [drive, *(limb for limb in drives if limb.role == role)]
-    arcs = [(arc_of(source, limb.source), arc_of(target, limb.target)) for limb in pair]
+    arcs = [(arc_lengths(source, limb.source), arc_lengths(target, limb.target)) for limb in pair]
     if any(len(a) != len(arcs[0][0]) or len(b) != len(arcs[0][1]) for a, b in arcs):
         arcs = arcs[:1]
     mine, theirs = (np.mean(side, axis=0).tolist() for side in zip(*arcs, strict=True))

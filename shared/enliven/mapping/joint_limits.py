@@ -21,7 +21,7 @@ from enliven.mapping.facing import turned_about_y
 from enliven.mapping.ground import moments_of
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import Plan
-from enliven.motion.kinematics import JointRange, joint_range, limit_turns
+from enliven.motion.kinematics import JointRange, fit_joint_range, limit_turns
 from enliven.motion.layers import Player, bind_chain, clear_chain
 from enliven.rotation import IDENTITY, conjugate, multiply
 
@@ -110,7 +110,7 @@ def joint_ranges(
         turns = None if local is None else local[:, j]
         if local is not None and j in partners:
             turns = np.concatenate([local[:, j], _mirrored_rotations(local[:, partners[j]], facing)])
-        ranges[j] = joint_range(skeleton.vectors[j], turns, max(share, _MIN_ANGLE_FRACTION))
+        ranges[j] = fit_joint_range(skeleton.vectors[j], turns, max(share, _MIN_ANGLE_FRACTION))
     return ranges
 
 

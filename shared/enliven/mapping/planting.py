@@ -26,7 +26,7 @@ import scipy
 
 from enliven.arrays import Float, Int
 from enliven.document import Shape
-from enliven.motion.contact import runs_of, touching
+from enliven.motion.contact import find_runs, touching
 from enliven.rotation import conjugate, multiply, rotate
 
 Spans = tuple[tuple[int, int], ...]
@@ -140,7 +140,7 @@ def standing_spans(foot: Float, root: Float, step: float, length: float) -> Span
         down = np.empty(len(foot), np.bool_)
         touching(height, speed / allowed, _MAX_STANDING_HEIGHT * length, 1.0, _RELEASE_FACTOR, down)
         stands |= down
-    return tuple((a, b) for a, b in runs_of(stands) if (b - a) * step >= _MIN_CONTACT_S)
+    return tuple((a, b) for a, b in find_runs(stands) if (b - a) * step >= _MIN_CONTACT_S)
 
 
 class Sole:

@@ -14,7 +14,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.document import Clip, Skeleton, joint_places
-from enliven.rotation import conjugate, multiply, normalized, rotate, turned_strain
+from enliven.rotation import conjugate, multiply, normalized, rotate, rotate_strain
 
 _STRIDE_S = 1.0
 """Duration of a stride in seconds. The mean heading over a stride does not sway with the hips."""
@@ -130,5 +130,5 @@ def rebased(clip: Clip, since: Float) -> Clip:
     if clip.offsets is not None:
         moved = replace(moved, offsets=rotate(since, clip.offsets))
     if clip.strains is not None:
-        moved = replace(moved, strains=turned_strain(since, clip.strains))
+        moved = replace(moved, strains=rotate_strain(since, clip.strains))
     return moved

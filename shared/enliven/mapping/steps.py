@@ -27,7 +27,7 @@ from enliven.mapping.ground import along_way, floor_of, moments_of
 from enliven.mapping.plan import Plan
 from enliven.mapping.planting import PosedLeg, Sole, Spans, clearance_of, planted, standing_spans, unspun
 from enliven.mapping.resting import heading_of
-from enliven.motion.contact import bend_of, pin_limb
+from enliven.motion.contact import find_bend, pin_limb
 from enliven.motion.layers import Player, bind_chain, clear_chain
 from enliven.rotation import IDENTITY, from_rotation_vector, multiply, rotate, slerp
 
@@ -278,7 +278,7 @@ def _bend_limb(
 
     Changes ``turns`` (T, N, 4) and ``joints`` (T, N, 3) in place. The foot keeps its orientation.
     """
-    middle, side = bend_of(skeleton, chain)
+    middle, side = find_bend(skeleton, chain)
     below_end, none = skeleton.parents == chain[-1], np.zeros(len(turns))
     tree, bones = (
         (skeleton.parents, skeleton.vectors[None]),

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from enliven.matching.source import MatchSource, source_of
-from enliven.person import Body, Joint, parts_named
+from enliven.person import Body, Joint, parse_parts
 
 LIMBS: dict[str, tuple[Joint, ...]] = {
     "head": (Joint.SHOULDER_CENTER, Joint.HEAD),
@@ -64,7 +64,7 @@ def body_source(body: Body, parts: str) -> BodySource:
     Raises:
         InputError: for an unknown part.
     """
-    wanted = parts_named(parts)
+    wanted = parse_parts(parts)
     chains = [chain for chain in LIMBS.values() if wanted & set(chain[1:])]
     if not chains or wanted <= set(_TRUNK_CHAIN) - {Joint.HEAD}:
         chains = [_TRUNK_CHAIN]

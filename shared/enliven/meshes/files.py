@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from enliven.errors import InputError, plain_reason
-from enliven.files import ReferencedFiles, need_folder, read_file, write_file
+from enliven.files import ReferencedFiles, read_file, require_folder, write_file
 from enliven.meshes.gltf import GLTF_SUFFIXES
 from enliven.meshes.mesh import Axis, Mesh, guess_up, upright, weld
 from enliven.meshes.obj import read_obj
@@ -131,7 +131,7 @@ def save_mesh(mesh: Mesh, path: Path | str) -> None:
         raise InputError(
             f"cannot write {path.suffix or 'no'} files", where=str(path), mend=f"Known: {known_formats}."
         )
-    need_folder(path)
+    require_folder(path)
     kind = path.suffix.lower()[1:]
     if kind == "glb":
         from enliven.meshes.gltf import mesh_glb  # Imported here, because only glTF files need pygltflib.

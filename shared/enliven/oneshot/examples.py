@@ -23,7 +23,7 @@ def fit_examples(
 
     Args:
         mesh: any triangles, in metres.
-        take: the motion in which the examples were posed.
+        take: the motion. The example poses belong to moments of it.
         points: the control points by name: a vertex of the mesh, and the joint of the take that it follows.
         poses: for some seconds of the take, the positions of the control points: (P, 3) metres in the mesh's
             frame, in the order of ``points``. At least two moments.

@@ -20,7 +20,7 @@ def match(
     Args:
         body: joints (20, 3) in metres of the world.
         skeleton: in its rest pose.
-        parts: parts of the body that select: "arms", "left leg", ...
+        parts: the parts of the body that are matched: "arms", "left leg", ...
         view: view of the skeleton; None looks along -Z, with +Y up.
         body_view: view of the body; None: the same as of the skeleton. A view along +Z acts as a mirror.
 

@@ -11,11 +11,11 @@ from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.meshes import Mesh
 from enliven.modeling.possessed import possess_mesh
-from enliven.person import Body, parts_named
+from enliven.person import Body, parse_parts
 from enliven.possession import ActorSettings
-from enliven.takes import body_take_of_frames
+from enliven.takes import body_take_from_frames
 
-_WHERE_IT_IS = ActorSettings(place="fixed", fade=0.0)
+_FIXED_PLACE_SETTINGS = ActorSettings(place="fixed", fade=0.0)
 """Settings for a mesh that stays at its modeled position, and follows immediately."""
 
 
@@ -27,7 +27,7 @@ def possess(
     parts: str = "all",
     nodes: int = 128,
     holds: Sequence[HoldChange] = (),
-    settings: ActorSettings = _WHERE_IT_IS,
+    settings: ActorSettings = _FIXED_PLACE_SETTINGS,
     project: Project | None = None,
 ) -> tuple[Project, str]:
     """Adds a mesh that moves with a performer, attached in the first frame.
@@ -42,7 +42,7 @@ def possess(
         step: seconds from one body to the next.
         parts: parts of the body that attach: "all", "legs", "hip + right arm", ...
         nodes: number of nodes of the deformation graph.
-        holds: when each performer attaches or releases; replaces ``parts``.
+        holds: the times at which performers attach and release. If given, ``parts`` is ignored.
         settings: how the mesh approaches and follows its performers; by default it stays at its position.
         project: the project that the mesh is added to; None creates one.
 
@@ -56,9 +56,9 @@ def possess(
     count = len(bodies.seconds if isinstance(bodies, BodyTake) else bodies)
     if count < 2:
         raise InputError(f"{count} bodies do not move", where=where, mend="Give two or more.")
-    take = bodies if isinstance(bodies, BodyTake) else _take_of(bodies, step, mesh.name)
+    take = bodies if isinstance(bodies, BodyTake) else _take_from_bodies(bodies, step, mesh.name)
     for part in [parts, *(change.parts for change in holds)]:
-        parts_named(part)
+        parse_parts(part)
     changes = tuple(holds) or (HoldChange(0.0, parts=parts),)
     possession = Possession(take.id, changes, json.dumps(asdict(settings)))
     try:
@@ -68,8 +68,10 @@ def possess(
         raise InputError(error.what, where=where, mend=mend) from None
 
 
-def _take_of(bodies: Sequence[Body], step: float, name: str) -> BodyTake:
+def _take_from_bodies(bodies: Sequence[Body], step: float, name: str) -> BodyTake:
     """Returns the take of one performer at even steps."""
-    who = bodies[0].id
-    frames = [BodyFrame([replace(body, id=who)], round(n * step * 1e9), "") for n, body in enumerate(bodies)]
-    return body_take_of_frames(frames, f"{name or 'mesh'} performed")
+    performer = bodies[0].id
+    frames = [
+        BodyFrame([replace(body, id=performer)], round(n * step * 1e9), "") for n, body in enumerate(bodies)
+    ]
+    return body_take_from_frames(frames, f"{name or 'mesh'} performed")

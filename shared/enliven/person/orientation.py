@@ -14,7 +14,7 @@ _HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])
 """(4,) a half turn about x."""
 
 
-def mirrored(body: Body, point: AnyArray, normal: AnyArray) -> Body:
+def mirror_body(body: Body, point: AnyArray, normal: AnyArray) -> Body:
     """Returns the body reflected in a plane, left and right exchanged. Twice gives the original body.
 
     Reflecting all axes of a frame would make it left-handed. So only front and length are reflected, and the

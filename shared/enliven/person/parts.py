@@ -12,26 +12,26 @@ from enliven.person.joints import Joint
 _SIDES = ("left", "right")
 
 
-def _limb(side: str, *names: str) -> frozenset[Joint]:
+def _limb_joints(side: str, *names: str) -> frozenset[Joint]:
     return frozenset(Joint[f"{name}_{side.upper()}"] for name in names)
 
 
-def _sided() -> dict[str, frozenset[Joint]]:
+def _sided_parts() -> dict[str, frozenset[Joint]]:
     """Returns the parts that exist on both sides."""
     parts: dict[str, frozenset[Joint]] = {}
     for side in _SIDES:
-        parts[f"{side} arm"] = _limb(side, "SHOULDER", "ELBOW", "WRIST", "HAND")
-        parts[f"{side} forearm"] = _limb(side, "WRIST", "HAND")
-        parts[f"{side} hand"] = _limb(side, "HAND")
-        parts[f"{side} leg"] = _limb(side, "HIP", "KNEE", "ANKLE", "FOOT")
-        parts[f"{side} shin"] = _limb(side, "ANKLE", "FOOT")
-        parts[f"{side} foot"] = _limb(side, "FOOT")
+        parts[f"{side} arm"] = _limb_joints(side, "SHOULDER", "ELBOW", "WRIST", "HAND")
+        parts[f"{side} forearm"] = _limb_joints(side, "WRIST", "HAND")
+        parts[f"{side} hand"] = _limb_joints(side, "HAND")
+        parts[f"{side} leg"] = _limb_joints(side, "HIP", "KNEE", "ANKLE", "FOOT")
+        parts[f"{side} shin"] = _limb_joints(side, "ANKLE", "FOOT")
+        parts[f"{side} foot"] = _limb_joints(side, "FOOT")
         parts[f"{side} side"] = parts[f"{side} arm"] | parts[f"{side} leg"]
     return parts
 
 
-def _all() -> dict[str, frozenset[Joint]]:
-    sided = _sided()
+def _all_parts() -> dict[str, frozenset[Joint]]:
+    sided = _sided_parts()
     torso = frozenset({Joint.HIP_CENTER, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.HEAD})
     arms, legs = sided["left arm"] | sided["right arm"], sided["left leg"] | sided["right leg"]
     hip = frozenset({Joint.HIP_CENTER})
@@ -56,14 +56,14 @@ def _all() -> dict[str, frozenset[Joint]]:
     }
 
 
-PARTS: dict[str, frozenset[Joint]] = _all()
+PARTS: dict[str, frozenset[Joint]] = _all_parts()
 """Named subsets of the body (KinEtre: "left arm", "upper body", "hip and right arm", ...). A bone belongs
 to its child joint."""
 
-_BETWEEN = re.compile(r"\s*(?:\+|,|&|\band\b)\s*")
+_SEPARATOR_PATTERN = re.compile(r"\s*(?:\+|,|&|\band\b)\s*")
 
 
-def parts_named(parts: str | Iterable[str]) -> frozenset[Joint]:
+def parse_parts(parts: str | Iterable[str]) -> frozenset[Joint]:
     """Returns the joints of named parts: "all", "legs", "hip + right arm", "left arm and head".
 
     Names are joined by "+", "&", "," or "and". Case and extra spaces do not matter.
@@ -72,15 +72,15 @@ def parts_named(parts: str | Iterable[str]) -> frozenset[Joint]:
         InputError: for an unknown name. The message lists the known ones.
     """
     names = [parts] if isinstance(parts, str) else list(parts)
-    return frozenset().union(*(_named(name) for name in names))
+    return frozenset().union(*(_parse_part(name) for name in names))
 
 
-def _named(name: str) -> frozenset[Joint]:
+def _parse_part(name: str) -> frozenset[Joint]:
     """Returns the joints of one name, or of several joined in one string."""
     plain = " ".join(name.lower().split())
     if plain in PARTS:
         return PARTS[plain]
-    pieces = [piece for piece in _BETWEEN.split(plain) if piece]
+    pieces = [piece for piece in _SEPARATOR_PATTERN.split(plain) if piece]
     unknown = next((piece for piece in pieces if piece not in PARTS), None)
     if unknown is None and pieces:
         return frozenset().union(*(PARTS[piece] for piece in pieces))

@@ -3,15 +3,15 @@ from .actor_settings import ActorSettings as ActorSettings
 from .attachment import Attachment as Attachment, AttachmentSettings as AttachmentSettings, attach as attach
 from .pose_blend import PoseBlend as PoseBlend
 from .embedded_actor import EmbeddedActor as EmbeddedActor
-from .highlights import Cues as Cues, State as State, cues_of as cues_of
+from .highlights import Cues as Cues, State as State, make_cues as make_cues
 from .likeness import BodyInMesh as BodyInMesh, find_person_in_mesh as find_person_in_mesh
-from .placement import facing as facing, turn_about_y as turn_about_y
-from .placement_rules import seeks_person as seeks_person
+from .placement import body_yaw as body_yaw, rotation_about_y as rotation_about_y
+from .placement_rules import needs_person_search as needs_person_search
 from .preparation import (
     PreparedMesh as PreparedMesh,
-    as_moved as as_moved,
-    prepared as prepared,
-    prepared_as as prepared_as,
+    apply_vertex_motion as apply_vertex_motion,
+    prepare_mesh as prepare_mesh,
+    prepare_for_actor as prepare_for_actor,
 )
-from .replaying import replay as replay, settings_of as settings_of
+from .replaying import replay as replay, settings_from_possession as settings_from_possession
 from .standing_placement import standing_figure as standing_figure

@@ -1,4 +1,4 @@
-"""The interface of every actor: its current holders, the next performer, and its pose."""
+"""The interface of an actor: a character on the stage that performers can hold and move."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enliven.arrays import Float
 from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Character, Pose
 from enliven.errors import InputError
-from enliven.person import Body, parts_named
+from enliven.person import Body, parse_parts
 from enliven.possession.highlights import Cues, State
 
 Mode = Literal["alone", "join", "extend"]
@@ -27,7 +27,7 @@ class Actor:
     busy: frozenset[int] = frozenset()
     """The ids of performers that hold other characters. They are not offered this character."""
     aside: float = 0.0
-    """Offset towards +X, metres, from the usual waiting place, if other characters wait there."""
+    """Offset towards +X, metres, from the usual waiting place. It is not 0 if other characters wait there."""
     size: float = 1.0
     """Metres of the mesh as modelled per metre of its rest space."""
     growth: float = 1.0
@@ -41,12 +41,13 @@ class Actor:
 
     @property
     def uses_surface(self) -> bool:
-        """Whether the character follows the observed surface of its performers, not only their skeletons."""
+        """True if the character follows the observed surface of its performers, and not only their
+        skeletons."""
         return False
 
     @property
     def state(self) -> State:
-        """Whether a performer holds the character: "possessed" or "free"."""
+        """ "possessed" if a performer holds the character, otherwise "free"."""
         return "possessed" if self.holds else "free"
 
     @property
@@ -58,7 +59,8 @@ class Actor:
 
     @property
     def candidate(self) -> tuple[int | None, str]:
-        """The id of the performer that attaches next (None for the first in view), and the body parts."""
+        """The id of the performer that attaches next (None: the first performer in view), and the parts of
+        the body with which it attaches."""
         return self._candidate
 
     def perform(
@@ -95,7 +97,7 @@ class Actor:
 
         Args:
             about: (3,) metres, the point on the floor that stays fixed; None uses the mesh's current place.
-            fade: whether the change is eased.
+            fade: True eases the change.
 
         Raises:
             InputError: if the size of this character cannot change.
@@ -115,13 +117,13 @@ class Actor:
         raise InputError("no part of it can swing", where=where, mend="Choose a mesh that performers hold.")
 
     def preview(self, body: int | None = None, parts: str = "all") -> None:
-        """Makes the cues preview the nodes that this performer (None: the next one) would hold with these
+        """Makes the cues show the nodes that a performer (None: the next performer) would hold with these
         parts.
 
         Raises:
             InputError: for an unknown part.
         """
-        parts_named(parts)
+        parse_parts(parts)
         self._candidate = (body, parts)
 
     def next_performer(self, bodies: list[Body]) -> Body | None:
@@ -148,6 +150,6 @@ class Actor:
             verb: verb and participle for the message, such as ("drive", "driven").
         """
         if body is not None and all(hold.body != body for hold in self.holds):
-            who = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
-            problem, mend = f"performer {body} does not {verb[0]} it", f"It is {verb[1]} by: {who}."
+            holders = ", ".join(str(hold.body) for hold in self.holds) or "nobody"
+            problem, mend = f"performer {body} does not {verb[0]} it", f"It is {verb[1]} by: {holders}."
             raise InputError(problem, where=f"releasing {self.character.id!r}", mend=mend)

@@ -17,8 +17,8 @@ from enliven.arrays import Bool, Float, Int, Int32
 from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.person import PARENTS, J, Joint, parts_named
-from enliven.possession.bone_cylinders import bone_rotations, bone_samples, filled_joints
+from enliven.person import PARENTS, J, Joint, parse_parts
+from enliven.possession.bone_cylinders import bone_rotations, bone_samples, fill_joints
 from enliven.possession.nearest_nodes import nearest_facing, to_rest_space
 from enliven.settings import setting
 
@@ -54,8 +54,8 @@ class AttachmentSettings:
 
 
 @dataclass(frozen=True)
-class Growth:
-    """A longer reach for a body that does not fit the mesh. It grows limb by limb until enough bones attach.
+class ReachGrowth:
+    """Extends the reach for a body that does not fit the mesh, limb by limb, until enough bones attach.
 
     If the performer holds the mesh with the whole body, the arms reach only as far as the whole body needs.
     Otherwise they would attach to the flanks of a mesh that has no arms.
@@ -68,7 +68,7 @@ class Growth:
     enough: float
     farthest: float
 
-    def reaches(self, reach: float, bone: Int, nearest: Float) -> Float:
+    def limb_reaches(self, reach: float, bone: Int, nearest: Float) -> Float:
         """Returns (L,) the reach of each sample, metres: ``reach``, or the next longer one at which enough
         bones attach.
 
@@ -82,8 +82,8 @@ class Growth:
         out = np.full(len(bone), self._larger_reach(reach, first[np.unique(bone)]))
         for limb in np.unique(_LIMB_OF_BONE[bone]):
             if not (has_all_bones and limb in _ARM_NUMBERS):
-                own = _LIMB_OF_BONE[bone] == limb
-                out[own] = self._larger_reach(reach, first[np.unique(bone[own])])
+                on_limb = _LIMB_OF_BONE[bone] == limb
+                out[on_limb] = self._larger_reach(reach, first[np.unique(bone[on_limb])])
         return out
 
     def _larger_reach(self, reach: float, first: Float) -> float:
@@ -104,7 +104,7 @@ class Attachment:
         node_indices: (L, 4) int32 the nodes that move each point.
         node_weights: (L, 4) weights of these nodes. They sum to one; unused entries are 0.
         bone: (L,) the child joint of the bone that each point sits on (:class:`enliven.person.body.Joint`).
-        along: (L,) position along the bone: 0 is the parent joint itself, 1 the child joint itself.
+        along: (L,) position along the bone: 0 is the parent joint, 1 is the child joint.
         radial: (L, 3) metres from the bone's axis to the point, in the world, when the body attached.
         rest: (20, 3) metres, the joints when the body attached.
     """
@@ -131,15 +131,15 @@ class Attachment:
         held_nodes = np.flatnonzero(total > 0)
         return held_nodes, total[held_nodes] / total.max()
 
-    def only(self, kept: Bool) -> Attachment:
+    def select_points(self, mask: Bool) -> Attachment:
         """Returns the attachment with only the points of a (L,) mask."""
         return Attachment(
-            self.points[kept],
-            self.node_indices[kept],
-            self.node_weights[kept],
-            self.bone[kept],
-            self.along[kept],
-            self.radial[kept],
+            self.points[mask],
+            self.node_indices[mask],
+            self.node_weights[mask],
+            self.bone[mask],
+            self.along[mask],
+            self.radial[mask],
             self.rest,
         )
 
@@ -155,9 +155,9 @@ class Attachment:
             turns: (19, 3, 3) rotation of each bone since the body attached; None computes it from the joints.
                 Joint positions do not determine how a trunk without hips or shoulders twists about its axis.
         """
-        joints = checked_joints(joints)
+        joints = check_joints(joints)
         turns = bone_rotations(self.rest, joints)[0] if turns is None else np.ascontiguousarray(turns)
-        ends = filled_joints(joints, filled_joints(self.rest, self.rest))
+        ends = fill_joints(joints, fill_joints(self.rest, self.rest))
         out = np.empty((len(self), 3))
         _write_targets(ends, turns, self.bone, self.along, self.radial, out)
         finite = np.asarray(np.isfinite(joints).all(1))
@@ -186,7 +186,7 @@ class Attachment:
         return np.asarray(weaker * weaker * (3 - 2 * weaker))
 
 
-def checked_joints(joints: Float) -> Float:
+def check_joints(joints: Float) -> Float:
     """Returns the joints as (20, 3) float64, or raises InputError."""
     joints = np.ascontiguousarray(joints, np.float64)
     if joints.shape != (J, 3):
@@ -201,10 +201,10 @@ def attach(
     parts: str | Iterable[str] = "all",
     settings: AttachmentSettings | None = None,
     deformed: tuple[Float, Float] | None = None,
-    grow: Growth | None = None,
+    grow: ReachGrowth | None = None,
 ) -> Attachment:
-    """Attaches the body at its current pose to the graph. Also computes the preview of the nodes that would
-    be held.
+    """Attaches the body at its current pose to the graph. The result also serves as a preview of the nodes
+    that would be held.
 
     Args:
         graph: of the mesh, in the same world frame.
@@ -219,19 +219,19 @@ def attach(
     Raises:
         InputError: if a part is unknown or an array has the wrong shape.
     """
-    settings, grow = settings or AttachmentSettings(), grow or Growth(0.0, 0.0)
-    joints = checked_joints(joints)
-    chosen = np.isin(np.arange(J), list(parts_named(parts)))
+    settings, grow = settings or AttachmentSettings(), grow or ReachGrowth(0.0, 0.0)
+    joints = check_joints(joints)
+    chosen = np.isin(np.arange(J), list(parse_parts(parts)))
     sure = np.nan_to_num(np.asarray(confidence, np.float64), nan=0.0) > 0
     if sure.shape != (J,):
         raise InputError(f"the confidence is {sure.shape}, expected ({J},)", where="attachment")
     usable = sure & np.isfinite(joints).all(1)
     points, normals, bone, along, radial, starts = _usable_samples(joints, usable, chosen, settings)
-    node_points, node_normals = _nodes_now(graph, deformed)
+    node_points, node_normals = _deformed_nodes(graph, deformed)
     farthest = max(settings.reach, grow.farthest)
     cosine = math.cos(settings.normal_angle)
     indices, lengths = nearest_facing(points, normals, starts, node_points, node_normals, farthest, cosine)
-    reach = grow.reaches(settings.reach, bone, lengths[:, 0])
+    reach = grow.limb_reaches(settings.reach, bone, lengths[:, 0])
     is_attached = lengths[:, 0] < reach
     weights = (
         np.maximum(1.0 - lengths[is_attached] / reach[is_attached, None], 0.0)
@@ -275,23 +275,23 @@ def _usable_samples(
         along.append(fraction[pelvis])
         starts = np.append(starts, starts[-1] + int(pelvis.sum()))
     if settings.joints:
-        own = np.flatnonzero(usable & chosen)
+        bone_indices = np.flatnonzero(usable & chosen)
         # The root joint is the start of the first bone.
-        first = own == 0
-        own = own[~first | usable[1]]
-        first = own == 0
-        where.append(joints[own])
-        facing.append(np.zeros((len(own), 3)))
-        bone.append(np.where(first, 1, own))
+        first = bone_indices == 0
+        bone_indices = bone_indices[~first | usable[1]]
+        first = bone_indices == 0
+        where.append(joints[bone_indices])
+        facing.append(np.zeros((len(bone_indices), 3)))
+        bone.append(np.where(first, 1, bone_indices))
         along.append(np.where(first, 0.0, 1.0))
-        starts = np.concatenate([starts, starts[-1] + 1 + np.arange(len(own))])
+        starts = np.concatenate([starts, starts[-1] + 1 + np.arange(len(bone_indices))])
     position, normal = np.concatenate(where), np.concatenate(facing)
     on_joint = (normal == 0).all(1, keepdims=True)
     radial = np.where(on_joint, 0.0, normal * settings.radius)
     return position, normal, np.concatenate(bone), np.concatenate(along), radial, starts
 
 
-def _nodes_now(graph: DeformationGraph, deformed: tuple[Float, Float] | None) -> tuple[Float, Float]:
+def _deformed_nodes(graph: DeformationGraph, deformed: tuple[Float, Float] | None) -> tuple[Float, Float]:
     """Returns (N, 3) positions and (N, 3) unit normals of the nodes in the current deformation."""
     if deformed is None:
         return graph.positions, graph.normals

@@ -9,9 +9,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.deformation.graph import DeformationGraph
 from enliven.errors import InputError
-from enliven.person import Body, parts_named
+from enliven.person import Body, parse_parts
 from enliven.possession.actor_settings import ActorSettings
-from enliven.possession.attachment import Growth, attach
+from enliven.possession.attachment import ReachGrowth, attach
 from enliven.possession.performer_attachment import TransformedAttachment
 from enliven.possession.rest_transform import RestTransform
 
@@ -29,15 +29,19 @@ def attach_within_reach(
 ) -> TransformedAttachment:
     """Returns the attachment of a body after the transform ``rest_transform``.
 
-    Lengths in the settings are the performer's.
+    Lengths in the settings are measured in the performer's metres.
 
     Args:
         rest_transform: transform from the world into the rest space.
         deformed: the (N, 3, 3) linear parts and (N, 3) positions of the nodes now, None at rest.
     """
-    own, metre = settings.attachment, 1.0 / rest_transform.scale
-    near = replace(own, radius=metre * own.radius, reach=metre * own.reach)
-    grow = Growth(
+    attachment_settings, metre = settings.attachment, 1.0 / rest_transform.scale
+    near = replace(
+        attachment_settings,
+        radius=metre * attachment_settings.radius,
+        reach=metre * attachment_settings.reach,
+    )
+    grow = ReachGrowth(
         _MIN_ATTACHED_FRACTION if rest_transform.fits else settings.enough, metre * settings.farthest_reach
     )
     joints, start_turns = rest_transform(body.joints), rest_transform.turns
@@ -47,7 +51,7 @@ def attach_within_reach(
     return TransformedAttachment(attachment, rest_transform, parts, start_turns)
 
 
-def out_of_reach(
+def out_of_reach_error(
     character: str,
     settings: ActorSettings,
     body: Body,
@@ -61,9 +65,9 @@ def out_of_reach(
     Args:
         grip: the empty grip.
         nodes: (N, 3) metres, current positions of the nodes in the rest space.
-        comes: whether the mesh moves to the body, so that stepping nearer changes nothing.
+        comes: True if the mesh moves to the body, so that stepping nearer does not help.
     """
-    joints = grip.rest_transform(body.joints)[sorted(parts_named(grip.parts))]
+    joints = grip.rest_transform(body.joints)[sorted(parse_parts(grip.parts))]
     distances = np.linalg.norm(joints[:, None] - nodes, axis=2)
     metres = float(np.nanmin(distances, initial=np.inf)) * grip.rest_transform.scale
     away = f"; the nearest is {metres:.1f} m away" if np.isfinite(metres) else "; no joint is seen"

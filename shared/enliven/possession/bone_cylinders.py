@@ -43,7 +43,7 @@ def bone_samples(joints: Float, radius: float = 0.04, along: int = 4, around: in
     normals = np.empty_like(points)
     joints = np.ascontiguousarray(joints, np.float64)
     _sample_cylinders(joints, rotations, radius, along, around, points, normals)
-    points[~known_bones(joints)] = np.nan
+    points[~find_known_bones(joints)] = np.nan
     return points, normals
 
 
@@ -55,8 +55,8 @@ def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
     parent bone, then swings by the shortest arc to its current direction. So limbs twist with the body and
     never spin on their own. Only an upper arm can point opposite to its rest direction (arms hanging at rest,
     then raised), where the shortest arc is undefined. The upper arm therefore swings by way of a direction
-    ahead of and outward from its rest direction. This moves the undefined direction behind the body, where no
-    arm reaches.
+    ahead of and outward from its rest direction. This moves the undefined direction behind the body, out of
+    reach of the arms.
 
     Args:
         rest: (20, 3) metres, the joints when the body attached.
@@ -64,18 +64,18 @@ def bone_rotations(rest: Float, joints: Float) -> tuple[Float, Float]:
     """
     turns = np.empty((len(BONES), 3, 3))
     axes = np.empty((len(BONES), 3, 3))
-    filled_rest = filled_joints(rest, rest)
-    _write_rotations(filled_rest, filled_joints(joints, filled_rest), turns, axes)
+    filled_rest = fill_joints(rest, rest)
+    _write_rotations(filled_rest, fill_joints(joints, filled_rest), turns, axes)
     return turns, axes
 
 
-def known_bones(joints: Float) -> Bool:
-    """Returns (19,) whether both joints of each bone are finite."""
+def find_known_bones(joints: Float) -> Bool:
+    """Returns (19,) True for each bone with two finite joints."""
     finite = np.asarray(np.isfinite(joints).all(1))
     return np.asarray(finite[1:] & finite[_PARENT_JOINTS[1:]])
 
 
-def filled_joints(joints: Float, rest: Float) -> Float:
+def fill_joints(joints: Float, rest: Float) -> Float:
     """Returns (20, 3) joints; one that is not finite is placed at its offset from its parent in ``rest``."""
     out = np.array(joints, np.float64)
     is_known = np.asarray(np.isfinite(out).all(1))

@@ -15,13 +15,13 @@ _ANGULAR_FREQUENCY = 2.0 * np.pi * 2.0
 """Natural frequency, radians per second (2 Hz): that of a cheek or a belly. Performers seldom move an end
 of the body to and fro faster."""
 _DAMPING_RATIO = 0.25
-"""Damping ratio. A sudden stop overshoots by 44 %, and the swing has faded after one second."""
+"""Damping ratio. A sudden stop overshoots by 44 %, and the swing has decayed after one second."""
 _MAX_OFFSET_M = 0.35
 """Maximum offset, metres of the rest space, in which a person is about 1.75 m. Jumps after lost tracking
 then do not tear the mesh."""
 
 
-def stiffness_of(
+def node_stiffness(
     character: Character, nodes: Float, spots: tuple[tuple[float, float, float, float, float], ...]
 ) -> Float | None:
     """Returns (N,) the stiffness factor of each node (N, 3) at rest: its paint times the spots. None means 1
@@ -84,10 +84,10 @@ class FollowThrough:
             self._pace = pace
         if self._places is None or seconds > 0:
             self._places, self._time_ns = np.array(positions), time_ns
-        shown = self._exaggeration * self._softness * self._offset
-        length = np.linalg.norm(shown, axis=1, keepdims=True)
+        displacement = self._exaggeration * self._softness * self._offset
+        length = np.linalg.norm(displacement, axis=1, keepdims=True)
         return np.asarray(
-            positions + shown * np.minimum(1.0, _MAX_OFFSET_M / np.maximum(length, _MAX_OFFSET_M))
+            positions + displacement * np.minimum(1.0, _MAX_OFFSET_M / np.maximum(length, _MAX_OFFSET_M))
         )
 
 

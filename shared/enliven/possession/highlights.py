@@ -34,7 +34,7 @@ class Cues:
     held: int = 0
 
 
-def cues_of(held: Sequence[tuple[int, Float]], preview: tuple[int, Float] | None) -> Cues:
+def make_cues(held: Sequence[tuple[int, Float]], preview: tuple[int, Float] | None) -> Cues:
     """Returns the cues. A node belongs to the performer that holds it with the greatest strength.
 
     Args:

@@ -7,9 +7,9 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Float, Float32
 from enliven.person import PARENTS, Body, J, Joint
-from enliven.possession.bone_cylinders import bone_rotations, filled_joints
+from enliven.possession.bone_cylinders import bone_rotations, fill_joints
 from enliven.possession.likeness import BodyInMesh
-from enliven.possession.placement import facing, turn_about_y, wrapped
+from enliven.possession.placement import body_yaw, rotation_about_y, wrap_angle
 from enliven.possession.standing_placement import standing_figure
 from enliven.rotation import unit
 
@@ -46,8 +46,8 @@ class LimbRetargeting:
         scale: metres of the performer per metre of the rest space.
         travel: fraction of the performer's travel over the floor that the mesh follows.
         seconds: how long the mesh takes to move into the performer's pose.
-        pace: metres of the performer per second, the maximum speed of that move.
-        inside: whether the mesh is at the performer's position, so that it travels exactly as the performer
+        pace: maximum speed of that move, in the performer's metres per second.
+        inside: True if the mesh is at the performer's position, so that it travels exactly as the performer
             does.
         front: radians about +Y, the direction that a human-like mesh at rest faces in the world; None: the
             performer's direction.
@@ -71,14 +71,14 @@ class LimbRetargeting:
         front: float | None = None,
     ) -> None:
         self.likeness, self.scale, self.body = likeness, scale, body.id
-        self._last = current = filled_joints(body.joints, body.joints)
-        self._front = facing(body) if front is None or not likeness.human else front
-        self._turn = turn_about_y(likeness.yaw - self._front)
+        self._last = current = fill_joints(body.joints, body.joints)
+        self._front = body_yaw(body) if front is None or not likeness.human else front
+        self._turn = rotation_about_y(likeness.yaw - self._front)
         self._rest = (
             _pose_like_mesh(likeness, current, self._front, self._turn) if likeness.human else current
         )
         self._heading, self.turned = _hip_heading(current), 0.0
-        self._start_gap = wrapped(self._heading - self._front)
+        self._start_gap = wrap_angle(self._heading - self._front)
         self.turns: Float = np.tile(np.eye(3), (J - 1, 1, 1))
         self._home = self._rest[_HIP_JOINT].copy()
         measure = scale
@@ -100,9 +100,9 @@ class LimbRetargeting:
         """
         return self.likeness.joints if self.likeness.human else None
 
-    def goes_on(self, other: LimbRetargeting) -> None:
-        """Continues the move into the performer's pose that an earlier transform of the same performer has
-        begun.
+    def continue_from(self, other: LimbRetargeting) -> None:
+        """Continues the move into the performer's pose from the progress of an earlier transform of the same
+        performer.
         """
         self._share, self._start_ns, self._seconds = other._share, other._start_ns, other._seconds
         self._start_gap = other._start_gap
@@ -118,21 +118,21 @@ class LimbRetargeting:
         """Returns (20, 3) joints of the mesh's skeleton, from (20, 3) in the world; NaN for joints that the
         mesh lacks.
         """
-        current = filled_joints(joints, self._last)
+        current = fill_joints(joints, self._last)
         self._last = current
         before, self._heading = self._heading, _hip_heading(current)
-        self.turned = wrapped(self._heading - before)
+        self.turned = wrap_angle(self._heading - before)
         since_rest = bone_rotations(self._rest, current)[0]
         if self._share < 1.0:
             since_rest = self._partial_rotations(since_rest, self._heading - self._front)
         self.turns = turns = self._turn @ since_rest @ self._turn.T
-        own = self.likeness.joints
-        way = (current[_HIP_JOINT] - self._home) * self._steps
+        mesh_joints = self.likeness.joints
+        displacement = (current[_HIP_JOINT] - self._home) * self._steps
         out = np.empty((J, 3))
-        out[_HIP_JOINT] = own[_HIP_JOINT] + self._share * (self._turn @ way)
+        out[_HIP_JOINT] = mesh_joints[_HIP_JOINT] + self._share * (self._turn @ displacement)
         for child in range(1, J):
             parent = PARENTS[child]
-            out[child] = out[parent] + turns[child - 1] @ (own[child] - own[parent])
+            out[child] = out[parent] + turns[child - 1] @ (mesh_joints[child] - mesh_joints[parent])
         return out
 
     def _partial_rotations(self, since_rest: Float, heading: float) -> Float:
@@ -141,19 +141,19 @@ class LimbRetargeting:
         Args:
             heading: radians about +Y from the mesh's front at rest to the front of the performer's hips.
         """
-        level = rotation.from_matrix(turn_about_y(-heading) @ since_rest)
+        level = rotation.from_matrix(rotation_about_y(-heading) @ since_rest)
         part = rotation.slerp(rotation.IDENTITY, level, np.array(self._share))
-        shown = heading - (1.0 - self._share) * self._start_gap
-        return np.asarray(turn_about_y(shown) @ rotation.to_matrix(part))
+        shown_heading = heading - (1.0 - self._share) * self._start_gap
+        return np.asarray(rotation_about_y(shown_heading) @ rotation.to_matrix(part))
 
     def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
         """Returns two empty arrays (0, 3): a person's surface does not fit a mesh of another shape."""
         return np.empty((0, 3)), np.empty((0, 3))
 
-    def handed_over(self, body: Body) -> None:
+    def hand_over_to(self, body: Body) -> None:
         """Continues with another body from the last position of the previous body."""
         self.body = body.id
-        self._heading = _hip_heading(filled_joints(body.joints, self._last))
+        self._heading = _hip_heading(fill_joints(body.joints, self._last))
         step = body.joints[_HIP_JOINT] - self._last[_HIP_JOINT]
         if np.isfinite(step).all():
             self._home = self._home + step
@@ -175,21 +175,21 @@ def _pose_like_mesh(likeness: BodyInMesh, now: Float, yaw: float, turn: Float) -
         yaw: radians about +Y, the direction that the returned figure faces.
         turn: (3, 3) rotation from that direction to the mesh's front.
     """
-    figure = standing_figure() @ turn_about_y(yaw).T
+    figure = standing_figure() @ rotation_about_y(yaw).T
     mesh = likeness.joints @ turn
     upright = np.empty((J, 3))
     upright[_HIP_JOINT] = now[_HIP_JOINT]
     for joint in list(Joint)[1:]:
         parent = PARENTS[joint]
-        way = figure[joint] - figure[parent]
+        direction = figure[joint] - figure[parent]
         if joint in _MESH_POSED_JOINTS:
-            way = mesh[joint] - mesh[parent]
+            direction = mesh[joint] - mesh[parent]
         elif Joint(parent) in _MESH_POSED_JOINTS:
             before = PARENTS[parent]
-            way = rotation.rotate(
+            direction = rotation.rotate(
                 rotation.swing(unit(figure[parent] - figure[before]), unit(mesh[parent] - mesh[before])),
-                way,
+                direction,
             )
-        upright[joint] = upright[parent] + float(np.linalg.norm(now[joint] - now[parent])) * unit(way)
+        upright[joint] = upright[parent] + float(np.linalg.norm(now[joint] - now[parent])) * unit(direction)
     upright[:, 1] += now[:, 1].min() - upright[:, 1].min()
     return upright

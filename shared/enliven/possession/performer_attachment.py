@@ -52,15 +52,15 @@ class TransformedAttachment:
 
 @dataclass
 class PerformerAttachment:
-    """All attachments of one performer to an embedded mesh.
+    """The hold of one performer: all of its attachments to an embedded mesh.
 
     Attributes:
         body: the performer's id.
         attachments: one for each time that the performer attached.
         seen_ns: when the performer was last in view, by the sensor's clock; None before the first frame.
-        active: whether the performer currently drives the mesh.
-        depth: metres, how far the performer was below the floor when attaching, because the floor height is
-            inexact.
+        active: True if the performer currently drives the mesh.
+        depth: metres, depth of the performer below the floor when attaching. It is not 0 because the floor
+            height is inexact.
     """
 
     body: int
@@ -79,9 +79,9 @@ class PerformerAttachment:
     def __len__(self) -> int:
         return sum(len(grip.attachment) for grip in self.attachments)
 
-    def away(self, time_ns: int) -> float:
-        """Returns the seconds since, or until, the performer was last in view, because the clock may go
-        backwards.
+    def seconds_away(self, time_ns: int) -> float:
+        """Returns the time, seconds, between ``time_ns`` and the last frame with the performer. It is
+        positive even if the clock goes backwards.
         """
         return 0.0 if self.seen_ns is None else abs(time_ns - self.seen_ns) * 1e-9
 
@@ -89,19 +89,19 @@ class PerformerAttachment:
         """Returns the same hold with another attachment. The bones of the new one are removed from all
         older ones.
         """
-        anew = np.unique(grip.attachment.bone)
+        is_new = np.unique(grip.attachment.bone)
         grips = [
-            replace(g, attachment=g.attachment.only(~np.isin(g.attachment.bone, anew)))
+            replace(g, attachment=g.attachment.select_points(~np.isin(g.attachment.bone, is_new)))
             for g in self.attachments
         ]
         grips = [g for g in grips if len(g.attachment)]
         return PerformerAttachment(self.body, [*grips, grip], self.seen_ns, self.active, self.depth)
 
-    def believes(self, body: Body) -> bool:
-        """Returns whether the body is credible, that is, whether it has not sunk through the floor."""
-        return depth_of(body) <= self.depth + _MAX_SINKING_M
+    def is_credible(self, body: Body) -> bool:
+        """Returns True if the body is credible: it has not sunk through the floor."""
+        return depth_below_floor(body) <= self.depth + _MAX_SINKING_M
 
-    def see(self, body: Body, time_ns: int) -> None:
+    def update(self, body: Body, time_ns: int) -> None:
         """Updates the targets and their weights from a performer in view."""
         before = self._targets
         for grip in self.attachments:
@@ -115,7 +115,7 @@ class PerformerAttachment:
         else:
             # Keep the last target for the points of a lost joint while their weight decays.
             self._targets[lost] = before[lost]
-            share = 1.0 - np.exp(-self.away(time_ns) / _STRENGTH_TIME_CONSTANT_S)
+            share = 1.0 - np.exp(-self.seconds_away(time_ns) / _STRENGTH_TIME_CONSTANT_S)
             self._pulls = self._pulls + share * (pulls - self._pulls)
         self.seen_ns = time_ns
 
@@ -136,8 +136,8 @@ class PerformerAttachment:
         return firm
 
 
-def depth_of(body: Body) -> float:
-    """Returns how far the lowest joint is below the floor, metres; 0 if no joint is below the floor."""
+def depth_below_floor(body: Body) -> float:
+    """Returns the depth of the lowest joint below the floor, metres; 0 if no joint is below the floor."""
     return max(0.0, -float(np.nanmin(body.joints[:, 1], initial=0.0)))
 
 
@@ -150,7 +150,7 @@ class ConstraintSet:
     node_weights: Float
 
 
-def joined(holds: Sequence[PerformerAttachment]) -> ConstraintSet:
+def join_constraints(holds: Sequence[PerformerAttachment]) -> ConstraintSet:
     """Returns the points of all holds."""
     attachments = [grip.attachment for hold in holds for grip in hold.attachments]
     return ConstraintSet(

@@ -27,7 +27,7 @@ class Placement:
     @property
     def rotation(self) -> Float:
         """(3, 3) the rotation about +Y."""
-        return turn_about_y(self.yaw)
+        return rotation_about_y(self.yaw)
 
     def to_world(self, points: Float) -> Float:
         """Returns (..., 3) rest-space points in the world."""
@@ -45,7 +45,7 @@ class Placement:
         """Returns linear parts (N, 3, 3) and positions (N, 3) of the world in the rest space."""
         return self.rotation.T @ linear / self.scale, self.to_rest(positions)
 
-    def larger(self, factor: float, about: Float) -> Placement:
+    def scale_about(self, factor: float, about: Float) -> Placement:
         """Returns the placement scaled by ``factor`` about a fixed point (3,)."""
         return Placement(self.scale * factor, self.yaw, about + factor * (self.offset - about))
 
@@ -54,7 +54,7 @@ AS_MODELLED = Placement(1.0, 0.0, np.zeros(3))
 """The placement that leaves a mesh as modelled."""
 
 
-def meeting(body: Body, mesh_height: float, ratio: float) -> Placement:
+def placement_at_performer(body: Body, mesh_height: float, ratio: float) -> Placement:
     """Returns the placement that puts a mesh at the performer's position, as tall as the performer times
     ``ratio``.
 
@@ -62,10 +62,12 @@ def meeting(body: Body, mesh_height: float, ratio: float) -> Placement:
         mesh_height: metres, height of the rest mesh, with its floor at y = 0.
         ratio: the mesh's height over the performer's.
     """
-    return under(body, ratio * body.height / mesh_height)
+    return placement_under_hips(body, ratio * body.height / mesh_height)
 
 
-def under(body: Body, scale: float, stand: Float | None = None, front: float = 0.0) -> Placement:
+def placement_under_hips(
+    body: Body, scale: float, stand: Float | None = None, front: float = 0.0
+) -> Placement:
     """Returns the placement that puts a point of the mesh under the hips, facing as the performer does.
 
     Args:
@@ -75,19 +77,19 @@ def under(body: Body, scale: float, stand: Float | None = None, front: float = 0
         front: radians about +Y from +Z to the front of the rest mesh.
     """
     hip = body.joints[Joint.HIP_CENTER]
-    place = Placement(scale, facing(body) - front, np.array([float(hip[0]), 0.0, float(hip[2])]))
+    place = Placement(scale, body_yaw(body) - front, np.array([float(hip[0]), 0.0, float(hip[2])]))
     if stand is None or not stand.any():
         return place
     return Placement(scale, place.yaw, 2 * place.offset - place.to_world(stand))
 
 
-def beside(placement: Placement, metres: float) -> Placement:
+def shift_left(placement: Placement, metres: float) -> Placement:
     """Returns a placement ``metres`` to the left of another, as seen by the mesh."""
     left = placement.rotation @ np.array([metres, 0.0, 0.0])
     return Placement(placement.scale, placement.yaw, placement.offset + left)
 
 
-def facing(body: Body) -> float:
+def body_yaw(body: Body) -> float:
     """Returns radians about +Y from +Z to the performer's front, from hips and shoulders; 0 if these are
     unknown.
     """
@@ -103,7 +105,7 @@ def facing(body: Body) -> float:
     return float(np.arctan2(-left[2], left[0]))
 
 
-def resettled(placement: Placement, rest: Float, shown: Float) -> Placement:
+def nearest_placement(placement: Placement, rest: Float, shown: Float) -> Placement:
     """Returns the placement nearest to the current mesh, using only rotation about +Y and a move over the
     floor.
 
@@ -118,13 +120,13 @@ def resettled(placement: Placement, rest: Float, shown: Float) -> Placement:
     return Placement(turned.scale, turned.yaw, turned.offset + step * np.array([1.0, 0.0, 1.0]))
 
 
-def turn_about_y(yaw: float) -> Float:
+def rotation_about_y(yaw: float) -> Float:
     """Returns (3, 3) the rotation by ``yaw`` radians about +Y."""
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def wrapped(angle: float) -> float:
+def wrap_angle(angle: float) -> float:
     """Returns an angle in radians, wrapped to -pi .. pi."""
     return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
 

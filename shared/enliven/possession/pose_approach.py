@@ -15,7 +15,7 @@ from enliven.person import Body
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.attachment_reach import attach_within_reach
 from enliven.possession.limb_retargeting import LimbRetargeting
-from enliven.possession.performer_attachment import PerformerAttachment, depth_of, joined
+from enliven.possession.performer_attachment import PerformerAttachment, depth_below_floor, join_constraints
 
 State = tuple[Float, Float]
 """(N, 3, 3) linear parts and (N, 3) positions in the rest space."""
@@ -40,17 +40,19 @@ class PoseApproach:
     ) -> None:
         self.rest_transform = rest_transform
         grip = attach_within_reach(graph, settings, body, "all", rest_transform, None)
-        self._hold = PerformerAttachment(body.id, [grip], depth=depth_of(body))
-        self._solver = EmbeddedSolver(graph, joined([self._hold]), settings.embedded, start, stiffness)
+        self._hold = PerformerAttachment(body.id, [grip], depth=depth_below_floor(body))
+        self._solver = EmbeddedSolver(
+            graph, join_constraints([self._hold]), settings.embedded, start, stiffness
+        )
 
     @property
     def body(self) -> int:
         """The id of the performer."""
         return self._hold.body
 
-    def away(self, time_ns: int) -> float:
+    def seconds_away(self, time_ns: int) -> float:
         """Returns the seconds since the performer was last in view."""
-        return self._hold.away(time_ns)
+        return self._hold.seconds_away(time_ns)
 
     @property
     def state(self) -> State:
@@ -59,7 +61,7 @@ class PoseApproach:
 
     def at(self, body: Body | None, time_ns: int) -> State:
         """Returns the state at a moment; the last state while the performer is out of view."""
-        if body is None or not self._hold.believes(body) or not np.isfinite(body.joints).any():
+        if body is None or not self._hold.is_credible(body) or not np.isfinite(body.joints).any():
             return self.state
-        self._hold.see(body, time_ns)
+        self._hold.update(body, time_ns)
         return self._solver.solve(*self._hold.targets)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.possession.placement import turn_about_y, yaw_between
+from enliven.possession.placement import rotation_about_y, yaw_between
 
 _MAX_SLOPE = 1.5 * np.pi / 2
 """Maximum slope of the cubic easing (1.5, at its middle) times pi / 2, the ratio of arc to chord of a half
@@ -57,8 +57,8 @@ class PoseBlend:
         self._restarts = False
 
     @property
-    def under_way(self) -> bool:
-        """Whether the shown state differs from the computed one."""
+    def is_active(self) -> bool:
+        """True if the shown state differs from the computed state."""
         return self._restarts or self._gap is not None
 
     def restart(self) -> None:
@@ -66,17 +66,16 @@ class PoseBlend:
         self.shown, self._gap, self._restarts = None, None, False
 
     def turn_along(self, yaw: float) -> None:
-        """Rotates the last shown state by ``yaw`` radians about +Y if a fade restarts in this frame.
-
-        The fade then begins from there. Without this a spinning mesh would lag by one frame's turn.
+        """Rotates the last shown state by ``yaw`` radians about +Y if a fade restarts in this frame. The fade
+        then begins from the rotated state. Without this a spinning mesh would lag by one frame's turn.
         """
         if self._restarts and self.shown is not None:
-            (linear, positions), turn = self.shown, turn_about_y(yaw)
+            (linear, positions), turn = self.shown, rotation_about_y(yaw)
             centre = positions.mean(0)
             self.shown = turn @ linear, (positions - centre) @ turn.T + centre
 
     def restart_fade(self) -> None:
-        """Eases from the shown state to the next computed one, however far apart they are."""
+        """Eases from the shown state to the next computed state, even if they are far apart."""
         self._restarts = True
 
     def skip(self, time_ns: int) -> None:
@@ -116,13 +115,13 @@ def _gap_between(shown: State, new: State) -> _Gap:
     yaw = yaw_between(b, a)
     growth = float(np.sqrt((a * a).sum() / max((b * b).sum(), 1e-12)))
     growth = growth if 1e-3 < growth < 1e3 else 1.0
-    back = turn_about_y(-yaw) / growth
+    back = rotation_about_y(-yaw) / growth
     return _Gap(yaw, float(np.log(growth)), before - after, back @ shown[0] - new[0], a @ back.T - b)
 
 
 def _state_across_gap(gap: _Gap, left: float, linear: Float, positions: Float) -> State:
     """Returns the computed state plus the fraction ``left`` of the gap."""
-    turn = np.exp(left * gap.growth) * turn_about_y(left * gap.yaw)
+    turn = np.exp(left * gap.growth) * rotation_about_y(left * gap.yaw)
     centre = positions.mean(0)
     spread = positions - centre + left * gap.positions
     return turn @ (linear + left * gap.linear), spread @ turn.T + centre + left * gap.offset

@@ -14,14 +14,14 @@ from enliven.meshes import Mesh, fit_height, refine
 from enliven.person import Body, Joint
 from enliven.possession.actor_settings import ActorSettings
 from enliven.possession.likeness import BodyInMesh, find_person_in_mesh
-from enliven.possession.placement import turn_about_y
+from enliven.possession.placement import rotation_about_y
 from enliven.possession.standing_placement import fit_standing_person, standing_figure
 from enliven.similarity import fit_similarity
 
 log = logging.getLogger(__name__)
 
 _PERSON_HEIGHT_M = 1.75
-"""Height, metres, to which meshes are scaled: that of a person. The performer's own height differs from it
+"""Height, metres, to which meshes are scaled: that of an average person. A performer's height differs from it
 only by a small factor."""
 _MAX_EDGE_M = 0.04
 """Maximum edge length, metres. Longer edges are split, because a triangle must be narrower than a limb to
@@ -35,8 +35,8 @@ class PreparedMesh(NamedTuple):
         mesh: in metres of its rest space.
         settings: with the ends and joints of this mesh.
         size: metres of the mesh as modelled per metre of its rest space.
-        height: metres, height of the person that the mesh shows, perhaps only in part; 0: the height of the
-            mesh.
+        height: metres, height of the person that the mesh shows, even if it shows only a part of the person.
+            0: the height of the mesh.
     """
 
     mesh: Mesh
@@ -45,7 +45,7 @@ class PreparedMesh(NamedTuple):
     height: float
 
 
-def prepared_as(
+def prepare_for_actor(
     mesh: Mesh,
     settings: ActorSettings,
     *,
@@ -56,7 +56,7 @@ def prepared_as(
     """Returns a mesh and its settings in the form that an actor takes.
 
     Args:
-        fit: whether the mesh is scaled to a person's size, as :func:`prepared` does; else it stays as
+        fit: True scales the mesh to a person's size, as :func:`prepare_mesh` does. False keeps it as
             modelled.
         ends: (5, 3) metres of the given mesh, the ends of head, left and right hand, left and right foot, if
             known; else those of the settings are kept.
@@ -65,8 +65,12 @@ def prepared_as(
     vertices, size, height = mesh.vertices, 1.0, 0.0
     at = [] if ends is None else [int(np.linalg.norm(vertices - end, axis=1).argmin()) for end in ends]
     if fit:
-        mesh, size = prepared(mesh, settings, at, joints)
-        joints = joints if joints is None else as_moved(joints, vertices, mesh.vertices[: len(vertices)])
+        mesh, size = prepare_mesh(mesh, settings, at, joints)
+        joints = (
+            joints
+            if joints is None
+            else apply_vertex_motion(joints, vertices, mesh.vertices[: len(vertices)])
+        )
     if at:
         settings = replace(settings, ends=tuple(map(tuple, mesh.vertices[at].tolist())))
     if joints is not None and len(joints):
@@ -77,7 +81,7 @@ def prepared_as(
     return PreparedMesh(mesh, settings, size, height)
 
 
-def prepared(
+def prepare_mesh(
     mesh: Mesh, settings: ActorSettings, ends: Sequence[int] = (), joints: Float | None = None
 ) -> tuple[Mesh, float]:
     """Returns an upright mesh ready for the stage, and the metres as modelled per metre of it.
@@ -96,19 +100,19 @@ def prepared(
     mesh = fit_height(mesh, _PERSON_HEIGHT_M)
     if settings.stand == "fitted":
         if joints is not None and len(joints):
-            person = BodyInMesh.known(as_moved(joints, vertices, mesh.vertices))
+            person = BodyInMesh.known(apply_vertex_motion(joints, vertices, mesh.vertices))
         else:
             person = find_person_in_mesh(mesh, mesh.vertices[list(ends)])
         if person is not None and (person.certain or len(ends)):
             mesh = _align_with_figure(mesh, person)
-            log.info("%s: moved so that a standing person's back is in its own", mesh.name)
+            log.info("%s: moved so that the back of a standing person is in its back", mesh.name)
         else:
             mesh, fit = fit_standing_person(mesh)
             log.info("%s: moved to where a standing person fits into it (%.0f %%)", mesh.name, 100 * fit)
     return refine(mesh, _MAX_EDGE_M), size
 
 
-def as_moved(points: Float, before: Float, after: Float) -> Float:
+def apply_vertex_motion(points: Float, before: Float, after: Float) -> Float:
     """Returns points (N, 3) under the similarity that took the vertices ``before`` (V, 3) to ``after``."""
     return fit_similarity(before, after).transform(points)
 
@@ -118,6 +122,6 @@ def _align_with_figure(mesh: Mesh, person: BodyInMesh) -> Mesh:
     origin.
     """
     trunk = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
-    turn = turn_about_y(person.yaw)
+    turn = rotation_about_y(person.yaw)
     offset = standing_figure(_PERSON_HEIGHT_M)[trunk].mean(0) - (person.joints @ turn)[trunk].mean(0)
     return replace(mesh, vertices=mesh.vertices @ turn + offset * [1.0, 0.0, 1.0])

@@ -20,7 +20,7 @@ _SAME_TIME_S = 1e-7
 """Tolerance, seconds, within which two times count as equal. It is far less than one frame of any sensor."""
 
 
-def settings_of(possession: Possession) -> ActorSettings:
+def settings_from_possession(possession: Possession) -> ActorSettings:
     """Returns the recorded settings of an actor.
 
     Raises:
@@ -54,7 +54,7 @@ def replay(
     Raises:
         InputError: if no performer can attach to the mesh at all.
     """
-    settings = replace(settings_of(possession), hand_over=0.0)
+    settings = replace(settings_from_possession(possession), hand_over=0.0)
     actor = EmbeddedActor(character, graph, settings, possession.size, possession.height or None)
     if possession.place:
         actor.stand(possession.place)
@@ -97,9 +97,9 @@ def _apply_change(actor: EmbeddedActor, change: HoldChange, bodies: list[Body]) 
         return
     body = next((candidate for candidate in bodies if change.performer in (None, candidate.id)), None)
     if body is None:
-        who = "a performer" if change.performer is None else f"performer {change.performer}"
+        performer = "a performer" if change.performer is None else f"performer {change.performer}"
         mend = "Give the take of the performers that possessed it."
-        raise InputError(f"{who} is not in view", where=f"possessing {actor.character.id!r}", mend=mend)
+        raise InputError(f"{performer} is not in view", where=f"possessing {actor.character.id!r}", mend=mend)
     if change.mode == "take over":
         actor.hand_over(-1 if change.former is None else change.former, body)
     else:

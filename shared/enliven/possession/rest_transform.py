@@ -23,7 +23,7 @@ class RestTransform(Protocol):
 
     @property
     def fits(self) -> bool:
-        """Whether the joints already lie inside the mesh, so that every bone should attach."""
+        """True if the joints already lie inside the mesh, so that every bone should attach."""
 
     @property
     def at_rest(self) -> Float | None:
@@ -46,7 +46,7 @@ class RestTransform(Protocol):
     def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
         """Returns (M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
 
-    def handed_over(self, body: Body) -> None:
+    def hand_over_to(self, body: Body) -> None:
         """Continues with another body from the last position of the previous body."""
 
 
@@ -55,15 +55,16 @@ class PlacementTransform:
     """A rigid placement with scale that transforms joints as if the mesh stood at the performer's position.
 
     Attributes:
-        placement: where the mesh would have to stand for the performer to be inside it.
+        placement: the placement that the mesh would need for the performer to be inside it.
         travel: fraction of the performer's travel over the floor that the mesh follows.
-        stays: whether the mesh stands elsewhere. If so, another performer continues from the last position.
+        is_elsewhere: True if the mesh is not at the performer's position. Another performer then continues
+            from the last position.
         home: (2,) metres, x and z of the hip when the performer attached.
     """
 
     placement: Placement
     travel: float = 1.0
-    stays: bool = False
+    is_elsewhere: bool = False
     home: Float | None = None
     fits: bool = field(default=False, init=False)
     at_rest: Float | None = field(default=None, init=False)
@@ -84,24 +85,24 @@ class PlacementTransform:
             self._hip = joints[_HIP_JOINT, [0, 2]].copy()
             if self.home is None:
                 self.home = self._hip
-        return self._at_rest(joints)
+        return self._to_rest_space(joints)
 
     def surface(self, points: Float | Float32, normals: Float | Float32) -> tuple[Float, Float]:
         """Returns (M, 3) points and (M, 3) normals of the performer's surface in the rest space."""
-        return self._at_rest(points), np.asarray(normals @ self.placement.rotation, np.float64)
+        return self._to_rest_space(points), np.asarray(normals @ self.placement.rotation, np.float64)
 
-    def _at_rest(self, points: Float | Float32) -> Float:
+    def _to_rest_space(self, points: Float | Float32) -> Float:
         """Returns (M, 3) world points in the rest space, minus the travel that the mesh does not follow."""
         points = np.array(points, np.float64)
         if self._hip is not None and self.home is not None:
             points[:, [0, 2]] -= (1.0 - self.travel) * (self._hip - self.home)
         return self.placement.to_rest(points)
 
-    def handed_over(self, body: Body) -> None:
+    def hand_over_to(self, body: Body) -> None:
         """Continues with another body: from the last position if the mesh stands elsewhere, else at the
         body's own position.
         """
-        if self.stays and self._hip is not None and self.home is not None:
+        if self.is_elsewhere and self._hip is not None and self.home is not None:
             step = body.joints[_HIP_JOINT, [0, 2]] - self._hip
             if np.isfinite(step).all():
                 offset = self.placement.offset + np.array([step[0], 0.0, step[1]])

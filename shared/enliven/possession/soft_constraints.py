@@ -20,7 +20,7 @@ from enliven.possession.performer_attachment import PerformerAttachment
 
 
 class SoftConstraints:
-    """The soft constraints that the settings enable. A disabled one costs nothing."""
+    """The soft constraints that the settings enable. Disabled constraints cost no time."""
 
     def __init__(self, character: Character, graph: DeformationGraph, settings: ActorSettings) -> None:
         follows = settings.follow != "skeleton"
@@ -61,7 +61,7 @@ class SoftConstraints:
             sets += [above] if above is not None else []
         return joined_planes(sets)
 
-    def raised(self, linear: Float, positions: Float, floor: float) -> tuple[Float, Float]:
+    def lift_out_of_floor(self, linear: Float, positions: Float, floor: float) -> tuple[Float, Float]:
         """Returns the state, lifted out of the floor if the settings ask for it; ``floor`` is in the rest
         space.
         """
@@ -69,7 +69,7 @@ class SoftConstraints:
             positions = self._floor.raised(linear, positions, floor)
         return linear, positions
 
-    def moved_elsewhere(self) -> None:
+    def reset_contacts(self) -> None:
         """Resets the foot contacts, because the mesh was placed elsewhere."""
         if self._floor is not None:
             self._floor.reset()

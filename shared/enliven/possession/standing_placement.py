@@ -16,7 +16,7 @@ from enliven.arrays import Float, Int
 from enliven.deformation.graph import scatter
 from enliven.meshes import Mesh
 from enliven.person import PARENTS, Joint
-from enliven.possession.placement import turn_about_y
+from enliven.possession.placement import rotation_about_y
 
 _BONE_DISTANCE_M = 0.11
 """Distance, metres, at which a bone scores a third of a bone that lies in the surface."""
@@ -56,7 +56,8 @@ _MASS_AHEAD_GAIN = 0.03
 """Relative gain in score per metre that the centre of the mesh is ahead: a performer in the back of a
 chair looks over its seat. It is far smaller than the gain for a head."""
 _MODELLED_YAW_GAIN = 0.004
-"""Relative gain in score of the modelled yaw over a quarter turn. It only breaks ties."""
+"""Relative gain in score of the modelled yaw over a quarter turn. It only decides between otherwise equal
+yaws."""
 _HEAD_HEIGHT_FRACTION = 0.85
 """Fraction of the mesh's height above which the surface counts as the head."""
 _MIN_HEAD_OFFSET_M = 0.15
@@ -69,7 +70,7 @@ default."""
 
 
 def standing_figure(height: float = _PERSON_HEIGHT_M) -> Float:
-    """Returns (20, 3) metres: the joints of a person that stands at the origin facing +Z, with hanging
+    """Returns (20, 3) metres: the joints of a person that stands at the origin and faces +Z, with hanging
     arms.
     """
     joints = np.empty((len(Joint), 3))
@@ -86,12 +87,12 @@ def fit_standing_person(mesh: Mesh) -> tuple[Mesh, float]:
         the mesh, and the score of the fit, from 0 (no bone is near) to 1 (every bone is in the surface).
     """
     height = float(np.ptp(mesh.vertices[:, 1])) or 1.0
-    yaw, offset, score = best_stand(mesh, [standing_figure(height)])
-    vertices = (mesh.vertices - offset) @ turn_about_y(yaw)
+    yaw, offset, score = fit_figures(mesh, [standing_figure(height)])
+    vertices = (mesh.vertices - offset) @ rotation_about_y(yaw)
     return replace(mesh, vertices=vertices), score
 
 
-def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, float]:
+def fit_figures(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, float]:
     """Finds one rotation about +Y and one move over the floor that best fit all figures into a mesh.
 
     The score combines how near the bones are to the surface and how much of the surface is near to bones. For
@@ -113,8 +114,8 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
     ]
     low, high = mesh.bounds
     # Try the positions of a grid over the floor area of the mesh.
-    wide = max(1.5 * near.cell, float(np.sqrt((high - low)[0] * (high - low)[2] / _MAX_PLACES)))
-    steps = [np.arange(low[a], high[a] + wide, wide) for a in (0, 2)]
+    step = max(1.5 * near.cell, float(np.sqrt((high - low)[0] * (high - low)[2] / _MAX_PLACES)))
+    steps = [np.arange(low[a], high[a] + step, step) for a in (0, 2)]
     shifts = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, 2)
     floor = np.insert(shifts, 1, 0.0, axis=1)
     pieces = points[::27]
@@ -124,10 +125,10 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
     # For each yaw, score all floor positions at once. The score contains bones near the surface, surface near
     # the bones, and symmetry.
     for yaw in np.arange(_YAW_COUNT) * (2 * np.pi / _YAW_COUNT):
-        turn, front = turn_about_y(yaw), np.array([np.sin(yaw), np.cos(yaw)]) / unit
+        turn, front = rotation_about_y(yaw), np.array([np.sin(yaw), np.cos(yaw)]) / unit
         scores = np.mean([_figure_scores(near, figure @ turn.T, floor) for figure in figures], axis=0)
-        own, back = pieces @ turn, -floor @ turn
-        scores *= np.max([field.over(own, back) for field in touched], axis=0).mean(1)
+        rotated_pieces, back = pieces @ turn, -floor @ turn
+        scores *= np.max([field.over(rotated_pieces, back) for field in touched], axis=0).mean(1)
         if len(figures) == 1:
             mirror = turn @ np.diag([-1.0, 1.0, 1.0]) @ turn.T
             across = near.over(pieces @ mirror, floor - floor @ mirror)
@@ -136,12 +137,12 @@ def best_stand(mesh: Mesh, figures: Sequence[Float]) -> tuple[float, Float, floa
         # include this preference.
         ahead = (head - shifts) @ front
         ahead = np.sign(ahead) * np.maximum(np.abs(ahead) - _MIN_HEAD_OFFSET_M, 0.0)
-        worth = scores + _HEAD_AHEAD_GAIN * scores * ahead
-        worth += _MASS_AHEAD_GAIN * scores * ((pieces.mean(0)[[0, 2]] - shifts) @ front)
-        worth += _MODELLED_YAW_GAIN * scores * np.cos(yaw)
-        top = int(worth.argmax())
-        if worth[top] > best:
-            best = float(worth[top])
+        preference = scores + _HEAD_AHEAD_GAIN * scores * ahead
+        preference += _MASS_AHEAD_GAIN * scores * ((pieces.mean(0)[[0, 2]] - shifts) @ front)
+        preference += _MODELLED_YAW_GAIN * scores * np.cos(yaw)
+        top = int(preference.argmax())
+        if preference[top] > best:
+            best = float(preference[top])
             stand = float(yaw), np.array([shifts[top, 0], 0.0, shifts[top, 1]]), float(scores[top])
     return stand
 

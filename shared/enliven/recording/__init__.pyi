@@ -4,7 +4,7 @@ from .reader import (
     Recording as Recording,
     RecordingInfo as RecordingInfo,
     RecordingWarning as RecordingWarning,
-    frame_of as frame_of,
+    frame_from_message as frame_from_message,
 )
 from .recorder import Recorder as Recorder
 from .recovery import Recovery as Recovery, recover as recover

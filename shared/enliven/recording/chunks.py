@@ -19,17 +19,17 @@ from enliven.errors import InputError, plain_reason
 RECORD = struct.Struct("<BQ")
 """The head of a record: its kind and its length."""
 _MESSAGE_HEADER = struct.Struct("<HIQQ")
-_MAX_CHUNK = 1 << 28
+_MAX_CHUNK_BYTES = 1 << 28
 """Maximum bytes of a decompressed chunk: our recorder closes one at 1 MiB, its longest message is 128 MiB."""
-_MAX_RATIO = 200
+_MAX_COMPRESSION_RATIO = 200
 """Maximum compression ratio: empty images, each with its time, reach about 40."""
-_FREE_BYTES = 1 << 16
-"""Size, in bytes, to which any chunk may decompress, however small it is."""
+_MIN_CHUNK_BYTE_LIMIT = 1 << 16
+"""Decompressed size, in bytes, that every chunk may have, however small the chunk itself is."""
 _MAX_RECORDS = 1 << 16
 """Maximum records of a chunk: our recorder writes at most 34,000, each with at least 31 bytes of 1 MiB."""
-_FREE_RECORDS = 256
-"""Number of records that any chunk may have, however small it is. Further records need at least one packed
-byte each, for their times."""
+_MIN_CHUNK_RECORD_LIMIT = 256
+"""Number of records that every chunk may have, however small it is. Each further record needs at least one
+packed byte, for its time."""
 DAMAGE = (McapError, struct.error, ValueError, OverflowError, zstandard.ZstdError)
 
 
@@ -63,7 +63,7 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
 
     Raises:
         Damage: if the chunk's checksum, compression or content is wrong.
-        InputError: for a small chunk that decompresses to a flood (decompression bomb).
+        InputError: for a small chunk that decompresses to a very large size (decompression bomb).
     """
     try:
         file.seek(ref.offset)
@@ -75,17 +75,17 @@ def read_chunk(file: BinaryIO, ref: ChunkRef) -> list[Any]:
         content = _decompressed_chunk(chunk)
         if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
             raise Damage("a chunk's checksum is wrong")
-        return _chunk_contents(content, min(_MAX_RECORDS, _FREE_RECORDS + len(chunk.data)))
+        return _chunk_contents(content, min(_MAX_RECORDS, _MIN_CHUNK_RECORD_LIMIT + len(chunk.data)))
     except DAMAGE as error:
         raise Damage(plain_reason(error)) from None
-    except _Flood as error:
+    except _DecompressionBombError as error:
         where = f"{getattr(file, 'name', 'recording')}, byte {ref.offset}"
         mend = "Ask for the recording again: no recorder writes such a part."
         raise InputError(str(error), where=where, mend=mend) from None
 
 
-class _Flood(Exception):
-    """A small chunk that decompresses to a flood."""
+class _DecompressionBombError(Exception):
+    """A small chunk that decompresses to a very large size (decompression bomb)."""
 
 
 def _decompressed_chunk(chunk: Any) -> bytes:
@@ -96,8 +96,8 @@ def _decompressed_chunk(chunk: Any) -> bytes:
         raise Damage(f"a chunk is compressed with {chunk.compression!r}")
     if zstandard.frame_content_size(chunk.data) not in (size, -1):
         raise Damage("a chunk states two sizes")
-    if size > min(_MAX_CHUNK, _FREE_BYTES + _MAX_RATIO * packed):
-        raise _Flood(f"a part of {packed} bytes states that it unpacks to {size}")
+    if size > min(_MAX_CHUNK_BYTES, _MIN_CHUNK_BYTE_LIMIT + _MAX_COMPRESSION_RATIO * packed):
+        raise _DecompressionBombError(f"a part of {packed} bytes states that it unpacks to {size}")
     return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
 
 
@@ -108,7 +108,7 @@ def _chunk_contents(content: bytes, most: int) -> list[Any]:
     while at < len(content):
         count += 1
         if count > most:
-            raise _Flood(f"a part has more than {most} records in {len(content)} bytes")
+            raise _DecompressionBombError(f"a part has more than {most} records in {len(content)} bytes")
         opcode, length = RECORD.unpack_from(content, at)
         start = at + RECORD.size
         at = start + length
@@ -119,15 +119,15 @@ def _chunk_contents(content: bytes, most: int) -> list[Any]:
             data = content[start + _MESSAGE_HEADER.size : at]
             contents.append(records.Message(channel, logged, data, published, sequence))
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            contents.append(parsed(opcode, content[start:at]))
+            contents.append(parse_record(opcode, content[start:at]))
     return contents
 
 
-def parsed(opcode: int, data: bytes) -> Any:
+def parse_record(opcode: int, data: bytes) -> Any:
     """Returns a record of :data:`SMALL_RECORDS`.
 
     Raises:
-        Damage: if its kind is none of them. Others of :data:`DAMAGE` if it is damaged.
+        Damage: if the record is of another kind. Another exception of :data:`DAMAGE` if it is damaged.
     """
     kind = SMALL_RECORDS.get(opcode)
     if kind is None:

@@ -20,7 +20,7 @@ from enliven.recording.chunks import (
     SMALL_RECORDS,
     ChunkRef,
     Damage,
-    parsed,
+    parse_record,
     read_chunk,
 )
 from enliven.recording.schemas import ABOUT_NAME, RECORDING_VERSION, VERSION_KEY
@@ -28,11 +28,12 @@ from enliven.recording.schemas import ABOUT_NAME, RECORDING_VERSION, VERSION_KEY
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER = struct.Struct("<QQI")
 _FOOTER_BYTES = RECORD.size + _FOOTER.size + len(MAGIC)
-_MAX_RECORD = 1 << 26
+_MAX_SMALL_RECORD_BYTES = 1 << 26
 """Maximum bytes of a schema, a channel or another small record."""
-_MAX_NAMED = 1 << 20
-"""Maximum bytes of a metadata record that the index names: it may name the same one many times."""
-_MAX_METADATA = 1 << 10
+_MAX_METADATA_BYTES = 1 << 20
+"""Maximum bytes of a metadata record that the index names. It is limited because an index may name the same
+record many times."""
+_MAX_METADATA_RECORDS = 1 << 10
 """Maximum metadata records that the index may name: our recorder writes a few."""
 
 
@@ -71,7 +72,8 @@ class Container:
 
 
 def open_container(path: Path) -> Container:
-    """Reads the container of a file from its index. If that is missing, walks from record to record.
+    """Reads the container of a file from its index. If the index is missing, reads the records one after the
+    other.
 
     Raises:
         InputError: if the file is missing, empty or not an MCAP file.
@@ -84,7 +86,7 @@ def open_container(path: Path) -> Container:
         try:
             return _from_index(path, file, size)
         except (Damage, *DAMAGE):
-            return _from_walk(path, file, size)
+            return _from_records(path, file, size)
 
 
 def check_version(container: Container) -> None:
@@ -114,8 +116,8 @@ def _from_index(path: Path, file: BinaryIO, size: int) -> Container:
     container = Container(path, complete=True, cut_at=size)
     file.seek(len(MAGIC))
     container.add(_read_record(file, size))
-    inside = _records_of(summary)
-    if sum(isinstance(record, records.MetadataIndex) for record in inside) > _MAX_METADATA:
+    inside = _parse_summary(summary)
+    if sum(isinstance(record, records.MetadataIndex) for record in inside) > _MAX_METADATA_RECORDS:
         raise Damage("the index names too many records of words")
     for record in inside:
         _add_indexed(container, record, file, size)
@@ -151,7 +153,7 @@ def _add_indexed(container: Container, record: Any, file: BinaryIO, size: int) -
         container.add(record)
 
 
-def _from_walk(path: Path, file: BinaryIO, size: int) -> Container:
+def _from_records(path: Path, file: BinaryIO, size: int) -> Container:
     """Reads the container of a file without its end: every complete record from the start."""
     container = Container(path)
     at = len(MAGIC)
@@ -162,10 +164,10 @@ def _from_walk(path: Path, file: BinaryIO, size: int) -> Container:
         if opcode == 0 or end > size:
             break
         if opcode == Opcode.CHUNK:
-            _add_walked(container, file, at, end - at)
-        elif opcode in SMALL_RECORDS and length <= _MAX_RECORD:
+            _add_scanned(container, file, at, end - at)
+        elif opcode in SMALL_RECORDS and length <= _MAX_SMALL_RECORD_BYTES:
             try:
-                container.add(parsed(opcode, file.read(length)))
+                container.add(parse_record(opcode, file.read(length)))
             except DAMAGE:
                 container.damaged_chunks += 1
         at = end
@@ -175,7 +177,7 @@ def _from_walk(path: Path, file: BinaryIO, size: int) -> Container:
     return container
 
 
-def _add_walked(container: Container, file: BinaryIO, offset: int, length: int) -> None:
+def _add_scanned(container: Container, file: BinaryIO, offset: int, length: int) -> None:
     """Registers a chunk and the schemas, channels and counts inside."""
     try:
         inside = read_chunk(file, ChunkRef(offset, length, 0, 0))
@@ -195,19 +197,19 @@ def _add_walked(container: Container, file: BinaryIO, offset: int, length: int) 
 def _read_record(file: BinaryIO, size: int) -> Any:
     """Returns the record at the file's position."""
     opcode, length = RECORD.unpack(file.read(RECORD.size))
-    if length > min(size, _MAX_NAMED):
+    if length > min(size, _MAX_METADATA_BYTES):
         raise Damage("a record states more bytes than the file has")
-    return parsed(opcode, file.read(length))
+    return parse_record(opcode, file.read(length))
 
 
-def _records_of(data: bytes) -> list[Any]:
+def _parse_summary(data: bytes) -> list[Any]:
     """Returns the records of a summary section that are used here."""
     summary_records, at = [], 0
     while at < len(data):
         opcode, length = RECORD.unpack_from(data, at)
         at += RECORD.size
         if opcode in SMALL_RECORDS:
-            summary_records.append(parsed(opcode, data[at : at + length]))
+            summary_records.append(parse_record(opcode, data[at : at + length]))
         at += length
     return summary_records
 

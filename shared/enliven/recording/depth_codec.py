@@ -84,7 +84,7 @@ def encode_depth(depth: UInt16, level: int = 1) -> bytes:
     Raises:
         InputError: for another type or shape, an empty image, or one above :data:`MAX_PIXELS`.
     """
-    height, width = _checked_shape(depth)
+    height, width = _check_shape(depth)
     depth = np.require(depth, requirements=["C", "W", "A"])
     levels, ranks = _depth_levels(depth)
     planes = predict_image(depth, ranks, len(levels) or 65535)
@@ -101,7 +101,7 @@ def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
     Raises:
         InputError: for a payload that is damaged, of a later version, or larger than ``max_pixels``.
     """
-    packing, width, height, levels = _checked_header(payload, max_pixels)
+    packing, width, height, levels = _check_header(payload, max_pixels)
     packed = payload[_CONTENT_OFFSET:]
     depth = np.empty((height, width), np.uint16)
     if packing == _ARITHMETIC_PACKING:
@@ -118,11 +118,11 @@ def decode_depth(payload: bytes, *, max_pixels: int = MAX_PIXELS) -> UInt16:
 def _unpack_zstd(packed: bytes, width: int, height: int, levels: int) -> tuple[UInt16, UInt8]:
     """Returns the values of the levels, and (1 or 2, H, W) residuals of packing 0."""
     planes = 1 if 0 < levels <= 255 else 2
-    content = _unpacked_content(packed, 2 * levels + planes * width * height)
+    content = _unpack_content(packed, 2 * levels + planes * width * height)
     return _level_depths(content[: 2 * levels], levels), content[2 * levels :].reshape(planes, height, width)
 
 
-def _checked_shape(depth: UInt16) -> tuple[int, int]:
+def _check_shape(depth: UInt16) -> tuple[int, int]:
     if depth.dtype != np.uint16 or depth.ndim != 2:
         raise InputError(f"the image is {depth.dtype} {depth.shape}, expected (H, W) uint16", where="depth")
     if not depth.size or depth.size > MAX_PIXELS or max(depth.shape) > 65535:
@@ -141,7 +141,7 @@ def _depth_levels(depth: UInt16) -> tuple[UInt16, UInt16]:
     return levels, ranks
 
 
-def _checked_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
+def _check_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int]:
     """Returns packing, width, height and number of levels of a payload after checking its checksum."""
     if len(payload) < _CONTENT_OFFSET:
         raise _damage_error(f"it is {len(payload)} bytes long")
@@ -161,7 +161,7 @@ def _checked_header(payload: bytes, max_pixels: int) -> tuple[int, int, int, int
     return packing, width, height, levels
 
 
-def _unpacked_content(packed: bytes, size: int) -> UInt8:
+def _unpack_content(packed: bytes, size: int) -> UInt8:
     """Returns (size,) the content of a zstd frame that must declare exactly this size."""
     try:
         stated = zstandard.frame_content_size(packed)

@@ -93,7 +93,8 @@ def _context_index(w: int, ww: int, n: int, ne: int, p: int, recent: int) -> int
 
 @njit(cache=True, nogil=True)
 def _decode_residual(coder: AnyArray, data: UInt8, states: AnyArray, base: int) -> int:
-    """Decodes a residual: zero? negative? then the size, one by one and then in bits."""
+    """Decodes a residual: whether it is zero, its sign, and its size. Small sizes are coded one by one,
+    larger ones in bits."""
     if _decode_with_state(coder, data, states, base):
         return 0
     negative = _decode_with_state(coder, data, states, base + 1)

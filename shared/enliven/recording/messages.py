@@ -27,8 +27,8 @@ _COLOUR_FLAG = 2
 """Flag of a depth message that contains a colour image."""
 _SEQUENCE_FLAG = 4
 """Flag of a depth message that contains a sequence number."""
-_MOST_COUNTED = 1 << 63
-"""Limit of the sequence number, a signed 64-bit integer in the layout. Larger ones are left out."""
+_SEQUENCE_LIMIT = 1 << 63
+"""Limit of the sequence number, a signed 64-bit integer in the layout. Larger numbers are not stored."""
 
 
 def pack_depth(frame: DepthFrame, level: int) -> bytes:
@@ -36,7 +36,7 @@ def pack_depth(frame: DepthFrame, level: int) -> bytes:
     camera, sensor = frame.intrinsics, frame.sensor.encode()
     depth = encode_depth(frame.depth, level)
     count = frame.sequence
-    counted = () if count is None or abs(count) >= _MOST_COUNTED else (_SEQUENCE.pack(count),)
+    counted = () if count is None or abs(count) >= _SEQUENCE_LIMIT else (_SEQUENCE.pack(count),)
     flags = _POSE_FLAG * (frame.world_from_camera is not None) | _COLOUR_FLAG * (frame.colour is not None)
     flags |= _SEQUENCE_FLAG * len(counted)
     lens = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion)

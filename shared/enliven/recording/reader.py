@@ -20,7 +20,7 @@ from enliven.recording.container import Container, check_version, open_container
 from enliven.recording.messages import unpack_bodies, unpack_depth
 from enliven.recording.schemas import BODIES_TOPIC, DEPTH_TOPIC, PROFILE, TRUTH_TOPIC
 
-_MOST_HELD = 1 << 29
+_MAX_WAITING_BYTES = 1 << 29
 """Maximum bytes of messages that wait for earlier ones: two of our recorder's chunks of 1 MiB may overlap."""
 
 
@@ -88,19 +88,24 @@ class Recording:
 
         ``next`` raises InputError for a message that is not a frame, and continues with the message after it.
         """
-        return map(lambda said: frame_of(said[0], said[2]), self.in_order({DEPTH_TOPIC, BODIES_TOPIC}, file))
+        return map(
+            lambda said: frame_from_message(said[0], said[2]),
+            self.messages_in_order({DEPTH_TOPIC, BODIES_TOPIC}, file),
+        )
 
     def truth(self) -> Iterator[BodyFrame]:
         """Yields the true bodies of a synthetic recording, ordered by time."""
-        for _, _, data in self.in_order({TRUTH_TOPIC}):
+        for _, _, data in self.messages_in_order({TRUTH_TOPIC}):
             yield unpack_bodies(data)
 
     def messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Yields (time in ns, bytes) of every message of a topic, ordered by time."""
-        for _, time_ns, data in self.in_order({topic}):
+        for _, time_ns, data in self.messages_in_order({topic}):
             yield time_ns, data
 
-    def in_order(self, topics: set[str], file: BinaryIO | None = None) -> Iterator[tuple[str, int, bytes]]:
+    def messages_in_order(
+        self, topics: set[str], file: BinaryIO | None = None
+    ) -> Iterator[tuple[str, int, bytes]]:
         """Yields (topic, time in ns, bytes) of all messages of some topics, by time, then by file position.
 
         ``file`` is the opened recording.
@@ -127,7 +132,7 @@ class Recording:
                     if isinstance(record, Message) and record.channel_id in names:
                         heapq.heappush(waiting, (record.log_time, count, record))
                         count, buffered = count + 1, buffered + len(record.data)
-                if buffered > _MOST_HELD:
+                if buffered > _MAX_WAITING_BYTES:
                     problem = f"{buffered} bytes of its messages are out of order"
                     raise InputError(problem, where=str(self.path), mend="Record it again.")
         while waiting:
@@ -165,7 +170,7 @@ class Recording:
         warnings.warn(problem, RecordingWarning, stacklevel=4)
 
 
-def frame_of(topic: str, data: bytes) -> Frame:
+def frame_from_message(topic: str, data: bytes) -> Frame:
     """Returns the frame of a message.
 
     Raises:

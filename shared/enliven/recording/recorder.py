@@ -88,8 +88,8 @@ class Recorder:
         self._unrepeated: list[Schema | Channel] = []
         self._failure: EnlivenError | None = None
         self._synced = time.monotonic()
-        self._carry_out(self._writer.start, schemas.PROFILE, f"enliven {__version__}")
-        self._carry_out(self._writer.add_metadata, schemas.ABOUT_NAME, schemas.ABOUT)
+        self._run_step(self._writer.start, schemas.PROFILE, f"enliven {__version__}")
+        self._run_step(self._writer.add_metadata, schemas.ABOUT_NAME, schemas.ABOUT)
         self.sync()
 
     def write_frame(self, frame: Frame) -> None:
@@ -131,7 +131,7 @@ class Recorder:
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Adds a named record of texts for humans: performer, place, command line, calibration."""
-        self._carry_out(self._writer.add_metadata, name, values)
+        self._run_step(self._writer.add_metadata, name, values)
 
     def fileno(self) -> int:
         """Returns the file's descriptor, for :func:`os.fsync`. -1 once it is closed."""
@@ -139,7 +139,7 @@ class Recorder:
 
     def sync(self) -> None:
         """Passes everything written to the operating system, as complete chunks."""
-        self._carry_out(self._writer.flush)
+        self._run_step(self._writer.flush)
         self._repeat_descriptions()
         self._filled = 0
         self._synced = time.monotonic()
@@ -148,7 +148,7 @@ class Recorder:
         """Writes the index and closes the file. A second call, or one after a failed write, does nothing."""
         if self._file.closed:
             return
-        self._carry_out(self._writer.finish)
+        self._run_step(self._writer.finish)
         self._file.close()
 
     def __enter__(self) -> Recorder:
@@ -162,7 +162,7 @@ class Recorder:
     def _write_message(self, topic: str, kind: MessageKind, sensor: str, data: bytes, time_ns: int) -> None:
         self._check_time(time_ns, f"topic {topic}")
         channel = self._channel_id(topic, kind, sensor)
-        self._carry_out(self._writer.add_message, channel, time_ns, data, time_ns)
+        self._run_step(self._writer.add_message, channel, time_ns, data, time_ns)
         self._filled += len(data)
         full = self._live and self._filled >= self._room
         if full:
@@ -179,7 +179,7 @@ class Recorder:
                 mend="Check the clock of the sensor.",
             )
 
-    def _carry_out(self, step: Any, *arguments: Any) -> None:
+    def _run_step(self, step: Any, *arguments: Any) -> None:
         """Runs a step of the writer. An OSError ends the recording."""
         if self._failure is not None:
             raise self._failure
@@ -197,12 +197,12 @@ class Recorder:
             for record in self._unrepeated:
                 record.write(builder)
             self._unrepeated = []
-            self._carry_out(self._file.write, builder.end())
+            self._run_step(self._file.write, builder.end())
 
     def _channel_id(self, topic: str, kind: MessageKind, sensor: str) -> int:
         """Returns the id of the channel of a topic, kind and sensor.
 
-        It is registered at its first message.
+        The channel is registered at its first message.
         """
         key = (topic, kind.schema_name, sensor)
         if key not in self._channels:
@@ -210,15 +210,15 @@ class Recorder:
             if schema not in self._schemas:
                 name, encoding, text = schema[0], schema[1], schema[2].encode()
                 number = self._schemas[schema] = self._writer.register_schema(name, encoding, text)
-                self._note_description(Schema(id=number, name=name, encoding=encoding, data=text))
-            of, more = self._schemas[schema], {"sensor": sensor} if sensor else {}
+                self._store_description(Schema(id=number, name=name, encoding=encoding, data=text))
+            of, metadata = self._schemas[schema], {"sensor": sensor} if sensor else {}
             number = self._channels[key] = self._writer.register_channel(
-                topic, kind.message_encoding, of, more
+                topic, kind.message_encoding, of, metadata
             )
-            self._note_description(Channel(number, topic, kind.message_encoding, more, of))
+            self._store_description(Channel(number, topic, kind.message_encoding, metadata, of))
         return self._channels[key]
 
-    def _note_description(self, record: Schema | Channel) -> None:
+    def _store_description(self, record: Schema | Channel) -> None:
         """Stores a schema or channel for repetition. An archive is complete, and repeats none."""
         if self._live:
             self._unrepeated.append(record)

@@ -31,7 +31,7 @@ _FIXED_BYTES = 36
 _HEAD_BYTES = 9
 """Bytes of a record's opcode and length."""
 _CHUNK_HEAD_BYTES = 64
-"""Maximum bytes of a chunk before its data. Blocks overlap by this, so that no head is cut."""
+"""Maximum bytes of a chunk before its data. Blocks overlap by this length, so that no head is cut."""
 _BLOCK_BYTES = 1 << 20
 """Bytes of a block that is searched for chunks. An unreadable sector hides the heads of one such block."""
 _RECORDS_BETWEEN_CHUNKS = {
@@ -66,7 +66,7 @@ class Recovery:
         spans: the times in which messages were lost, in the order of the file.
         cut: True if the recording was never closed, so that messages after its last chunk are unknown.
         nameless: number of undamaged messages left out because the description of their topic is lost.
-        first_ns: the first time of the copied messages, without those at time 0.
+        first_ns: the earliest time of the copied messages, ignoring messages at time 0.
     """
 
     kept: Counter[str] = field(default_factory=Counter)
@@ -85,14 +85,14 @@ def recover(path: Path, output: Path) -> Recovery:
             ``output`` exists.
         ResourceError: if ``output`` cannot be written. It is then removed.
     """
-    container = _container_of(path)
+    container = _open_damaged(path)
     if container.profile not in (PROFILE, ""):
         raise InputError(f"it is an MCAP file of another program ({container.profile!r})", where=str(path))
     check_version(container)
     recovery = Recovery(cut=not container.complete)
     with open_file(path) as file:
         refs = _candidate_chunks(container, file)
-        for _, records in _checked_chunks(file, refs):
+        for _, records in _read_chunks(file, refs):
             # Descriptions may follow the messages that they describe, so read all of them first.
             for record in records or ():
                 if not isinstance(record, Message):
@@ -113,7 +113,7 @@ def recover(path: Path, output: Path) -> Recovery:
     return recovery
 
 
-def _container_of(path: Path) -> Container:
+def _open_damaged(path: Path) -> Container:
     """Returns the container of a recording. Empty if its index lies in an unreadable part of the device."""
     try:
         return open_container(path)
@@ -129,11 +129,11 @@ def _copy_messages(
         if name != ABOUT_NAME:
             recorder.add_metadata(name, values)
     end, end_ns, lost = len(b"\x89MCAP0\r\n"), None, False
-    for ref, records in _checked_chunks(file, refs):
+    for ref, records in _read_chunks(file, refs):
         if records is None:
             lost = True
             continue
-        if lost or not _only_small(file, end, ref.offset):
+        if lost or not _has_only_small_records(file, end, ref.offset):
             recovery.spans.append(LostSpan(end_ns, ref.start_ns))
         messages = [record for record in records if isinstance(record, Message)]
         for message in messages:
@@ -160,7 +160,8 @@ def _write_message(container: Container, message: Any, recorder: Recorder, recov
 
 
 def _candidate_chunks(container: Container, file: BinaryIO) -> list[ChunkRef]:
-    """Returns all possible chunks in the file's order: those of the index, and those found by their head."""
+    """Returns all possible chunks in the file's order: those in the index, and those that were found by
+    searching the bytes for a chunk's head."""
     refs = {ref.offset: ref for ref in container.chunks}
     size = file.seek(0, 2)
     for first, data in _file_blocks(file, size):
@@ -187,7 +188,7 @@ def _file_blocks(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
             yield offset, file.read(_BLOCK_BYTES + _CHUNK_HEAD_BYTES)
 
 
-def _checked_chunks(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, list[Any] | None]]:
+def _read_chunks(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[ChunkRef, list[Any] | None]]:
     """Yields every chunk with its records, None if it is damaged.
 
     A false match inside another chunk is left out.
@@ -205,7 +206,7 @@ def _checked_chunks(file: BinaryIO, refs: list[ChunkRef]) -> Iterator[tuple[Chun
         yield ref, records
 
 
-def _only_small(file: BinaryIO, start: int, end: int) -> bool:
+def _has_only_small_records(file: BinaryIO, start: int, end: int) -> bool:
     """Returns True if only small records lie between two offsets of the file."""
     at = start
     while at + _HEAD_BYTES <= end:

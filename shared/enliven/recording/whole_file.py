@@ -1,4 +1,4 @@
-"""A file of complete records only: a record that did not fit is removed again."""
+"""A file that contains complete records only: a record that could not be written completely is removed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ class WholeFile:
         self._end = 0
 
     def move(self, path: Path) -> None:
-        """Continues in ``path``, after the bytes written before were moved or copied there.
+        """Continues writing in the file ``path``. The caller has moved or copied the bytes written before to
+        it.
 
         Raises:
             OSError: if that file cannot be opened.
@@ -57,7 +58,7 @@ class WholeFile:
             while remaining:
                 remaining = remaining[self._raw.write(remaining) :]
         except OSError:
-            self._take_back()
+            self._truncate()
             raise
         self._end += len(data)
         return len(data)
@@ -69,7 +70,7 @@ class WholeFile:
         """Closes the file. A second call does nothing."""
         self._raw.close()
 
-    def _take_back(self) -> None:
+    def _truncate(self) -> None:
         """Truncates the file to its last complete record."""
         with contextlib.suppress(OSError):
             os.ftruncate(self._raw.fileno(), self._end)

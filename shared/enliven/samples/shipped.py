@@ -14,37 +14,39 @@ from enliven.rotation import slerp
 if TYPE_CHECKING:
     from enliven.document import Project
 
-HERE = Path(__file__).resolve().parent
+SAMPLES_FOLDER = Path(__file__).resolve().parent
 """The folder of the files."""
-_BEAT = 18
+_BEAT_FRAMES = 18
 """Frames from one pose of the dance to the next: 0.6 s, a slow march."""
-_FRAME = 1.0 / 30.0
+_FRAME_S = 1.0 / 30.0
 """Seconds of a frame of the dance."""
-STEP = 2.0**-14
-"""Metres between two values of a coordinate in the files: 0.06 mm, a two-hundredth of an edge."""
+COORDINATE_STEP_M = 2.0**-14
+"""Quantization step of a coordinate in the files, metres (0.06 mm): 1/200 of the length of an edge."""
 
 
 def load_sample(name: Literal["chair", "lamp", "cactus"]) -> Mesh:
     """Returns a sample mesh with coloured vertices that stands on y = 0, in metres.
 
     chair: an armchair 1.75 m tall, one closed surface, that faces +Z. A person standing at the origin has the
-        legs in its back legs, the spine in its back, and the forearms, held forward, in its armrests.
+    legs in its back legs, the spine in its back, and the forearms, held forward, in its armrests.
+
     lamp: a sprung desk lamp 1.7 m tall, eighteen closed shells, that reaches to the right. A person standing
-        at the origin and facing +Z, the right arm held out, has hip and arm in its lower and upper arm.
-    cactus: a saguaro 1.3 m tall in a pot, its own mirror image across x = 0, with two arms and two eyes.
+    at the origin and facing +Z, the right arm held out, has hip and arm in its lower and upper arm.
+
+    cactus: a saguaro 1.3 m tall in a pot, with two arms and two eyes. It is symmetric about the plane x = 0.
 
     Raises:
         InputError: for another name.
     """
     if name == "cactus":
         return cactus_project().puppet(name).mesh
-    if not (HERE / f"{name}.npz").is_file():
+    if not (SAMPLES_FOLDER / f"{name}.npz").is_file():
         raise InputError(
             f"the sample {name!r} does not exist", where="samples", mend="Known: chair, lamp, cactus."
         )
-    with np.load(HERE / f"{name}.npz") as stored:
+    with np.load(SAMPLES_FOLDER / f"{name}.npz") as stored:
         steps, faces = (stored[key].cumsum(1, np.int32).T for key in ("vertices", "faces"))
-        return Mesh(steps * STEP, faces, name, stored["colours"])
+        return Mesh(steps * COORDINATE_STEP_M, faces, name, stored["colours"])
 
 
 def cactus_project() -> Project:
@@ -54,7 +56,7 @@ def cactus_project() -> Project:
     """
     from enliven.formats.project import read_project
 
-    return read_project(HERE / "cactus.enliven")
+    return read_project(SAMPLES_FOLDER / "cactus.enliven")
 
 
 def dancing_cactus() -> Project:
@@ -64,7 +66,7 @@ def dancing_cactus() -> Project:
     project = cactus_project()
     puppet = project.puppet("cactus")
     poses = project.takes[puppet.poses[0].take]
-    share = np.arange(_BEAT) / _BEAT
+    share = np.arange(_BEAT_FRAMES) / _BEAT_FRAMES
     share = share * share * (3.0 - 2.0 * share)
     after = np.roll(np.arange(len(poses.turns)), -1)
     turns = slerp(poses.turns[:, None], poses.turns[after, None], share[None, :, None])
@@ -72,6 +74,6 @@ def dancing_cactus() -> Project:
     turns, root = turns.reshape(-1, *poses.turns.shape[1:]), places.reshape(-1, 3)
     # End the dance in its first pose, so that it can be looped.
     turns, root = np.concatenate([turns, poses.turns[:1]]), np.concatenate([root, poses.root[:1]])
-    dance = Clip("cactus dance", poses.skeleton, turns, root, _FRAME)
+    dance = Clip("cactus dance", poses.skeleton, turns, root, _FRAME_S)
     layer = PuppetLayer(dance.id, loop=True, travel=False)
     return project.with_takes(dance).with_characters(puppet.with_changes(layers=(layer,)))

@@ -4,31 +4,31 @@ from .cutting import (
     CutOut as CutOut,
     KnownImage as KnownImage,
     cut_by_box as cut_by_box,
-    cut_what_is_new as cut_what_is_new,
+    cut_new_object as cut_new_object,
     upright_frame as upright_frame,
 )
 from .ground_plane import (
     GroundPlane as GroundPlane,
     cut_out as cut_out,
     find_ground as find_ground,
-    focus_of as focus_of,
+    find_focus as find_focus,
     largest_part as largest_part,
-    levelled as levelled,
-    parts_about as parts_about,
+    level_mesh as level_mesh,
+    find_parts as find_parts,
 )
-from .decimation import DecimatedMesh as DecimatedMesh, decimated as decimated
+from .decimation import DecimatedMesh as DecimatedMesh, decimate as decimate
 from .depth_view import DepthPreparation as DepthPreparation, DepthView as DepthView
 from .keyframes import Keyframes as Keyframes
 from .loop_closure import LoopClosure as LoopClosure
-from .marching_cubes import surface_of as surface_of
+from .marching_cubes import extract_surface as extract_surface
 from .preview import (
     PIECE_STEPS as PIECE_STEPS,
     PieceSums as PieceSums,
     ScanPiece as ScanPiece,
-    piece_of as piece_of,
-    piece_sums as piece_sums,
+    extract_piece as extract_piece,
+    sum_pieces as sum_pieces,
 )
-from .rasterizer import Drawing as Drawing, draw_mesh as draw_mesh
+from .rasterizer import RenderedMesh as RenderedMesh, draw_mesh as draw_mesh
 from .scanner import (
     ExcludedPixels as ExcludedPixels,
     Scanner as Scanner,
@@ -44,6 +44,6 @@ from .settings import (
     ObjectSettings as ObjectSettings,
     RegistrationSettings as RegistrationSettings,
     TrackingSettings as TrackingSettings,
-    alone_within as alone_within,
+    settings_within as settings_within,
 )
 from .tsdf_volume import FusionResult as FusionResult, TsdfVolume as TsdfVolume

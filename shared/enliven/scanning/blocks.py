@@ -10,12 +10,12 @@ from enliven.arrays import Int, Int32
 from enliven.kernels import njit
 
 SIDE = 8
-"""Voxels along a block's side. The table stays small, and a block is as wide as the truncation band that
-it holds."""
+"""Voxels along a block's side. With 8 voxels the table stays small, and a block is as wide as the truncation
+band."""
 VOXELS = SIDE**3
 """Voxels of a block; voxel (x, y, z) of it has the index x + 8 y + 64 z."""
 _INITIAL_CAPACITY_BLOCKS = 1024
-"""Initial capacity of a table, blocks: 4 MB of voxels."""
+"""Initial capacity of a table, in blocks (4 MB of voxels)."""
 _CAPACITY_GROWTH = 1.5
 """Growth factor of a full table: at most a third of the memory is then unused."""
 _MAX_BLOCK_COORDINATE = 1 << 20
@@ -47,17 +47,17 @@ class BlockTable:
         return len(self.places)
 
     def grow(self) -> None:
-        """Makes room for more blocks."""
+        """Enlarges the capacity for more blocks."""
         capacity = int(self.capacity * _CAPACITY_GROWTH)
-        self.places = grown(self.places, capacity, 0)
-        self.beside = grown(self.beside, capacity, -1)
+        self.places = grow_array(self.places, capacity, 0)
+        self.beside = grow_array(self.beside, capacity, -1)
         if capacity > _MAX_LOAD_FACTOR * len(self.keys):
             self._rebuild_hash_table(2 * len(self.keys))
 
-    def keep(self, kept: Int) -> None:
+    def keep(self, numbers: Int) -> None:
         """Keeps only the blocks (K,) with these numbers, and renumbers them from 0 to K - 1."""
-        self.places[: len(kept)] = self.places[kept]
-        self.count = len(kept)
+        self.places[: len(numbers)] = self.places[numbers]
+        self.count = len(numbers)
         self._rebuild_hash_table(len(self.keys))
         self.beside[:] = -1
         link(self.keys, self.slots, self.places, self.beside, 0, self.count)
@@ -73,7 +73,7 @@ class BlockTable:
         _insert_all(self.keys, self.slots, self.places, self.count)
 
 
-def grown(array: np.ndarray, length: int, fill: float) -> np.ndarray:
+def grow_array(array: np.ndarray, length: int, fill: float) -> np.ndarray:
     """Returns an array with more rows; the new ones hold ``fill``."""
     larger = np.full((length, *array.shape[1:]), fill, array.dtype)
     larger[: len(array)] = array

@@ -1,4 +1,4 @@
-"""Mesh decimation of a scan, and the resulting distance from the original surface."""
+"""Mesh decimation of a scan, and the deviation from the original surface."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _COMPARED_VERTICES = 20_000
 _SAMPLE_POINTS = 60_000
 """Number of sample points on a mesh for finding the nearest face: 7 mm apart on a chair."""
 _NEAREST_SAMPLES = 20
-"""Number of nearest sample points with faces to test. If another face is nearer, the reported distance is
-too large."""
+"""Number of nearest sample points. Their faces are tested. If another face is nearer, the reported distance
+is too large."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class DecimatedMesh:
     most: float
 
 
-def decimated(mesh: Mesh, faces: int) -> DecimatedMesh:
+def decimate(mesh: Mesh, faces: int) -> DecimatedMesh:
     """Returns a mesh with at most ``faces`` triangles, by collapsing the edges that move the surface least.
 
     Vertices take the colour of the nearest vertex of the full mesh. A mesh that is small enough is returned
@@ -48,20 +48,20 @@ def decimated(mesh: Mesh, faces: int) -> DecimatedMesh:
     from fast_simplification import simplify
 
     vertices, triangles = mesh.vertices, mesh.faces
-    for eager in _AGGRESSIVENESS:
+    for aggressiveness in _AGGRESSIVENESS:
         if len(triangles) > faces:
-            vertices, triangles = simplify(vertices, triangles, target_count=faces, agg=eager)[:2]
+            vertices, triangles = simplify(vertices, triangles, target_count=faces, agg=aggressiveness)[:2]
     colours = None
     if mesh.colours is not None:
         colours = mesh.colours[cKDTree(mesh.vertices).query(vertices)[1]]
-    reduced = Mesh(np.asarray(vertices, float), _without_folds(triangles), mesh.name, colours)
+    reduced = Mesh(np.asarray(vertices, float), _remove_folds(triangles), mesh.name, colours)
     reduced = submesh(reduced, np.ones(len(reduced.faces), bool))
-    looked = np.random.default_rng(0).permutation(len(mesh.vertices))[:_COMPARED_VERTICES]
-    errors = distances(reduced, mesh.vertices[looked])
+    compared = np.random.default_rng(0).permutation(len(mesh.vertices))[:_COMPARED_VERTICES]
+    errors = distances(reduced, mesh.vertices[compared])
     return DecimatedMesh(reduced, float(errors.mean()), float(np.quantile(errors, 0.99)))
 
 
-def _without_folds(faces: Int | Int32) -> Int32:
+def _remove_folds(faces: Int | Int32) -> Int32:
     """Returns the faces (F, 3) without pairs that share all corners, which are folds of zero thickness."""
     _, number, count = np.unique(np.sort(faces, 1), axis=0, return_inverse=True, return_counts=True)
     return np.asarray(faces[count[number.reshape(-1)] == 1], np.int32)

@@ -11,7 +11,7 @@ from enliven.camera import Intrinsics, project, rays
 from enliven.kernels import njit
 from enliven.scanning.kernel_arguments import PointArrays
 from enliven.scanning.settings import DepthNoiseModel
-from enliven.scanning.threads import in_pieces
+from enliven.scanning.threads import run_in_pieces
 
 TILE = 8
 """Pixels along a tile's side. The nearest and farthest depth are kept for each tile. A block covers a few
@@ -26,7 +26,7 @@ _MIN_PLANE_SAMPLES = 4
 _MIN_FACING_COSINE = 0.12
 """Cosine between ray and normal below which depth is not trusted: 83 degrees."""
 _NO_SURFACE_OFFSET = np.float32(1e9)
-"""Plane offset of a pixel without depth. Everything lies far behind the plane, so that nothing is fused."""
+"""Plane offset of a pixel without depth. All voxels lie far behind such a plane, so that nothing is fused."""
 _ROWS_PER_PIECE = 24
 """Rows of half-size pixels that a thread processes at a time."""
 
@@ -68,17 +68,17 @@ class DepthView:
         return float(np.count_nonzero(self.worth)) / self.worth.size
 
 
-def only(view: DepthView, keep: Bool) -> DepthView:
+def restrict_view(view: DepthView, keep: Bool) -> DepthView:
     """Returns a view restricted to some half-size pixels (h, w).
 
-    The other pixels only state that the space in front of them is free. When fused, they carve free space and
-    create no surface.
+    The other pixels only show that the space in front of them is free. When fused, they add free space and no
+    surface.
     """
     height, width = view.weights.shape
-    wide = keep.repeat(2, 0).repeat(2, 1)[:height, :width]
+    full_mask = keep.repeat(2, 0).repeat(2, 1)[:height, :width]
     return replace(
         view,
-        weights=view.weights * wide,
+        weights=view.weights * full_mask,
         points=view.points * keep[..., None],
         normals=view.normals * keep[..., None],
         worth=view.worth * keep,
@@ -122,11 +122,11 @@ class DepthPreparation:
         planes, weights = np.empty((height, width, 4), np.float32), np.empty((height, width), np.float32)
         points, normals = np.zeros((*half, 3), np.float32), np.zeros((*half, 3), np.float32)
         worth = np.zeros(half, np.float32)
-        in_pieces(_halve_resolution, half[0], _ROWS_PER_PIECE, depth, self._limits, inverse)
-        in_pieces(
+        run_in_pieces(_halve_resolution, half[0], _ROWS_PER_PIECE, depth, self._limits, inverse)
+        run_in_pieces(
             _fit_planes, half[0], _ROWS_PER_PIECE, inverse, *self._half, self._limits, points, normals, worth
         )
-        in_pieces(
+        run_in_pieces(
             _assign_pixel_planes,
             half[0],
             _ROWS_PER_PIECE,
@@ -140,7 +140,7 @@ class DepthPreparation:
             weights,
         )
         tiles = np.empty((-(-height // TILE), -(-width // TILE), 3), np.float32)
-        in_pieces(_bound_tiles, len(tiles), _ROWS_PER_PIECE, depth, self._limits, tiles)
+        run_in_pieces(_bound_tiles, len(tiles), _ROWS_PER_PIECE, depth, self._limits, tiles)
         return DepthView(self.intrinsics, planes, weights, points, normals, worth, tiles, colour)
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.icp import BINS, MAX_CHORD, MOMENTS, SQUARES, SUMS, residuals
-from enliven.scanning.rigid import cross_matrix, moved
+from enliven.scanning.rigid import cross_matrix, move_pose
 from enliven.scanning.settings import TrackingSettings
-from enliven.scanning.threads import in_pieces
+from enliven.scanning.threads import run_in_pieces
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _ROWS_PER_PIECE = 16
@@ -87,10 +87,10 @@ class CameraTracker:
         for level in range(min(coarsest, len(self.volumes) - 1), -1, -1):
             for _ in range(s.coarse_steps if level else s.fine_steps):
                 move = self._gauss_newton_step(self._normal_equations(view, pose, level), pose, up)
-                pose = moved(pose, move)
+                pose = move_pose(pose, move)
                 if np.linalg.norm(move) < s.still:
                     break
-        return self.judged(view, pose)
+        return self.evaluate(view, pose)
 
     def align_closely(self, view: DepthView, start: Float, up: Float | None = None) -> Alignment:
         """Returns the pose near ``start`` (4, 4) at which the image fits best, if noise hides the signal.
@@ -104,19 +104,19 @@ class CameraTracker:
         for _ in range(self.settings.close_steps):
             sums = self._normal_equations(view, pose, 0, closely=True)
             move = self._gauss_newton_step(sums, pose, up, _normal_matrix(sums[SQUARES + 1 :]))
-            pose = moved(pose, move)
+            pose = move_pose(pose, move)
             if np.linalg.norm(move) < self.settings.still:
                 break
         sums = self._normal_equations(view, pose, 0, closely=True)
         return self._alignment_for(sums, pose, _denoised_close_matrix(sums, self.settings.independent))
 
-    def judged(self, view: DepthView, pose: Float) -> Alignment:
+    def evaluate(self, view: DepthView, pose: Float) -> Alignment:
         """Returns how well an image fits at a given pose, with its error and information."""
         sums = self._normal_equations(view, pose, 0)
         return self._alignment_for(sums, pose, _denoised_matrix(sums))
 
-    def _alignment_for(self, sums: Float, pose: Float, told: Float) -> Alignment:
-        """Returns the alignment for the sums at a pose; ``told`` (6, 6) is the normal matrix without
+    def _alignment_for(self, sums: Float, pose: Float, true_matrix: Float) -> Alignment:
+        """Returns the alignment for the sums at a pose; ``true_matrix`` (6, 6) is the normal matrix without
         noise.
         """
         weight = max(sums[28], 1e-12)
@@ -124,7 +124,7 @@ class CameraTracker:
         # Count only independent pixels, because neighbouring pixels share the same noise, and the error of
         # the model is the same for all of them.
         independent = self.settings.independent / max(error, 1e-4) ** 2
-        information = told * independent
+        information = true_matrix * independent
         agreeing, overlap = sums[29] / max(sums[31], 1e-12), sums[31] / max(sums[30], 1e-12)
         return Alignment(pose, float(agreeing), float(overlap), error, information)
 
@@ -143,7 +143,7 @@ class CameraTracker:
             nearest = volume.reach
             rows = -(-view.points.shape[0] // stride)
             sums = np.empty((rows, SUMS))
-            in_pieces(
+            run_in_pieces(
                 residuals, rows, _ROWS_PER_PIECE, view.point_arrays, stride, span, pose,
                 s.soft * volume.band.voxel, volume.field, closely, sums,
             )  # fmt: skip
@@ -164,19 +164,21 @@ class CameraTracker:
         if up is not None:
             # A rotation w moves the measured up direction by w x felt. It should align this direction with
             # +Y.
-            felt = pose[:3, :3] @ up
-            j = -cross_matrix(felt)
+            measured_up = pose[:3, :3] @ up
+            j = -cross_matrix(measured_up)
             weight = scale * self.settings.gravity
             matrix[3:, 3:] += weight * j.T @ j
-            gradient[3:] += weight * j.T @ (felt - np.array([0.0, 1.0, 0.0]))
+            gradient[3:] += weight * j.T @ (measured_up - np.array([0.0, 1.0, 0.0]))
         matrix[np.diag_indices(6)] += scale * self.settings.damping
         if true is None:
             return np.asarray(-np.linalg.solve(matrix, gradient), np.float64)
         # Work in the coordinates in which the normal matrix is the identity.
         half = np.linalg.inv(np.linalg.cholesky(matrix))
-        share, ways = np.linalg.eigh(half @ true @ half.T)
-        ways = ways.T @ half
-        return np.asarray(-ways.T @ ((ways @ gradient) / share.clip(_MIN_SIGNAL_FRACTION, 1.0)), np.float64)
+        share, directions = np.linalg.eigh(half @ true @ half.T)
+        directions = directions.T @ half
+        return np.asarray(
+            -directions.T @ ((directions @ gradient) / share.clip(_MIN_SIGNAL_FRACTION, 1.0)), np.float64
+        )
 
 
 def _normal_matrix(sums: Float) -> Float:
@@ -199,8 +201,8 @@ def _denoised_matrix(sums: Float) -> Float:
     weight, matrix = sums[28], _normal_matrix(sums)
     first, products = cross_matrix(np.array([x, y, z])), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     # Build the matrix for slopes in all directions. It is the sum of A A' with A = [1; q x].
-    any_way = np.block([[weight * np.eye(3), first.T], [first, np.trace(products) * np.eye(3) - products]])
-    return np.asarray(matrix - _slope_variance(sums[MOMENTS + 9 : SQUARES]) * (any_way - matrix))
+    isotropic = np.block([[weight * np.eye(3), first.T], [first, np.trace(products) * np.eye(3) - products]])
+    return np.asarray(matrix - _slope_variance(sums[MOMENTS + 9 : SQUARES]) * (isotropic - matrix))
 
 
 def _denoised_close_matrix(sums: Float, independent: float) -> Float:

@@ -12,7 +12,7 @@ from enliven import rotation
 from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.meshes import Mesh, shells, submesh
-from enliven.scanning.holes import close_holes, lowest_rims
+from enliven.scanning.holes import close_holes, find_lowest_rims
 from enliven.scanning.settings import CutOutSettings
 
 _PLANE_HYPOTHESES = 100
@@ -25,8 +25,8 @@ _MIN_UP_COSINE = 0.82
 _MIN_FACE_COSINE = 0.97
 """Minimum cosine (14 degrees) between a floor's normal and those of its faces, which noise tilts."""
 _RIVAL_AREA_FRACTION = 0.5
-"""Fraction of the largest plane's area above which a lower plane is the floor, and the largest one a
-table."""
+"""If a lower plane has more than this fraction of the largest plane's area, the lower plane is the floor and
+the largest plane is a table."""
 _MIN_OBJECT_FRACTION = 0.05
 """Other objects are ignored if they have less than this fraction of the chosen object's surface near the
 focus."""
@@ -41,7 +41,7 @@ class GroundPlane:
     Attributes:
         normal: (3,) unit, up.
         offset: metres.
-        area: square metres of the plane that were seen.
+        area: observed part of the plane, square metres.
     """
 
     normal: Float
@@ -75,7 +75,7 @@ def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | 
     level = np.random.default_rng(0).permutation(level)[:_COMPARED_FACES]
     normals, middles, areas = normals[level], middles[level], areas[level] * count / len(level)
     planes = [
-        _fitted_plane(normals[k], float(normals[k] @ middles[k]), normals, middles, areas, s)
+        _fit_plane(normals[k], float(normals[k] @ middles[k]), normals, middles, areas, s)
         for k in range(min(_PLANE_HYPOTHESES, len(level)))
     ]
     most = max(plane.area for plane in planes)
@@ -84,7 +84,7 @@ def find_ground(mesh: Mesh, up: Float | None = None, settings: CutOutSettings | 
     return min(large, key=lambda plane: float(plane.offset - place @ plane.normal) / float(plane.normal @ up))
 
 
-def _fitted_plane(
+def _fit_plane(
     normal: Float, offset: float, normals: Float, middles: Float, areas: Float, s: CutOutSettings
 ) -> GroundPlane:
     """Returns the plane fitted to the inlier faces of a guessed plane."""
@@ -103,12 +103,12 @@ def _fitted_plane(
 
 
 def _faces_in_plane(normal: Float, offset: float, normals: Float, middles: Float, s: CutOutSettings) -> Bool:
-    """Returns (F,) whether each face lies in a plane."""
+    """Returns (F,) True for each face that lies in a plane."""
     near = np.abs(middles @ normal - offset) < s.thickness
     return np.asarray(near & (normals @ normal > _MIN_FACE_COSINE))
 
 
-def focus_of(poses: list[Float]) -> Float:
+def find_focus(poses: list[Float]) -> Float:
     """Returns the (3,) point nearest to the optical axes of cameras (4, 4): the point that they look at."""
     matrix, right = 1e-6 * np.eye(3), np.zeros(3)
     for pose in poses:
@@ -116,8 +116,8 @@ def focus_of(poses: list[Float]) -> Float:
         across = np.eye(3) - np.outer(axis, axis)
         matrix += across
         right += across @ pose[:3, 3]
-    # If all cameras look in the same direction, the point is undetermined. A weak prior puts it one metre in
-    # front of them.
+    # If all cameras look in the same direction, the point is undetermined. A weak prior then places it one
+    # metre in front of them.
     ahead = np.mean([pose[:3, 3] + pose[:3, 2] for pose in poses], axis=0)
     return np.asarray(np.linalg.solve(matrix, right + 1e-6 * ahead), np.float64)
 
@@ -133,7 +133,7 @@ def cut_out(mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSetti
         InputError: if no object stands there, or fewer than the number in the settings.
     """
     s = settings or CutOutSettings()
-    parts = parts_about(mesh, ground, focus, s)
+    parts = find_parts(mesh, ground, focus, s)
     if not parts:
         problem = "nothing that stands on the floor was scanned"
         raise InputError(
@@ -143,26 +143,27 @@ def cut_out(mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSetti
         problem = f"object number {s.number} does not exist where the camera looked; {len(parts)} stand there"
         raise InputError(problem, where="scan", mend="Choose one of them, or look at it while you scan.")
     thing = parts[s.number - 1]
-    vertices = levelled(thing, ground).vertices
+    vertices = level_mesh(thing, ground).vertices
     # Extend the feet down again by the clearance that the cut has removed.
     feet = vertices[:, 1] < s.clearance + 1e-9
     vertices[feet, 1] = 0.0
-    feet |= lowest_rims(replace(thing, vertices=vertices), s.drawn)
+    feet |= find_lowest_rims(replace(thing, vertices=vertices), s.drawn)
     vertices[feet, 1] = 0.0
     return close_holes(replace(thing, vertices=vertices), feet, s)
 
 
-def whole_part(mesh: Mesh, ground: GroundPlane, settings: CutOutSettings | None = None) -> Mesh:
-    """Returns the largest connected part of an object that was also seen from below, upright, on y = 0.
+def cut_whole_part(mesh: Mesh, ground: GroundPlane, settings: CutOutSettings | None = None) -> Mesh:
+    """Returns the largest connected part of an object that was scanned from all sides, also from below:
+    upright, on y = 0.
 
     Holes with short rims are closed.
     """
-    part = levelled(largest(mesh), ground)
+    part = level_mesh(largest_component(mesh), ground)
     part.vertices[:, 1] -= part.vertices[:, 1].min()
     return close_holes(part, np.zeros(len(part.vertices), bool), settings or CutOutSettings())
 
 
-def parts_about(
+def find_parts(
     mesh: Mesh, ground: GroundPlane, focus: Float, settings: CutOutSettings | None = None
 ) -> list[Mesh]:
     """Returns the connected parts that stand on the ground about a point (3,), the most likely object first.
@@ -170,19 +171,19 @@ def parts_about(
     That is the part with the most surface near the point. Small and distant parts are left out.
     """
     s = settings or CutOutSettings()
-    above = above_plane(mesh, ground.normal, ground.offset + s.clearance)
+    above = cut_above_plane(mesh, ground.normal, ground.offset + s.clearance)
     if not len(above.faces):
         return []
     label = np.asarray(shells(above.faces, len(above.vertices)))[above.faces[:, 0]]
     middles = above.vertices[above.faces].mean(1)
     near = np.exp(-np.square(middles - focus).sum(1) / s.about**2)
     areas = np.linalg.norm(above.face_vectors(), axis=1) / 2
-    total_areas, worth = np.bincount(label, areas), np.bincount(label, areas * near)
-    large = (total_areas >= s.least_area) & (worth >= _MIN_OBJECT_FRACTION * worth.max())
-    return [submesh(above, label == n) for n in np.argsort(-worth, kind="stable") if large[n]]
+    total_areas, near_areas = np.bincount(label, areas), np.bincount(label, areas * near)
+    large = (total_areas >= s.least_area) & (near_areas >= _MIN_OBJECT_FRACTION * near_areas.max())
+    return [submesh(above, label == n) for n in np.argsort(-near_areas, kind="stable") if large[n]]
 
 
-def largest(mesh: Mesh) -> Mesh:
+def largest_component(mesh: Mesh) -> Mesh:
     """Returns the connected part of a mesh with the most surface."""
     if not len(mesh.faces):
         return mesh
@@ -192,12 +193,12 @@ def largest(mesh: Mesh) -> Mesh:
 
 def largest_part(mesh: Mesh) -> Mesh:
     """Returns the connected part with the most surface, standing on y = 0, its box centred on x and z."""
-    part = largest(mesh)
+    part = largest_component(mesh)
     up = np.array([0.0, 1.0, 0.0])
-    return levelled(part, GroundPlane(up, float(part.vertices[:, 1].min()), 0.0))
+    return level_mesh(part, GroundPlane(up, float(part.vertices[:, 1].min()), 0.0))
 
 
-def levelled(mesh: Mesh, ground: GroundPlane) -> Mesh:
+def level_mesh(mesh: Mesh, ground: GroundPlane) -> Mesh:
     """Returns the mesh rotated upright and moved so that the ground is y = 0, its box centred on x and z."""
     turn = rotation.to_matrix(rotation.swing(ground.normal, np.array([0.0, 1.0, 0.0])))
     vertices = mesh.vertices @ turn.T
@@ -207,14 +208,14 @@ def levelled(mesh: Mesh, ground: GroundPlane) -> Mesh:
     return replace(mesh, vertices=vertices)
 
 
-def above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
+def cut_above_plane(mesh: Mesh, normal: Float, offset: float) -> Mesh:
     """Returns the part of a mesh with normal (3,) . x > offset, cut along that plane."""
     heights = np.asarray(mesh.vertices @ normal - offset)
     inside = heights[mesh.faces] > 0
     count = inside.sum(1)
     # Rotate the corners of each face so that the corner that is alone on its side of the plane comes first.
-    alone = np.where(count == 1, inside.argmax(1), (~inside).argmax(1))
-    turned = np.take_along_axis(mesh.faces, (alone[:, None] + np.arange(3)) % 3, 1).astype(np.int64)
+    lone_corner = np.where(count == 1, inside.argmax(1), (~inside).argmax(1))
+    turned = np.take_along_axis(mesh.faces, (lone_corner[:, None] + np.arange(3)) % 3, 1).astype(np.int64)
     one_above, two_above = turned[count == 1], turned[count == 2]
     ends = np.sort(
         np.concatenate(

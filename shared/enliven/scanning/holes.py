@@ -1,5 +1,5 @@
-"""Hole filling for a cut-out mesh: closes short rims and soles, and finds the lowest rims, which are drawn
-to the floor.
+"""Hole filling for a cut-out mesh: closes holes with short rims and holes at the base, and finds the lowest
+rims, which are extended to the floor.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ are jagged."""
 _CLEAR_RADIUS_M = 0.02
 """Horizontal distance around a rim vertex, metres, within which no part of the mesh may lie below it."""
 _MIN_HEIGHT_BELOW_M = 0.03
-"""Minimum height difference, metres, for a vertex to lie below another: more than the teeth of a jagged
-rim."""
+"""Minimum height difference, metres, for a vertex to lie below another vertex. It is larger than the
+roughness of a rim."""
 
 
-def lowest_rims(mesh: Mesh, low: float) -> Bool:
-    """Returns (V,) whether each vertex is on a rim that faces down, with no part of the mesh below it.
+def find_lowest_rims(mesh: Mesh, low: float) -> Bool:
+    """Returns (V,) True for each vertex on a rim that faces down and has no part of the mesh below it.
 
     Args:
         mesh: upright, on y = 0.
@@ -32,7 +32,7 @@ def lowest_rims(mesh: Mesh, low: float) -> Bool:
     """
     vertices, faces = mesh.vertices, mesh.faces
     lowest = np.zeros(len(vertices), bool)
-    face, corner = np.nonzero(open_sides(faces, len(vertices)))
+    face, corner = np.nonzero(find_open_sides(faces, len(vertices)))
     start, end, inside = (faces[face, (corner + k) % 3] for k in range(3))
     near = (vertices[start, 1] < low) & (vertices[end, 1] < low)
     if not near.any():
@@ -43,30 +43,30 @@ def lowest_rims(mesh: Mesh, low: float) -> Bool:
     out = out - along * ((out * along).sum(1) / length)[:, None]
     down = -out[:, 1] > _MIN_DOWN_COSINE * np.linalg.norm(out, axis=1)
     rim_vertices = np.unique(np.concatenate([start[down], end[down]]))
-    under = np.flatnonzero(vertices[:, 1] < low)
-    close = cKDTree(vertices[under][:, [0, 2]]).query_ball_point(
+    low_vertices = np.flatnonzero(vertices[:, 1] < low)
+    close = cKDTree(vertices[low_vertices][:, [0, 2]]).query_ball_point(
         vertices[rim_vertices][:, [0, 2]], _CLEAR_RADIUS_M
     )
     free = [
-        vertices[under[beside], 1].min() > vertices[v, 1] - _MIN_HEIGHT_BELOW_M
-        for v, beside in zip(rim_vertices, close, strict=True)
+        vertices[low_vertices[neighbours], 1].min() > vertices[v, 1] - _MIN_HEIGHT_BELOW_M
+        for v, neighbours in zip(rim_vertices, close, strict=True)
     ]
     lowest[rim_vertices[free]] = True
     return lowest
 
 
 def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
-    """Returns the mesh with holes filled that have short rims, and those with rims wholly on ``feet``
+    """Returns the mesh with filled holes: those with short rims, and those with all rim vertices on ``feet``
     (V,).
     """
-    rims = rims_of(mesh)
+    rims = find_rims(mesh)
     soles = [rim for rim in rims if feet[rim].all()]
     vertices, faces = [mesh.vertices], [mesh.faces.astype(np.int64)]
     if soles:
         flat = mesh.vertices[:, [0, 2]]
         # Triangulate as seen from below, with x to the right and z up.
         base_faces = triangulated(np.ascontiguousarray(flat), [rim[::-1] for rim in soles])
-        faces.append(_facing_down(base_faces, mesh.vertices))
+        faces.append(_orient_down(base_faces, mesh.vertices))
     count, colours = len(mesh.vertices), [] if mesh.colours is None else [mesh.colours]
     for rim in rims:
         length = np.linalg.norm(np.roll(mesh.vertices[rim], -1, 0) - mesh.vertices[rim], axis=1).sum()
@@ -81,18 +81,18 @@ def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
     return Mesh(np.concatenate(vertices), joined, mesh.name, np.concatenate(colours) if colours else None)
 
 
-def _facing_down(faces: Int, vertices: Float) -> Int:
-    """Returns the faces, with the corner order reversed if a face looks up."""
+def _orient_down(faces: Int, vertices: Float) -> Int:
+    """Returns the faces, with reversed corner order for each face that faces up."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     up = np.cross(b - a, c - a)[:, 1] > 0
     faces[up] = faces[up, ::-1]
     return faces
 
 
-def rims_of(mesh: Mesh) -> list[Int]:
+def find_rims(mesh: Mesh) -> list[Int]:
     """Returns the boundary loops (rims of holes) of a mesh as loops of vertices."""
     faces = mesh.faces
-    face, corner = np.nonzero(open_sides(faces, len(mesh.vertices)))
+    face, corner = np.nonzero(find_open_sides(faces, len(mesh.vertices)))
     after: dict[int, list[int]] = {}
     for a, b in zip(faces[face, corner].tolist(), faces[face, (corner + 1) % 3].tolist(), strict=True):
         after.setdefault(a, []).append(b)
@@ -109,8 +109,9 @@ def rims_of(mesh: Mesh) -> list[Int]:
     return rims
 
 
-def open_sides(faces: Int32, count: int) -> Bool:
-    """Returns (F, 3) whether each side is a boundary: no face has the same side in the opposite direction.
+def find_open_sides(faces: Int32, count: int) -> Bool:
+    """Returns (F, 3) True for each side that is a boundary: no face has the same side in the opposite
+    direction.
 
     Args:
         count: of vertices.

@@ -38,7 +38,7 @@ def look_up(field, x, y, z, found, last):
         last: (4,) int64 cache of the last block, its number and its position; read and written.
 
     Returns:
-        Whether all eight voxels around the point were observed.
+        True if all eight voxels around the point were observed.
     """
     voxel, beside = field.band.voxel, field.beside
     gx, gy, gz = x / voxel, y / voxel, z / voxel
@@ -89,7 +89,7 @@ def residuals(points, stride, span, pose, soft, field, closely, sums, first, las
         span: (2,) metres, the depth range of the points that are used.
         pose: (4, 4) world_from_camera.
         field: :class:`FieldArrays`.
-        closely: whether the products of slopes and normals are accumulated as well.
+        closely: True to accumulate the products of slopes and normals as well.
         soft: metres at which a residual has a quarter of its weight (Geman-McClure).
         sums: (R, SUMS) one row for each row of points, written. The six unknowns are a translation (m) and a
             rotation (rad) about the camera's position, world frame.

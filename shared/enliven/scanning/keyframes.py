@@ -6,14 +6,15 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven.scanning.depth_view import DepthView
-from enliven.scanning.rigid import apart
+from enliven.scanning.rigid import pose_difference
 
 _ROWS = 15
 """Cells down a small image. A hand-sized shift of the camera changes only a few of them much."""
 _COLUMNS = 20
 """Cells across a small image."""
 _MIN_KEYFRAME_DISTANCE_M = 0.15
-"""Minimum distance between neighbouring keyframes, metres. Tracking recovers from smaller distances."""
+"""Minimum distance between neighbouring keyframes, metres. Tracking can recover the pose from a keyframe at a
+smaller distance."""
 _MIN_KEYFRAME_ROTATION = 0.2
 """Minimum rotation between neighbouring keyframes, radians (11 degrees): a sixth of a camera's field of
 view."""
@@ -34,22 +35,22 @@ class Keyframes:
     def offer(self, view: DepthView, world_from_camera: Float) -> bool:
         """Stores an image if no keyframe is near its pose. Returns whether it was stored."""
         for pose in self._poses:
-            move, turn = apart(pose, world_from_camera)
+            move, turn = pose_difference(pose, world_from_camera)
             if move < _MIN_KEYFRAME_DISTANCE_M and turn < _MIN_KEYFRAME_ROTATION:
                 return False
-        self._small.append(reduced(view))
+        self._small.append(reduce_view(view))
         self._poses.append(world_from_camera.copy())
         return True
 
     def nearest(self, view: DepthView, count: int) -> list[Float]:
         """Returns the (4, 4) poses of the most similar images, most similar first."""
-        small = reduced(view)
-        unlike = unlikeness(small, self._small)
+        small = reduce_view(view)
+        unlike = image_differences(small, self._small)
         order = np.argsort(unlike, kind="stable")[:count]
         return [self._poses[n] for n in order if np.isfinite(unlike[n])]
 
 
-def unlikeness(small: Float32, others: list[Float32]) -> Float:
+def image_differences(small: Float32, others: list[Float32]) -> Float:
     """Returns (N,) differences of reduced images from one, 1/m; inf if they have too few known cells in
     common.
     """
@@ -61,8 +62,8 @@ def unlikeness(small: Float32, others: list[Float32]) -> Float:
     return np.array(unlike)
 
 
-def reduced(view: DepthView) -> Float32:
-    """Returns (15, 20) means of the inverse depth of a view's points, 0 for a cell with too few."""
+def reduce_view(view: DepthView) -> Float32:
+    """Returns (15, 20) means of the inverse depth of a view's points; 0 for a cell with too few points."""
     depth = view.points[..., 2]
     height, width = depth.shape
     rows = np.arange(height) * _ROWS // height

@@ -18,7 +18,7 @@ _MIN_VOXEL_WEIGHT = 0.1
 """Minimum sum of weights of an observed voxel: one observation from nearby, or two from two metres away."""
 
 
-def surface_of(volume: TsdfVolume, support: float = _MIN_VOXEL_WEIGHT) -> Mesh:
+def extract_surface(volume: TsdfVolume, support: float = _MIN_VOXEL_WEIGHT) -> Mesh:
     """Returns the surface, metres, world. It is open at unobserved voxels, and coloured if the volume has
     colours.
 
@@ -26,31 +26,31 @@ def surface_of(volume: TsdfVolume, support: float = _MIN_VOXEL_WEIGHT) -> Mesh:
         support: minimum sum of weights of a voxel.
     """
     count = volume.blocks.count
-    beside, solid = volume.blocks.beside[:count], volume.solid[:count]
-    looked = solid | (solid[np.maximum(beside, 0)] & (beside >= 0)).any(1)
+    neighbours, solid = volume.blocks.beside[:count], volume.solid[:count]
+    is_active = solid | (solid[np.maximum(neighbours, 0)] & (neighbours >= 0)).any(1)
     rows = np.full(count, -1, np.int64)
     # The edges of a cell begin in its own block or in a neighbouring block.
-    near = beside[looked]
+    near = neighbours[is_active]
     owners = np.unique(near[near >= 0])
     rows[owners] = np.arange(len(owners))
     numbers = np.full((len(owners), VOXELS, 3), -1, np.int32)
-    table, blocks = triangle_table(), np.flatnonzero(looked)
-    arguments = (blocks, beside, volume.distance, volume.weight, np.float32(support), table)
+    table, blocks = triangle_table(), np.flatnonzero(is_active)
+    arguments = (blocks, neighbours, volume.distance, volume.weight, np.float32(support), table)
     faces_count, vertices_count = _number_vertices(*arguments, rows, numbers)
     vertices, faces = np.empty((vertices_count, 3)), np.empty((faces_count, 3), np.int32)
     colours = np.zeros((vertices_count if len(volume.hue) else 0, 3), np.uint8)
     has_colour = np.zeros(len(colours), np.bool_)
     _place_vertices(
-        owners, numbers, beside, volume.blocks.places, volume.distance, volume.hue, volume.band.voxel,
+        owners, numbers, neighbours, volume.blocks.places, volume.distance, volume.hue, volume.band.voxel,
         vertices, colours, has_colour,
     )  # fmt: skip
     _write_faces(*arguments, rows, numbers, faces)
     return Mesh(
-        vertices, faces, "scan", _filled_colours(vertices, colours, has_colour) if len(volume.hue) else None
+        vertices, faces, "scan", _fill_colours(vertices, colours, has_colour) if len(volume.hue) else None
     )
 
 
-def _filled_colours(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
+def _fill_colours(vertices: Float, colours: UInt8, has_colour: Bool) -> UInt8:
     """Returns the colours, with missing ones copied from the nearest vertex that has a colour."""
     if has_colour.any() and not has_colour.all():
         colours[~has_colour] = colours[has_colour][
@@ -120,8 +120,8 @@ def _number_vertices(blocks, beside, distance, weight, support, table, rows, num
 
 @njit(cache=True, nogil=True)
 def _place_vertices(owners, numbers, beside, places, distance, hue, voxel, vertices, colours, told):
-    """Computes the vertex positions on the numbered edges, the colours there, and which vertices have a
-    colour.
+    """Computes the vertex positions on the numbered edges, their colours, and ``told``: True for each vertex
+    with a colour.
     """
     for row in range(len(owners)):
         b = owners[row]

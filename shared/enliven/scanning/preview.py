@@ -75,23 +75,23 @@ class PieceSums:
     blocks: Int
 
 
-def piece_sums(volume: TsdfVolume) -> PieceSums:
+def sum_pieces(volume: TsdfVolume) -> PieceSums:
     """Returns a summary of each piece of a volume, to detect which pieces changed."""
     count = volume.blocks.count
-    beside, solid = volume.blocks.beside[:count], volume.solid[:count]
+    neighbours, solid = volume.blocks.beside[:count], volume.solid[:count]
     # A cell begins in its own block, but its far corners may lie in neighbouring blocks.
-    blocks = np.flatnonzero((solid[np.maximum(beside, 0)] & (beside >= 0)).any(1))
+    blocks = np.flatnonzero((solid[np.maximum(neighbours, 0)] & (neighbours >= 0)).any(1))
     weights = np.empty(len(blocks))
     _sum_weights(blocks, volume.weight, weights)
-    own = volume.blocks.places[blocks].astype(np.int64) // PIECE
-    places, piece = np.unique(own, axis=0, return_inverse=True)
+    block_pieces = volume.blocks.places[blocks].astype(np.int64) // PIECE
+    places, piece = np.unique(block_pieces, axis=0, return_inverse=True)
     piece = piece.reshape(-1).astype(np.int64)
     counts = np.bincount(piece, minlength=len(places)).astype(np.int64)
     sums = np.asarray(np.bincount(piece, weights, len(places)), np.float64)
     return PieceSums(places, counts, sums, piece, blocks)
 
 
-def piece_of(volume: TsdfVolume, place: tuple[int, int, int], blocks: Int) -> ScanPiece:
+def extract_piece(volume: TsdfVolume, place: tuple[int, int, int], blocks: Int) -> ScanPiece:
     """Returns the surface in the given blocks (B,) of a piece."""
     most = len(blocks) * _CELLS_PER_BLOCK**3 * MOST_TRIANGLES * 3
     places, certainties = np.empty((most, 3), np.uint16), np.empty(most, np.uint8)
@@ -101,8 +101,8 @@ def piece_of(volume: TsdfVolume, place: tuple[int, int, int], blocks: Int) -> Sc
         blocks, volume.blocks.beside, volume.blocks.places, corner, volume.distance, volume.weight,
         volume.hue, triangle_table(), places, colours, certainties,
     )  # fmt: skip
-    wide = places[:used].astype(np.int64)
-    keys = wide[:, 0] << 32 | wide[:, 1] << 16 | wide[:, 2]
+    coordinates = places[:used].astype(np.int64)
+    keys = coordinates[:, 0] << 32 | coordinates[:, 1] << 16 | coordinates[:, 2]
     _, first, number = np.unique(keys, return_index=True, return_inverse=True)
     faces = number.reshape(-1, 3).astype(np.int32)
     is_proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])

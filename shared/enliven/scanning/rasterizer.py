@@ -14,11 +14,11 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh
 
 _NEAR_CLIP_M = 0.05
-"""Near clipping distance, metres. A face that comes nearer is not drawn, because its projection would
+"""Near clipping distance, metres. A face nearer to the camera is not drawn, because its projection would
 overflow."""
 
 
-class Drawing(NamedTuple):
+class RenderedMesh(NamedTuple):
     """The visible part of a mesh at each pixel of a camera.
 
     Attributes:
@@ -32,7 +32,7 @@ class Drawing(NamedTuple):
     shares: Float
 
 
-def draw_mesh(mesh: Mesh, intrinsics: Intrinsics, world_from_camera: Float) -> Drawing:
+def draw_mesh(mesh: Mesh, intrinsics: Intrinsics, world_from_camera: Float) -> RenderedMesh:
     """Returns a pinhole camera's view of a mesh; lens distortion is ignored.
 
     Faces are visible from both sides. A face that comes nearer to the camera than 5 cm is left out.
@@ -43,7 +43,7 @@ def draw_mesh(mesh: Mesh, intrinsics: Intrinsics, world_from_camera: Float) -> D
     rotation, origin = world_from_camera[:3, :3], world_from_camera[:3, 3]
     local = (mesh.vertices - origin) @ rotation
     size = (intrinsics.height, intrinsics.width)
-    drawing = Drawing(np.full(size, np.inf), np.full(size, -1, np.int32), np.zeros((*size, 3)))
+    drawing = RenderedMesh(np.full(size, np.inf), np.full(size, -1, np.int32), np.zeros((*size, 3)))
     lens = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
     _draw_faces(local, mesh.faces, lens, drawing.depth, drawing.face, drawing.shares)
     return drawing

@@ -13,9 +13,9 @@ def cross_matrix(v: Float) -> Float:
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-def moved(pose: Float, step: Float) -> Float:
-    """Returns the pose after a translation (m) and a rotation (rad) about its own position, (6,), world
-    axes.
+def move_pose(pose: Float, step: Float) -> Float:
+    """Returns the pose after a ``step`` (6,): a translation (m) and a rotation (rad) about its own position,
+    in world axes.
     """
     out = pose.copy()
     turn = rotation.from_rotation_vector(step[3:])
@@ -24,7 +24,7 @@ def moved(pose: Float, step: Float) -> Float:
     return out
 
 
-def inverse(pose: Float) -> Float:
+def invert_pose(pose: Float) -> Float:
     """Returns the inverse of a pose."""
     out = np.eye(4)
     out[:3, :3] = pose[:3, :3].T
@@ -32,13 +32,13 @@ def inverse(pose: Float) -> Float:
     return out
 
 
-def apart(one: Float, other: Float) -> tuple[float, float]:
+def pose_difference(first: Float, second: Float) -> tuple[float, float]:
     """Returns the distance in metres and the angle in radians between two poses."""
-    turn = rotation.to_rotation_vector(rotation.from_matrix(one[:3, :3].T @ other[:3, :3]))
-    return float(np.linalg.norm(other[:3, 3] - one[:3, 3])), float(np.linalg.norm(turn))
+    turn = rotation.to_rotation_vector(rotation.from_matrix(first[:3, :3].T @ second[:3, :3]))
+    return float(np.linalg.norm(second[:3, 3] - first[:3, 3])), float(np.linalg.norm(turn))
 
 
-def between(one: Float, other: Float, share: float) -> Float:
+def interpolate_poses(first: Float, second: Float, fraction: float) -> Float:
     """Returns the pose interpolated between two poses, at a fraction from 0 to 1."""
-    turn = rotation.to_rotation_vector(rotation.from_matrix(other[:3, :3] @ one[:3, :3].T))
-    return moved(one, np.concatenate([share * (other[:3, 3] - one[:3, 3]), share * turn]))
+    turn = rotation.to_rotation_vector(rotation.from_matrix(second[:3, :3] @ first[:3, :3].T))
+    return move_pose(first, np.concatenate([fraction * (second[:3, 3] - first[:3, 3]), fraction * turn]))

@@ -16,14 +16,14 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
 from enliven.rotation import nearest_rotation
-from enliven.scanning.depth_view import DepthPreparation, DepthView, only
+from enliven.scanning.depth_view import DepthPreparation, DepthView, restrict_view
 from enliven.scanning.frame_to_model_tracking import Alignment, CameraTracker
-from enliven.scanning.ground_plane import cut_out, find_ground, focus_of
+from enliven.scanning.ground_plane import cut_out, find_focus, find_ground
 from enliven.scanning.keyframes import Keyframes
 from enliven.scanning.loop_closure import FrameHistory, LoopClosure, correct_trajectory
-from enliven.scanning.marching_cubes import surface_of
+from enliven.scanning.marching_cubes import extract_surface
 from enliven.scanning.settings import ScanSettings, VolumeSettings
-from enliven.scanning.threads import made_ahead
+from enliven.scanning.threads import compute_ahead
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _VOXEL_RATIO = 4.0
@@ -43,11 +43,11 @@ _COARSE_FUSION_INTERVAL = 3
 """If there are very many images, only every third goes into the coarse volumes, which only guide the
 tracking. If there are few, all do, because each may show something that no other image shows."""
 _MIN_DISPLACEMENT_VOXELS = 0.25
-"""Minimum image displacement, voxels, after a loop closure for all images to be fused again. Leaves, which
-are 2 mm thick, come a tenth nearer to the truth with 1.3 mm."""
+"""Minimum image displacement, voxels, after a loop closure for all images to be fused again. Fusing again
+after 1.3 mm reduces the error of leaves, which are 2 mm thick, by a tenth."""
 _SURE_DEVIATION_FACTOR = 0.5
-"""Maximum deviation, relative to the usual limit, if an image left the camera's position uncertain at
-first."""
+"""Maximum position deviation, relative to the usual limit, for an image that left the camera's position
+uncertain at first."""
 _POSITION_TOLERANCE_M = 0.05
 """Position error of the camera, metres, that is always tolerated: twice the effect of noise and hand
 tremor."""
@@ -60,7 +60,7 @@ class ScanState(Enum):
     """The result of processing a frame."""
 
     EMPTY = "empty"
-    """It shows hardly any surface; it was skipped."""
+    """The image shows hardly any surface, and was skipped."""
     SCANNING = "scanning"
     """The camera was found, and the image was fused."""
     UNSURE = "unsure"
@@ -77,10 +77,10 @@ class ScanStep:
 
     Attributes:
         state: see :class:`ScanState`.
-        world_from_camera: (4, 4) the camera's pose; the last known one if it was not found, the most likely
-            one if it is unsure.
-        alignment: how well the image fits; None for the first frame, and for an empty one.
-        room: whether all new blocks fit into memory. After the first failure, nothing more is fused.
+        world_from_camera: (4, 4) the camera's pose. If the camera was not found, the last known pose. If the
+            pose is unsure, the most likely pose.
+        alignment: the quality of the fit. None for the first frame, and for an empty frame.
+        room: True if all new blocks fit into memory. After the first failure, nothing more is fused.
     """
 
     state: ScanState
@@ -116,7 +116,7 @@ class Scanner:
     The first frame defines the world: by its own pose if it has one, else as a level camera at the origin.
 
     Attributes:
-        full: whether the memory is full. Images are then only tracked, and the fused surface is kept.
+        full: True if the memory is full. Images are then only tracked, and the fused surface is kept.
 
     Raises:
         InputError: if a frame comes from a different camera than the first.
@@ -148,7 +148,7 @@ class Scanner:
         return self._pose
 
     @property
-    def predicted(self) -> Float:
+    def predicted_pose(self) -> Float:
         """(4, 4) the camera's predicted pose in the next image, at constant velocity."""
         return np.asarray(self._pose @ np.linalg.inv(self._before) @ self._pose)
 
@@ -161,10 +161,10 @@ class Scanner:
             up: (3,) unit vector, camera frame, that points up according to its accelerometer, or None.
             aside: pixels that are excluded from tracking, or None.
         """
-        view, aside = self.prepared(frame), aside or ExcludedPixels()
+        view, aside = self.prepare_view(frame), aside or ExcludedPixels()
         self.view = view
         if aside.moving is not None:
-            view, frame = only(view, ~aside.moving), _without_pixels(frame, aside.moving)
+            view, frame = restrict_view(view, ~aside.moving), _without_pixels(frame, aside.moving)
         if view.known < self.settings.least_depth:
             return ScanStep(ScanState.EMPTY, self._pose)
         if not self.poses:
@@ -174,10 +174,10 @@ class Scanner:
             self._before = self._pose
             return self._fuse_image(frame, view, self._pose, None, up)
         if self._state in (ScanState.LOST, ScanState.EMPTY):
-            return self._relocalized(view, up)
+            return self._relocalize(view, up)
         alignment = self._tracked_alignment(view, up, aside.doubtful)
         self._state = (
-            ScanState.LOST if self._is_too_far(alignment, frame.time_ns) else self._classified(alignment)
+            ScanState.LOST if self._is_too_far(alignment, frame.time_ns) else self._classify(alignment)
         )
         if self._state is ScanState.UNSURE:
             # Follow the most likely pose even if it is unsure. Otherwise tracking would be lost when the
@@ -190,11 +190,11 @@ class Scanner:
     def place(self, frame: DepthFrame, world_from_camera: Float) -> ScanStep:
         """Fuses an image at a known camera pose, for example of a stored scan."""
         pose = np.array(world_from_camera, float)
-        return self._fuse_image(frame, self.prepared(frame), pose, None, None)
+        return self._fuse_image(frame, self.prepare_view(frame), pose, None, None)
 
     def look_again(self) -> None:
-        """Discards the current camera pose, for example after the camera was put down. It is relocalized
-        near earlier poses.
+        """Discards the current camera pose, for example after the camera was put down. The camera is then
+        relocalized near earlier poses.
         """
         if self.poses:
             self._state = ScanState.LOST
@@ -215,7 +215,7 @@ class Scanner:
         closed = correct_trajectory(self.history, poses, self._ups, self._camera[1], s)
         if closed.moved < _MIN_DISPLACEMENT_VOXELS * s.volume.voxel:
             return closed
-        volumes, keyframes = self._fused_again(closed.poses)
+        volumes, keyframes = self._fuse_again(closed.poses)
         tracker = CameraTracker(volumes, s.tracking)
         if (
             closed.agreement(tracker, closed.poses)
@@ -227,7 +227,7 @@ class Scanner:
         self._pose = self._before = closed.poses[-1]
         return replace(closed, taken=True)
 
-    def _fused_again(self, poses: list[Float]) -> tuple[list[TsdfVolume], Keyframes]:
+    def _fuse_again(self, poses: list[Float]) -> tuple[list[TsdfVolume], Keyframes]:
         """Returns volumes and keyframes fused from the stored images at other poses.
 
         If there are very many images, only every second one, or fewer, are fused. Each one then also carries
@@ -237,7 +237,7 @@ class Scanner:
         numbers = self.history.numbers
         every = max(len(numbers) // _MIN_REFUSION_IMAGES, 1)
         frames = self.history.frames(list(numbers)[::every])
-        views = made_ahead((number, self.prepared(frame)) for number, frame in frames)
+        views = compute_ahead((number, self.prepare_view(frame)) for number, frame in frames)
         for count, (number, view) in enumerate(views):
             if every > 1:
                 view = replace(view, weights=view.weights * np.float32(every))
@@ -252,12 +252,12 @@ class Scanner:
     def surface(self, since: int = 0) -> Mesh:
         """Returns the scanned surface, metres, world, from the images with number ``since`` or later."""
         if not since:
-            return surface_of(self.volumes[0])
+            return extract_surface(self.volumes[0])
         volume = TsdfVolume(self.settings.volume)
         for number, frame in self.history.frames():
             if number >= since:
-                volume.integrate(self.prepared(frame), self.poses[number][1])
-        return surface_of(volume)
+                volume.integrate(self.prepare_view(frame), self.poses[number][1])
+        return extract_surface(volume)
 
     def thing(self) -> Mesh:
         """Returns the object that stands on the floor, cut out of the surface: upright, on y = 0, metres.
@@ -266,9 +266,11 @@ class Scanner:
             InputError: if no floor was scanned, or no object stands on it.
         """
         surface, cut = self.surface(), self.settings.cut_out
-        return cut_out(surface, find_ground(surface, settings=cut), focus_of([p for _, p in self.poses]), cut)
+        return cut_out(
+            surface, find_ground(surface, settings=cut), find_focus([p for _, p in self.poses]), cut
+        )
 
-    def prepared(self, frame: DepthFrame) -> DepthView:
+    def prepare_view(self, frame: DepthFrame) -> DepthView:
         """Returns the view of a frame, cached for repeated calls with the same frame."""
         if self._prepared is not None and self._prepared[0] is frame:
             return self._prepared[1]
@@ -286,16 +288,16 @@ class Scanner:
         self, view: DepthView, up: Float | None, doubtful: Bool | None = None
     ) -> Alignment:
         """Returns the pose of an image that follows the last one, with a wider search if necessary."""
-        predicted = self.predicted
+        predicted = self.predicted_pose
         if doubtful is not None:
-            alignment = self.tracker.align(only(view, ~doubtful), predicted, up)
-            if self._classified(alignment) is ScanState.SCANNING:
+            alignment = self.tracker.align(restrict_view(view, ~doubtful), predicted, up)
+            if self._classify(alignment) is ScanState.SCANNING:
                 return alignment
         alignment = self.tracker.align(view, predicted, up)
-        if self._classified(alignment) is ScanState.SCANNING:
+        if self._classify(alignment) is ScanState.SCANNING:
             return alignment
         others = [self.tracker.align(view, start, up, _VOLUME_COUNT - 1) for start in (predicted, self._pose)]
-        if self._classified(alignment) is ScanState.UNSURE:
+        if self._classify(alignment) is ScanState.UNSURE:
             close = (
                 self.tracker.align_closely(view, candidate.world_from_camera, up)
                 for candidate in (alignment, *others)
@@ -308,20 +310,20 @@ class Scanner:
             return max(sure, key=_fit_score, default=alignment)
         return max((alignment, *others), key=_fit_score)
 
-    def _relocalized(self, view: DepthView, up: Float | None) -> ScanStep:
+    def _relocalize(self, view: DepthView, up: Float | None) -> ScanStep:
         """Relocalizes a lost camera near its last pose and at similar keyframes."""
         starts = [self._pose, *self.keyframes.nearest(view, _KEYFRAMES_PER_FRAME)]
         alignment = max(
             (self.tracker.align(view, start, up, _VOLUME_COUNT - 1) for start in starts), key=_fit_score
         )
-        if self._classified(alignment) is not ScanState.SCANNING:
+        if self._classify(alignment) is not ScanState.SCANNING:
             self._state = ScanState.LOST
             return ScanStep(ScanState.LOST, self._pose, alignment)
         self._pose = self._before = alignment.world_from_camera
         self._state = ScanState.FOUND
         return ScanStep(ScanState.FOUND, self._pose, alignment)
 
-    def _classified(self, alignment: Alignment) -> ScanState:
+    def _classify(self, alignment: Alignment) -> ScanState:
         """Classifies an alignment as SCANNING, UNSURE or LOST."""
         s = self.settings.tracking
         if alignment.overlap < s.overlap or alignment.agreeing < s.agreeing:
@@ -329,12 +331,11 @@ class Scanner:
         return ScanState.UNSURE if alignment.deviation > s.unsure else ScanState.SCANNING
 
     def _is_too_far(self, alignment: Alignment, time_ns: int) -> bool:
-        """Returns whether the camera would have moved faster than a handheld camera can since the last
-        image.
-        """
+        """Returns True if the camera would have moved faster than a handheld camera can since the last
+        image."""
         passed = max(1e-9 * (time_ns - self.poses[-1][0]), _MIN_FRAME_S)
-        way = float(np.linalg.norm(alignment.world_from_camera[:3, 3] - self._pose[:3, 3]))
-        return way > self.settings.tracking.fastest * passed + _POSITION_TOLERANCE_M
+        distance = float(np.linalg.norm(alignment.world_from_camera[:3, 3] - self._pose[:3, 3]))
+        return distance > self.settings.tracking.fastest * passed + _POSITION_TOLERANCE_M
 
     def _fuse_image(
         self, frame: DepthFrame, view: DepthView, pose: Float, alignment: Alignment | None, up: Float | None
@@ -354,13 +355,13 @@ class Scanner:
         return ScanStep(ScanState.SCANNING, pose, alignment, not self.full)
 
 
-def _without_pixels(frame: DepthFrame, own: Bool) -> DepthFrame:
+def _without_pixels(frame: DepthFrame, excluded: Bool) -> DepthFrame:
     """Returns a frame with unknown depth at some half-size pixels (h, w)."""
     height, width = frame.depth.shape
-    wide = own.repeat(2, 0).repeat(2, 1)[:height, :width]
-    return replace(frame, depth=np.where(wide, 0, frame.depth).astype(frame.depth.dtype))
+    full_mask = excluded.repeat(2, 0).repeat(2, 1)[:height, :width]
+    return replace(frame, depth=np.where(full_mask, 0, frame.depth).astype(frame.depth.dtype))
 
 
 def _fit_score(alignment: Alignment) -> float:
-    """Returns how well an image fits, to choose among several poses."""
+    """Returns a score of the fit of an image, to choose among several poses."""
     return alignment.agreeing * alignment.overlap

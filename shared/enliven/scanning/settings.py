@@ -382,7 +382,7 @@ class ScanSettings:
     least_depth: float = setting(0.05, "Minimum fraction of an image that shows a surface.", low=0, high=1)
 
 
-def alone_within(volume: VolumeSettings, within: float) -> ScanSettings:
+def settings_within(volume: VolumeSettings, within: float) -> ScanSettings:
     """Returns the settings for scanning an object that may be turned, with all depth beyond ``within``
     metres ignored.
     """

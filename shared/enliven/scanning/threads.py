@@ -23,7 +23,7 @@ def _second_thread() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, "enliven-scanning")
 
 
-def in_pieces(kernel: Callable[..., Any], count: int, length: int, *arguments: Any) -> None:
+def run_in_pieces(kernel: Callable[..., Any], count: int, length: int, *arguments: Any) -> None:
     """Calls ``kernel(*arguments, first, last)`` for pieces of ``length`` that cover 0 to ``count``."""
     pieces = deque(range(0, count, length))
 
@@ -44,7 +44,7 @@ def in_pieces(kernel: Callable[..., Any], count: int, length: int, *arguments: A
         other.result()
 
 
-def made_ahead(items: Iterator[T]) -> Iterator[T]:
+def compute_ahead(items: Iterator[T]) -> Iterator[T]:
     """Yields the items; while the caller uses one, the second thread computes the next."""
     end = object()
     coming = _second_thread().submit(next, items, end)
@@ -53,23 +53,23 @@ def made_ahead(items: Iterator[T]) -> Iterator[T]:
         yield cast("T", item)
 
 
-def each_in_two_threads(do: Callable[[T, S], None], items: Sequence[S], tool: Callable[[], T]) -> None:
+def run_in_two_threads(do: Callable[[T, S], None], items: Sequence[S], tool: Callable[[], T]) -> None:
     """Calls ``do(tool, item)`` for all items, in no defined order. Each of the two threads creates its own
     tool.
 
-    ``do`` may call kernels through :func:`in_pieces`. The second thread is then busy, so each thread runs its
-    kernels alone.
+    ``do`` may call kernels through :func:`run_in_pieces`. The second thread is then busy, so each thread runs
+    its kernels alone.
     """
     waiting = deque(items)
 
     def work() -> None:
-        mine = tool()
+        own_tool = tool()
         while True:
             try:
                 item = waiting.popleft()
             except IndexError:
                 return
-            do(mine, item)
+            do(own_tool, item)
 
     other = _second_thread().submit(work)
     try:

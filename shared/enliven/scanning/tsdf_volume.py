@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Bool, Float, Float32, Int, UInt8, UInt16
-from enliven.scanning.blocks import VOXELS, BlockTable, grown, link
+from enliven.scanning.blocks import VOXELS, BlockTable, grow_array, link
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.integration import FREE, NEAR, allocate, classify, integrate
 from enliven.scanning.kernel_arguments import (
@@ -18,18 +18,19 @@ from enliven.scanning.kernel_arguments import (
     VoxelArrays,
 )
 from enliven.scanning.settings import VolumeSettings
-from enliven.scanning.threads import in_pieces
+from enliven.scanning.threads import run_in_pieces
 
 _BLOCKS_PER_PIECE = 64
 """Blocks that a thread processes at a time: 0.1 ms."""
 _PIXEL_STRIDE = 2
-"""Half-size pixels from one that may allocate new blocks to the next. The offset changes with each image."""
+"""Distance, in half-size pixels, between the pixels that may allocate new blocks. The offset changes with
+each image."""
 
 
 @dataclass(frozen=True)
 class FusionResult:
-    """The effect of an image on a volume: blocks that it changed, new blocks, and whether there was enough
-    room.
+    """The effect of an image on a volume: the number of changed and of new blocks, and True if there was
+    enough memory.
     """
 
     changed: int
@@ -92,7 +93,7 @@ class TsdfVolume:
         camera = self._camera_arrays(view, world_from_camera)
         state: UInt8 = np.empty(count, np.uint8)
         blocks = self.blocks
-        in_pieces(
+        run_in_pieces(
             classify, count, 1024, blocks.places, self.band, camera, view.tiles, view.weights.shape, state
         )
         jobs: Int = np.flatnonzero((state == NEAR) | ((state == FREE) & self.solid[:count]))
@@ -100,7 +101,7 @@ class TsdfVolume:
             view.planes.reshape(-1), view.weights.reshape(-1), self._image_arrays(view), view.weights.shape
         )
         voxels = VoxelArrays(self.distance, self.weight, self.solid, self.hue)
-        in_pieces(
+        run_in_pieces(
             integrate,
             len(jobs),
             _BLOCKS_PER_PIECE,
@@ -116,8 +117,8 @@ class TsdfVolume:
         return FusionResult(len(jobs), count - before, room)
 
     def allocate(self, view: DepthView, world_from_camera: Float) -> bool:
-        """Adds the blocks that an image needs, as :meth:`integrate` does. Returns whether there was enough
-        room.
+        """Adds the blocks that an image needs, as :meth:`integrate` does. Returns True if there was enough
+        memory.
         """
         before, blocks = self.blocks.count, self.blocks
         points = view.point_arrays
@@ -142,18 +143,21 @@ class TsdfVolume:
         if view.colour is None or not self.settings.colour:
             return np.empty(0, np.uint8)
         if len(self.hue) < len(self.distance):
-            self.hue = grown(self.hue, len(self.distance), 0)
+            self.hue = grow_array(self.hue, len(self.distance), 0)
         return np.ascontiguousarray(view.colour).reshape(-1)
 
     def _make_room(self) -> bool:
-        """Makes room for more blocks. Returns whether the memory limit allows it."""
+        """Enlarges the capacity for more blocks. Returns True if the memory limit allows it."""
         if self.megabytes * 1.5 > self.settings.memory:
             return False
         self.blocks.grow()
         capacity = self.blocks.capacity
-        self.distance, self.weight = grown(self.distance, capacity, 0), grown(self.weight, capacity, 0)
-        self.solid = grown(self.solid, capacity, 0)
-        self.hue = grown(self.hue, capacity, 0) if len(self.hue) else self.hue
+        self.distance, self.weight = (
+            grow_array(self.distance, capacity, 0),
+            grow_array(self.weight, capacity, 0),
+        )
+        self.solid = grow_array(self.solid, capacity, 0)
+        self.hue = grow_array(self.hue, capacity, 0) if len(self.hue) else self.hue
         return True
 
     @property

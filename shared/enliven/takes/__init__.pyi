@@ -1,30 +1,30 @@
 from .body_takes import (
     RecordedHolds as RecordedHolds,
-    body_take_of as body_take_of,
-    body_take_of_frames as body_take_of_frames,
+    body_take_from_file as body_take_from_file,
+    body_take_from_frames as body_take_from_frames,
     recorded_holds as recorded_holds,
 )
 from .capture_clip import BODY_NAMES as BODY_NAMES, clip_of_bodies as clip_of_bodies
 from .capture_limbs import (
-    half_way as half_way,
-    limb_rotations as limb_rotations,
+    path_midpoint as path_midpoint,
+    find_limb_rotations as find_limb_rotations,
     smoothstep as smoothstep,
 )
 from .capture_roles import Roles as Roles, find_roles as find_roles
 from .capture_upright import (
     leg_length as leg_length,
     read_capture as read_capture,
-    upright_capture as upright_capture,
+    turn_upright as turn_upright,
 )
-from .exportable import Exportable as Exportable, exportables_of as exportables_of
+from .exportable import Exportable as Exportable, find_exportables as find_exportables
 from .files import read_take as read_take
 from .live_layer import LiveLayer as LiveLayer
 from .performed import (
-    ONLOOKER as ONLOOKER,
+    ONLOOKER_SUFFIX as ONLOOKER_SUFFIX,
     PerformedMotion as PerformedMotion,
-    with_performed as with_performed,
+    add_performance as add_performance,
 )
-from .overdub import LiveOverdub as LiveOverdub, plays as plays
-from .positions import turns_of as turns_of
-from .possessed import possession_in as possession_in, read_possessed as read_possessed
+from .overdub import LiveOverdub as LiveOverdub, has_motion as has_motion
+from .positions import rotations_from_positions as rotations_from_positions
+from .possessed import read_possession as read_possession, read_possessed as read_possessed
 from .recorded import clips_of_recording as clips_of_recording

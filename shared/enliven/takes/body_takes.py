@@ -1,7 +1,7 @@
 """Takes of performers' joints for possession: every measured frame, without resampling.
 
-body_take_of(path) -> BodyTake
-body_take_of_frames(frames, id) -> BodyTake        # enliven.frames.BodyFrame
+body_take_from_file(path) -> BodyTake
+body_take_from_frames(frames, id) -> BodyTake        # enliven.frames.BodyFrame
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from enliven.files import DAMAGE
 from enliven.frames import BodyFrame, Frame
 from enliven.person import Joint
 from enliven.recording import Recording
-from enliven.takes.recorded import body_frames
+from enliven.takes.recorded import read_body_frames
 from enliven.wire import HOLDS, HoldMessage
 
 
-def body_take_of(path: Path | str) -> BodyTake:
+def body_take_from_file(path: Path | str) -> BodyTake:
     """Returns all motion of the performers in a recording: bodies from its sensor, or published ones.
 
     Raises:
         InputError: if the file is not a recording, or contains no bodies.
     """
     path = Path(path)
-    return body_take_of_frames(body_frames(Recording(path)), path.stem)
+    return body_take_from_frames(read_body_frames(Recording(path)), path.stem)
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class RecordedHolds:
     Attributes:
         take: the performers.
         begin_ns: the sensor's clock when the take begins.
-        events: by id and revision of a character, in the order of time.
+        events: the changes of holds, by id and revision of the character, ordered by time.
     """
 
     take: BodyTake
@@ -48,7 +48,7 @@ class RecordedHolds:
     events: dict[tuple[str, int], list[HoldMessage]] = field(default_factory=dict)
 
     def possession(self, key: tuple[str, int], character: Character, poses: list[Pose]) -> Possession | None:
-        """Returns how a character with these poses was possessed; None if that was not recorded.
+        """Returns the possession of the character with these poses; None if it was not recorded.
 
         Args:
             key: the id and the revision of the character.
@@ -59,8 +59,12 @@ class RecordedHolds:
             return None
         changes = []
         for event in events:
-            who, former = (None if performer < 0 else performer for performer in (event.body, event.former))
-            changes.append(HoldChange(self._take_second(event.time_ns), who, event.parts, event.mode, former))
+            performer_id, former = (
+                None if performer < 0 else performer for performer in (event.body, event.former)
+            )
+            changes.append(
+                HoldChange(self._take_second(event.time_ns), performer_id, event.parts, event.mode, former)
+            )
         return Possession(
             self.take.id,
             tuple(changes),
@@ -88,22 +92,24 @@ def recorded_holds(recording: Recording, id: str) -> RecordedHolds | None:
             events.append(msgspec.msgpack.decode(data, type=HoldMessage))
         except (msgspec.MsgspecError, EnlivenError, *DAMAGE):
             continue
-    return holds_among(body_frames(recording), events, id)
+    return holds_from_frames(read_body_frames(recording), events, id)
 
 
-def holds_among(frames: Iterable[Frame], events: Iterable[HoldMessage], id: str) -> RecordedHolds | None:
+def holds_from_frames(
+    frames: Iterable[Frame], events: Iterable[HoldMessage], id: str
+) -> RecordedHolds | None:
     """Returns the performers in the frames as a take, and their holds; None without performers."""
     observed = [frame for frame in frames if isinstance(frame, BodyFrame)]
     begin = next((frame.time_ns for frame in observed if frame.bodies), None)
     if begin is None:
         return None
-    holds = RecordedHolds(body_take_of_frames(observed, id), begin)
+    holds = RecordedHolds(body_take_from_frames(observed, id), begin)
     for event in events:
         holds.events.setdefault((event.character, event.revision), []).append(event)
     return holds
 
 
-def body_take_of_frames(frames: Iterable[Frame], id: str) -> BodyTake:
+def body_take_from_frames(frames: Iterable[Frame], id: str) -> BodyTake:
     """Returns the bodies of frames as a take, beginning with the first frame that contains a performer.
 
     A frame that is not later than the previous one is dropped, and joints that are not finite count as

@@ -2,7 +2,7 @@
 
     clip_of_capture(capture, id, *, rest="auto", unit=None) -> Clip
     clip_of_bodies(bodies, seconds, id, *, rest=0, step=1/30, names=None) -> Clip  # enliven.person.body.Body
-    between_times(clip, start, stop) -> Clip
+    trim_clip(clip, start, stop) -> Clip
 
 Clips are in metres, +Y up; their quaternions do not change sign from frame to frame.
 """
@@ -20,10 +20,18 @@ from enliven.document import Clip, Skeleton
 from enliven.errors import InputError
 from enliven.formats.motion import Capture
 from enliven.person import PARENTS, Body, Joint
-from enliven.rotation import conjugate, continuous, from_matrix, multiply, rotate, slerp
-from enliven.takes.capture_rest import links, metres, moved_links, rooted, stiff_pose, zero_pose, zero_stands
-from enliven.takes.capture_upright import metres_of_legs, upright_capture
-from enliven.takes.positions import filled, rest_of, turns_of
+from enliven.rotation import conjugate, from_matrix, multiply, remove_sign_jumps, rotate, slerp
+from enliven.takes.capture_rest import (
+    find_moving_root,
+    is_zero_pose_standing,
+    link_translations,
+    median_links,
+    metres_per_unit,
+    rigid_pose,
+    zero_pose,
+)
+from enliven.takes.capture_upright import metres_per_unit_from_legs, turn_upright
+from enliven.takes.positions import fill_unseen, rest_from_positions, rotations_from_positions
 
 BODY_NAMES: tuple[str, ...] = tuple(joint.name.lower().replace("_", " ") for joint in Joint)
 """Names of the 20 joints of a tracked person in a clip: "hip center", "spine", ..."""
@@ -47,12 +55,12 @@ def clip_of_capture(
     Raises:
         InputError: if the tree has two roots, or a frame or unit does not exist.
     """
-    capture = upright_capture(capture)
-    names, parents, positions, rotations = rooted(capture, id)
-    offsets = links(parents, positions, rotations)
+    capture = turn_upright(capture)
+    names, parents, positions, rotations = find_moving_root(capture, id)
+    offsets = median_links(parents, positions, rotations)
     turns = from_matrix(rotations)
     if rest == "auto":
-        rest = "zero" if zero_stands(parents, offsets, positions) else "first"
+        rest = "zero" if is_zero_pose_standing(parents, offsets, positions) else "first"
     if rest == "zero":
         at_rest, before = zero_pose(parents, offsets, positions), np.tile([1.0, 0, 0, 0], (len(names), 1))
     else:
@@ -60,19 +68,19 @@ def clip_of_capture(
         if not isinstance(frame, int) or not 0 <= frame < len(positions):
             mend = f'Give "auto", "zero", "first" or 0..{len(positions) - 1}.'
             raise InputError(f"the rest pose {rest!r} does not exist", where=f"clip {id!r}", mend=mend)
-        at_rest = stiff_pose(parents, offsets, positions[frame], rotations[frame])
+        at_rest = rigid_pose(parents, offsets, positions[frame], rotations[frame])
         before = turns[frame]
     if unit is None:
-        unit = metres_of_legs(capture)
-    scale = metres(unit, at_rest, f"clip {id!r}")
+        unit = metres_per_unit_from_legs(capture)
+    scale = metres_per_unit(unit, at_rest, f"clip {id!r}")
     # Bone j rotates with its parent joint. The root and its children rotate as one.
     holds = np.array([0, *parents[1:]])
     world = multiply(turns[:, holds], conjugate(before[holds]))
     skeleton = Skeleton(names, np.array(parents, np.int32), at_rest * scale)
-    moved = rotate(before[holds], moved_links(parents, offsets, positions, rotations)) * scale
+    moved = rotate(before[holds], link_translations(parents, offsets, positions, rotations)) * scale
     root = positions[:, 0] * scale
     shifts = moved if moved.any() else None
-    return Clip(id, skeleton, continuous(world), root, capture.seconds, offsets=shifts)
+    return Clip(id, skeleton, remove_sign_jumps(world), root, capture.seconds, offsets=shifts)
 
 
 def clip_of_bodies(
@@ -107,27 +115,27 @@ def clip_of_bodies(
         raise InputError(f"{len(bodies)} bodies at {times.shape} times", where=where, mend=mend)
     joints = np.stack([body.joints for body in bodies])
     is_seen = np.stack([body.confidence > 0 for body in bodies])
-    joints = filled(np.array(PARENTS), joints, is_seen)
+    joints = fill_unseen(np.array(PARENTS), joints, is_seen)
     still = bodies[rest] if isinstance(rest, int) else rest
     rest_joints = joints[rest] if isinstance(rest, int) else rest.joints
-    positions = rest_of(np.array(PARENTS), rest_joints, joints)
+    positions = rest_from_positions(np.array(PARENTS), rest_joints, joints)
     skeleton = Skeleton(tuple(names or BODY_NAMES), np.array(PARENTS, np.int32), positions)
-    turns = turns_of(skeleton, joints, _measured_rotations(bodies, still))
+    turns = rotations_from_positions(skeleton, joints, _measured_rotations(bodies, still))
     return _evenly_sampled_clip(id, skeleton, times - times[0], turns, joints[:, 0], step)
 
 
-def resampled(clip: Clip, step: float) -> Clip:
+def resample_clip(clip: Clip, step: float) -> Clip:
     """Returns the clip with a frame every ``step`` seconds; its last frame is the last at or before its
     end.
     """
     times: Float = np.arange(len(clip.turns), dtype=np.float64) * clip.step
-    tracks: dict[str, Any] = {name: _interpolated_track(track, times, step) for name, track in clip.tracks}
+    tracks: dict[str, Any] = {name: _interpolate_track(track, times, step) for name, track in clip.tracks}
     if clip.mirrors is not None:
-        tracks["mirrors"] = np.where(_interpolated_track(clip.mirrors, times, step) < 0.0, -1.0, 1.0)
+        tracks["mirrors"] = np.where(_interpolate_track(clip.mirrors, times, step) < 0.0, -1.0, 1.0)
     return replace(_evenly_sampled_clip(clip.id, clip.skeleton, times, clip.turns, clip.root, step), **tracks)
 
 
-def between_times(clip: Clip, start: float, stop: float) -> Clip:
+def trim_clip(clip: Clip, start: float, stop: float) -> Clip:
     """Returns the frames of a clip from ``start`` to ``stop`` seconds, at least one."""
     first = min(max(round(start / clip.step), 0), len(clip.turns) - 1)
     last = max(round(stop / clip.step) + 1, first + 1)
@@ -145,10 +153,10 @@ def _evenly_sampled_clip(
     """
     before, after, part = _frame_fractions(times, step)
     even_turns = slerp(turns[before], turns[after], part[:, None])
-    return Clip(id, skeleton, continuous(even_turns), _interpolated_track(root, times, step), step)
+    return Clip(id, skeleton, remove_sign_jumps(even_turns), _interpolate_track(root, times, step), step)
 
 
-def _interpolated_track(track: Float, times: Float, step: float) -> Float:
+def _interpolate_track(track: Float, times: Float, step: float) -> Float:
     """Returns (G, ...) the values of (F, ...) at ``times`` (F,), interpolated every ``step`` seconds."""
     before, after, part = _frame_fractions(times, step)
     part = part.reshape(-1, *(1,) * (track.ndim - 1))
@@ -160,11 +168,11 @@ def _frame_fractions(times: Float, step: float) -> tuple[Int, Int, Float]:
     factors.
     """
     count = int(np.floor(times[-1] / step + 1e-6)) + 1
-    wanted = np.minimum(np.arange(count) * step, times[-1])
-    before = np.clip(np.searchsorted(times, wanted, side="right") - 1, 0, max(len(times) - 2, 0))
+    sample_times = np.minimum(np.arange(count) * step, times[-1])
+    before = np.clip(np.searchsorted(times, sample_times, side="right") - 1, 0, max(len(times) - 2, 0))
     after = np.minimum(before + 1, len(times) - 1)
     width = np.where(after > before, times[after] - times[before], 1.0)
-    return before, after, (wanted - times[before]) / width
+    return before, after, (sample_times - times[before]) / width
 
 
 def _measured_rotations(bodies: Sequence[Body], still: Body) -> Float | None:

@@ -13,8 +13,8 @@ from enliven.takes.capture_roles import Roles
 _UP, _DOWN, _FORWARD = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
-def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
-    """Returns (F, 16, 3, 3) world_from_limb in every frame, and (F, 2) whether each foot stands."""
+def find_limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
+    """Returns (F, 16, 3, 3) world_from_limb in every frame, and (F, 2) True for each standing foot."""
     p = capture.positions
     at = lambda pair: p[:, list(pair)]  # noqa: E731  (F, 2, 3)
     shoulders, elbows, wrists, tips = (
@@ -22,7 +22,7 @@ def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
     )
     hips, knees, ankles, toes = (at(r) for r in (roles.hips, roles.knees, roles.ankles, roles.toes))
     low, top = hips.mean(1), shoulders.mean(1)
-    middle = half_way(np.concatenate([low[:, None], p[:, list(roles.spine)], top[:, None]], 1))
+    middle = path_midpoint(np.concatenate([low[:, None], p[:, list(roles.spine)], top[:, None]], 1))
     out = np.empty((capture.frames, 16, 3, 3))
     across_hips, across_shoulders = hips[:, 0] - hips[:, 1], shoulders[:, 0] - shoulders[:, 1]
     out[:, Limb.PELVIS] = _limb_axes(middle - low, across_hips)
@@ -50,8 +50,8 @@ def limb_rotations(capture: Capture, roles: Roles) -> tuple[Float, Bool]:
 
 
 def _standing_feet(toes: Float, ankles: Float, seconds: float, knees: Float, hips: Float) -> Bool:
-    """Returns (F, 2) whether a foot is low and hardly moves in a frame; true for at least the best fifth
-    of frames.
+    """Returns (F, 2) True if a foot is low and hardly moves in a frame. At least the best fifth of all frames
+    are True.
     """
     leg = float(np.median(np.linalg.norm(hips - knees, axis=-1) + np.linalg.norm(knees - ankles, axis=-1)))
     speed = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) / seconds / leg
@@ -60,7 +60,7 @@ def _standing_feet(toes: Float, ankles: Float, seconds: float, knees: Float, hip
     return np.asarray(badness <= np.maximum(np.percentile(badness, 20, axis=0), 0.25))
 
 
-def half_way(path: Float) -> Float:
+def path_midpoint(path: Float) -> Float:
     """Returns (F, 3) the point halfway along the length of each polyline (F, K, 3)."""
     steps = np.linalg.norm(np.diff(path, axis=1), axis=-1)
     upto = np.concatenate([np.zeros((len(path), 1)), np.cumsum(steps, 1)], 1)
@@ -83,7 +83,7 @@ def _hinge_axis(first: Float, middle: Float, last: Float, trunk: Float, sense: f
 
     Args:
         trunk: (F, 3, 3) the frame that the limb is attached to.
-        sense: 1 if the lower half bends forward (elbows), -1 if backward (knees).
+        sense: 1 if the lower half bends forward (elbows), -1 if it bends backward (knees).
     """
     upper, lower = unit(middle - first), unit(last - middle)
     bent = sense * np.cross(lower, upper)
@@ -96,7 +96,7 @@ def _hinge_axis(first: Float, middle: Float, last: Float, trunk: Float, sense: f
 
 
 def _foot_frames(along: Float, shank_left: Float, standing: Bool) -> Float:
-    """Returns (F, 3, 3) foot frames; a standing foot is level, whatever slope was captured.
+    """Returns (F, 3, 3) foot frames. A standing foot is level, even if the captured foot slopes.
 
     Args:
         along: (F, 3) from the ankle to the toes.

@@ -11,13 +11,13 @@ from enliven.formats.motion import UNITS, Capture, guess_unit
 _MIN_STANDING_HEIGHT_FRACTION = 0.9
 """Minimum height of a zero pose that counts as standing, as a fraction of the height in the frames."""
 _MIN_ROOT_MOTION_FRACTION = 0.002
-"""Minimum motion of a joint relative to its parent to count as a separate root, as a fraction of the
-extent. It is more than rounding."""
+"""Minimum motion of a joint relative to its parent to count as a separate root, as a fraction of the extent.
+Smaller motions are rounding errors."""
 _HIP_TO_ANKLE = 0.9
 """Leg length as a fraction of the root's height over the lowest joint, for guessing the unit."""
 
 
-def rooted(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float, Float]:
+def find_moving_root(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float, Float]:
     """Returns the capture's names, parents, positions and rotations, starting at the joint that moves as
     the root.
     """
@@ -35,14 +35,14 @@ def rooted(capture: Capture, id: str) -> tuple[tuple[str, ...], list[int], Float
     return names, parents, positions, rotations
 
 
-def links(parents: list[int], positions: Float, rotations: Float) -> Float:
+def median_links(parents: list[int], positions: Float, rotations: Float) -> Float:
     """Returns (N, 3) the position of each joint in its parent's frame, median over the frames; zero at the
     root.
     """
     return np.asarray(np.median(_local_links(parents, positions, rotations), axis=0))
 
 
-def moved_links(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
+def link_translations(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
     """Returns (F, N, 3) the translation of each joint in its parent's frame beyond its (N, 3) ``offsets``.
 
     It is zero for a joint that moves only by rounding.
@@ -60,7 +60,7 @@ def _local_links(parents: list[int], positions: Float, rotations: Float) -> Floa
     return np.asarray(np.einsum("fnji,fnj->fni", rotations[:, above], offsets))
 
 
-def stiff_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
+def rigid_pose(parents: list[int], offsets: Float, positions: Float, rotations: Float) -> Float:
     """Returns (N, 3) the joints of a frame with constant bone lengths."""
     at = positions.copy()
     for j, parent in enumerate(parents[1:], 1):
@@ -71,16 +71,15 @@ def stiff_pose(parents: list[int], offsets: Float, positions: Float, rotations: 
 def zero_pose(parents: list[int], offsets: Float, positions: Float) -> Float:
     """Returns (N, 3) the joints with all rotations zero, standing on the floor at the start of the motion."""
     count = len(parents)
-    at = stiff_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
+    at = rigid_pose(parents, offsets, np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1)))
     floor = np.percentile(positions[:, :, 1].min(1), 10)
     moved = np.array([positions[0, 0, 0], floor - at[:, 1].min(), positions[0, 0, 2]])
     return np.asarray(at + moved)
 
 
-def zero_stands(parents: list[int], offsets: Float, positions: Float) -> bool:
-    """Returns whether the zero pose is about as tall as the frames, with its root at about the same
-    height.
-    """
+def is_zero_pose_standing(parents: list[int], offsets: Float, positions: Float) -> bool:
+    """Returns True if the zero pose is about as tall as the frames and has its root at about the same
+    height."""
     zero = zero_pose(parents, offsets, positions)
     lowest = positions[:, :, 1].min(1)
     tall, high = np.median(positions[:, :, 1].max(1) - lowest), np.median(positions[:, 0, 1] - lowest)
@@ -91,7 +90,7 @@ def zero_stands(parents: list[int], offsets: Float, positions: Float) -> bool:
     )
 
 
-def metres(unit: str | float | None, at_rest: Float, where: str) -> float:
+def metres_per_unit(unit: str | float | None, at_rest: Float, where: str) -> float:
     """Returns the metres per unit of the file."""
     if unit is None:
         legs = at_rest[0, 1] - at_rest[:, 1].min()

@@ -131,8 +131,8 @@ def _matching_children(
         below = _children_of(capture, joint)
         if not below:
             raise _missing_role_error(capture, f"{parts[0]} below {capture.names[joint]}")
-        named = [j for part in parts for j in below if part in names[j]]
-        children.append((named or below)[0])
+        matching = [j for part in parts for j in below if part in names[j]]
+        children.append((matching or below)[0])
     return children[0], children[1]
 
 
@@ -142,9 +142,9 @@ def _next_descendant(capture: Capture, names: list[str], joint: int, parts: tupl
     while fringe:
         fringe = [j for f in fringe for j in _children_of(capture, f) if "thumb" not in names[j]]
         distant = [j for j in fringe if _distance_between(capture.positions, joint, j) > 1e-3]
-        named = [j for part in parts for j in distant if part in names[j]]
-        if named or distant:
-            return (named or distant)[0]
+        matching = [j for part in parts for j in distant if part in names[j]]
+        if matching or distant:
+            return (matching or distant)[0]
     return joint
 
 

@@ -50,14 +50,14 @@ def read_capture(path: Path) -> Capture:
     with open_file(path) as file:
         is_bvh = decode_text(file.read(_HEAD_BYTES)).lstrip().upper().startswith("HIERARCHY")
     capture = read_bvh(path) if is_bvh or path.suffix.lower() == ".bvh" else read_expmap(path)
-    turned = upright_capture(capture)
+    turned = turn_upright(capture)
     if turned is capture:
         return capture
     note = f"its {_up_axis(capture)} axis points up: turned upright"
     return replace(turned, notes=(*capture.notes, note))
 
 
-def upright_capture(capture: Capture) -> Capture:
+def turn_upright(capture: Capture) -> Capture:
     """Returns the capture with +Y up; the same object if it already is.
 
     The joints' own frames are rotated too. So the result equals the same motion written with +Y up, and zero
@@ -78,7 +78,7 @@ def leg_length(capture: Capture, roles: Roles) -> float:
     return float(np.median(upper + lower))
 
 
-def metres_of_legs(capture: Capture) -> float | None:
+def metres_per_unit_from_legs(capture: Capture) -> float | None:
     """Returns the metres per unit of the file, from the length of a person's legs; None if no legs are
     found by name.
     """
@@ -137,7 +137,7 @@ def _up_vectors(capture: Capture, roles: Roles | None, positions: Float) -> Floa
 
 
 def _nearest_axis(up: Float) -> tuple[str, bool]:
-    """Returns the axis nearest to a vector, +Y or -Y in doubt, and whether the choice is clear."""
+    """Returns the axis nearest to a vector (+Y or -Y if it is not clear), and True if the choice is clear."""
     length = np.abs(up)
     k = 1 if length[1] >= length.max() else int(np.argmax(length))
     return f"{'+-'[int(up[k] < 0)]}{'XYZ'[k]}", bool(np.abs(unit(up)[k]) > _MIN_ALIGNMENT)
@@ -156,7 +156,7 @@ def _zero_pose(capture: Capture) -> Float:
 
 
 def _has_floor(capture: Capture, axis: str) -> bool:
-    """Returns whether the lowest joint is near zero along an axis, over the frames."""
+    """Returns True if the lowest joint is near zero along an axis in the frames."""
     along = capture.positions[:, :, "XYZ".index(axis[1])] * (1.0 if axis[0] == "+" else -1.0)
     length = float(np.median(np.ptp(capture.positions, axis=1).max(1)))
     return bool(abs(np.percentile(along.min(1), 10)) < _FLOOR_TOLERANCE * length)

@@ -19,11 +19,11 @@ from enliven.modeling.edits import rig_of
 from enliven.modeling.possessed import solve_lost
 from enliven.recording import DEPTH_TOPIC, Recording
 from enliven.sounds import Sound
-from enliven.takes.capture_clip import between_times, resampled
+from enliven.takes.capture_clip import resample_clip, trim_clip
 from enliven.takes.files import read_take
-from enliven.takes.possessed import characters_and_poses, with_performance
-from enliven.takes.recorded import TakeSettings, body_frames, clips_of_frames
-from enliven.takes.rigged import rigged_of
+from enliven.takes.possessed import add_character_motion, read_characters_and_poses
+from enliven.takes.recorded import TakeSettings, clips_of_frames, read_body_frames
+from enliven.takes.rigged import shape_and_clip_from_poses
 
 Sample = Callable[[float, float | None, float | None, bool, bool], Performance]
 """A function of start and end seconds (None: all), frames per second (None: the native rate), whether to
@@ -39,9 +39,9 @@ class Exportable:
     Attributes:
         name: unique in its file.
         sample: creates the performance.
-        jointed: whether it has a skeleton.
-        solid: whether it has a surface.
-        rank: 0 for the main content of the file; 1 for content that is used if nothing of rank 0 fits.
+        jointed: True if it has a skeleton.
+        solid: True if it has a surface.
+        rank: 0 for the main content of the file. 1 for content that is used only if nothing of rank 0 fits.
     """
 
     name: str
@@ -55,17 +55,17 @@ class Exportables(NamedTuple):
     """All exportable content of a file.
 
     Attributes:
-        found: the moving characters.
-        notes: on the file, a sentence each.
+        items: the moving characters.
+        notes: sentences about the file.
         sounds: sounds that belong to the performance.
     """
 
-    found: list[Exportable]
+    items: list[Exportable]
     notes: tuple[str, ...] = ()
     sounds: tuple[Sound, ...] = ()
 
 
-def exportables_of(path: Path | str) -> Exportables:
+def find_exportables(path: Path | str) -> Exportables:
     """Returns the exportable content of a recording, a project, a model or a motion file.
 
     Seconds are those of a project or a clip. In a recording, they count from the first pose, or from the
@@ -78,15 +78,15 @@ def exportables_of(path: Path | str) -> Exportables:
     kind = path.suffix.lower()
     if kind == ".enliven":
         project = solve_lost(read_project(path))
-        exportables, sounds = _of_project(project), tuple(project.sounds.values())
+        exportables, sounds = _exportables_from_project(project), tuple(project.sounds.values())
     elif kind == ".mcap":
-        exportables = _of_recording(path)
+        exportables = _exportables_from_recording(path)
     elif kind in GLTF_SUFFIXES:
         rig = read_gltf(path)
-        exportables, notes = _of_model(rig.shape, rig.clips), rig.notes
+        exportables, notes = _exportables_from_model(rig.shape, rig.clips), rig.notes
     else:
         clip, notes = read_take(path)
-        exportables = [_of_clip(clip)]
+        exportables = [_exportable_from_clip(clip)]
     if not exportables:
         mend = "Record a performance that lasts longer." if kind == ".mcap" else "Animate something first."
         if kind == ".mcap" and DEPTH_TOPIC in Recording(path).info.topics:
@@ -95,16 +95,16 @@ def exportables_of(path: Path | str) -> Exportables:
     return Exportables(exportables, notes, sounds)
 
 
-def _of_project(project: Project) -> list[Exportable]:
-    """Returns rigged shapes, possessed meshes and puppets that play motion, and then takes."""
+def _exportables_from_project(project: Project) -> list[Exportable]:
+    """Returns the rigged shapes, possessed meshes and puppets with motion, followed by the takes."""
     exportables = list[Exportable]()
     for character in project.characters.values():
         if not rig_of(character).lacking(project, character):
             exportables.append(_exportable_character(project, character))
-    return [*exportables, *(_of_clip(clip, 1) for clip in project.takes.values())]
+    return [*exportables, *(_exportable_from_clip(clip, 1) for clip in project.takes.values())]
 
 
-def _of_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
+def _exportables_from_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
     """Returns each animation of a model, the first before the others; the static model if it has none."""
     if not clips:
         return [_exportable_character(Project().with_characters(shape), shape)]
@@ -118,10 +118,10 @@ def _of_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Exportable]:
     return exportables
 
 
-def _of_recording(path: Path) -> list[Exportable]:
+def _exportables_from_recording(path: Path) -> list[Exportable]:
     """Returns characters with their recorded poses, and then the people."""
     recording = Recording(path)
-    characters, poses = characters_and_poses(recording)
+    characters, poses = read_characters_and_poses(recording)
     moving = {key: own_poses for key, own_poses in poses.items() if len(own_poses) > 1}
     begin = min((own_poses[0].time_ns for own_poses in moving.values()), default=0)
     exportables = dict[str, Exportable]()
@@ -129,9 +129,9 @@ def _of_recording(path: Path) -> list[Exportable]:
         character, name = characters[key], unused(characters[key].id, exportables)
         sample = partial(_sample_recorded, name, character, own_poses, begin)
         exportables[name] = Exportable(name, sample, character.kind == "bones")
-    for clip in clips_of_frames(body_frames(recording), path.stem, TakeSettings()):
+    for clip in clips_of_frames(read_body_frames(recording), path.stem, TakeSettings()):
         name = unused(clip.id, exportables)
-        exportables[name] = _of_clip(replace(clip, id=name), 1)
+        exportables[name] = _exportable_from_clip(replace(clip, id=name), 1)
     return list(exportables.values())
 
 
@@ -140,8 +140,8 @@ def _exportable_character(project: Project, character: RigBase) -> Exportable:
     return Exportable(character.id, partial(_sample_character, project, character), jointed, solid)
 
 
-def _of_clip(clip: Clip, rank: int = 0) -> Exportable:
-    return Exportable(clip.id, partial(_of_frames, clip), True, True, rank)
+def _exportable_from_clip(clip: Clip, rank: int = 0) -> Exportable:
+    return Exportable(clip.id, partial(_sample_clip, clip), True, True, rank)
 
 
 def _sample_character(
@@ -171,25 +171,25 @@ def _sample_recorded(
     morphs: bool,
     keyed: bool,
 ) -> Performance:
-    """Samples a character that was performed live, as a rigged shape or as a possessed mesh."""
+    """Samples a character of a live performance, as a rigged shape or as a possessed mesh."""
     if character.kind == "bones":
-        still, clip, offset = rigged_of(replace(character, id=name), poses, begin)
+        still, clip, offset = shape_and_clip_from_poses(replace(character, id=name), poses, begin)
         project, shape = playing(Project(), still, clip)
         late = shape.later(offset)
         return _sample_character(
             project.with_characters(late), late, start, end, rate, morphs, keyed, 1 / clip.step
         )
-    named = replace(character, id=name)
-    project = with_performance(Project(), (name, 0), named, poses, begin, [], None)
+    renamed = replace(character, id=name)
+    project = add_character_motion(Project(), (name, 0), renamed, poses, begin, [], None)
     (graph,), (stream,) = project.graphs.values(), project.streams.values()
     return _sample_character(project, graph, start, end, rate, morphs, keyed, 1 / stream.step)
 
 
-def _of_frames(clip: Clip, start: float, end: float | None, rate: float | None, *_: bool) -> Performance:
+def _sample_clip(clip: Clip, start: float, end: float | None, rate: float | None, *_: bool) -> Performance:
     """Samples frames of a clip; raises an error with the clip's name if the range contains no frames."""
     stop = clip.duration if end is None else end
     if start > clip.duration or stop < start:
         problem = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
         raise InputError(problem, where=f"clip {clip.id!r}", mend="Choose another start and end.")
-    cut = between_times(clip, start, stop)
-    return performance_of_clip(cut if rate is None else resampled(cut, 1 / rate))
+    cut = trim_clip(clip, start, stop)
+    return performance_of_clip(cut if rate is None else resample_clip(cut, 1 / rate))

@@ -16,7 +16,7 @@ from enliven.formats.gltf import read_gltf
 from enliven.formats.motion import added_frames, told_added
 from enliven.formats.project import read_project
 from enliven.meshes import GLTF_SUFFIXES
-from enliven.takes.capture_clip import between_times, clip_of_capture
+from enliven.takes.capture_clip import clip_of_capture, trim_clip
 from enliven.takes.capture_upright import read_capture
 from enliven.takes.recorded import clips_of_recording
 
@@ -47,21 +47,21 @@ def read_take(
     if start > clip.duration or stop <= start:
         problem = f"it lasts {clip.duration:.2f} s: there is no motion from {start:g} s to {stop:g} s"
         raise InputError(problem, where=str(path), mend="Choose another start and end.")
-    return between_times(clip, start, stop), notes
+    return trim_clip(clip, start, stop), notes
 
 
 def _read_clips(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...]]:
     kind = path.suffix.lower()
     if kind in GLTF_SUFFIXES:
         rig = read_gltf(path)
-        clip = _named_clip(rig.clips, path, animation)
+        clip = _find_clip(rig.clips, path, animation)
         # A jump between two poses may be intended in a model. So remove the added pose only if it is the rest
         # pose.
-        return _without_added(clip, joint_places(clip), tuple(rig.notes), only_rest=True)
+        return _remove_added_poses(clip, joint_places(clip), tuple(rig.notes), only_rest=True)
     if kind == ".mcap":
-        return _named_clip(clips_of_recording(path), path, animation), ()
+        return _find_clip(clips_of_recording(path), path, animation), ()
     if kind == ".enliven":
-        return _named_clip(list(read_project(path).takes.values()), path, animation), ()
+        return _find_clip(list(read_project(path).takes.values()), path, animation), ()
     if kind not in (".bvh", ".txt"):
         raise InputError(
             f"{kind or 'a file without an ending'} is not a motion file",
@@ -70,13 +70,13 @@ def _read_clips(path: Path, animation: str | None) -> tuple[Clip, tuple[str, ...
         )
     capture = read_capture(path)
     clip = clip_of_capture(capture, path.stem)
-    return _without_added(clip, joint_places(clip), tuple(capture.notes))
+    return _remove_added_poses(clip, joint_places(clip), tuple(capture.notes))
 
 
-def _without_added(
+def _remove_added_poses(
     clip: Clip, places: Float, notes: tuple[str, ...], only_rest: bool = False
 ) -> tuple[Clip, tuple[str, ...]]:
-    """Returns the clip without poses that were added at its ends, with a note. Its rest pose stays."""
+    """Returns the clip without poses that an exporter added at its ends, with a note. Its rest pose stays."""
     begin, end = added_frames(places, clip.step, clip.skeleton.positions, only_rest)
     if not (begin or end):
         return clip, notes
@@ -84,12 +84,13 @@ def _without_added(
     return clip.mapped(lambda track: track[span]), (*notes, *told_added(begin, end))
 
 
-def _named_clip(clips: Sequence[Clip], path: Path, wanted: str | None) -> Clip:
-    """Returns the clip with that name (a glTF name may end in it, after a bar), or the first."""
+def _find_clip(clips: Sequence[Clip], path: Path, requested: str | None) -> Clip:
+    """Returns the clip with the requested name, or the first clip if no name is given. The name may also be
+    the part of a glTF name after the last bar ("|")."""
     if not clips:
         raise InputError("it has no animation", where=str(path), mend=_KNOWN_FORMATS_ADVICE)
     for clip in clips:
-        if wanted is None or wanted in (clip.id, clip.id.rpartition("|")[2]):
+        if requested is None or requested in (clip.id, clip.id.rpartition("|")[2]):
             return clip
     names = ", ".join(clip.id for clip in clips)
-    raise InputError(f"the animation {wanted!r} does not exist", where=str(path), mend=f"Known: {names}.")
+    raise InputError(f"the animation {requested!r} does not exist", where=str(path), mend=f"Known: {names}.")

@@ -26,7 +26,7 @@ class LiveLayer:
         self._take = take.id
         project = project.with_takes(take)
         for joint in range(len(shape.skeleton)):
-            chain = own_chain(shape, joint)
+            chain = single_bone_chain(shape, joint)
             if joint in replaced:
                 project = clear_chain(project, shape_id, chain)
             project = bind_chain(project, shape_id, chain, take.id, chain, basis=IDENTITY)
@@ -36,13 +36,14 @@ class LiveLayer:
         """Returns the pose at a time of the project, at the place of the live one, and its (N, 3) joints.
 
         Args:
-            heard: whether the live pose has an effect; otherwise the shape only plays, at that place.
+            heard: True if the live pose has an effect. If False, the shape only plays its own motion, at the
+                live pose's place.
         """
         shape, rest = self.shape, self.shape.skeleton.positions[0] + self.shape.place
-        own = np.tile(IDENTITY, (1, len(shape.skeleton), 1))
+        local_turns = np.tile(IDENTITY, (1, len(shape.skeleton), 1))
         if heard:
-            own = own_turns(shape, from_matrix(live.linear.astype(np.float64))[None])
-        turns = composed(shape.skeleton.parents, own)[0]
+            local_turns = local_rotations(shape, from_matrix(live.linear.astype(np.float64))[None])
+        turns = compose_rotations(shape.skeleton.parents, local_turns)[0]
         self._player.feed(self._take, turns, shape.skeleton.positions[0])
         at = self._player.at(seconds)
         pose, shift = pose_from(shape, at, seconds), live.positions[0].astype(np.float64) - rest
@@ -50,24 +51,24 @@ class LiveLayer:
         return Pose(shape.id, live.time_ns, pose.linear, placed), at.joints + shift
 
 
-def own_chain(shape: Shape, joint: int) -> tuple[int, ...]:
+def single_bone_chain(shape: Shape, joint: int) -> tuple[int, ...]:
     """Returns the chain of a single bone: its parent and the joint, or the root."""
     return (int(shape.skeleton.parents[joint]), joint) if joint else (0,)
 
 
-def own_turns(shape: Shape, turns: Float) -> Float:
+def local_rotations(shape: Shape, turns: Float) -> Float:
     """Returns (G, N, 4) the rotation of each bone by layers, for world rotations (G, N, 4)."""
-    own = np.empty_like(turns)
+    local = np.empty_like(turns)
     for j, parent in enumerate(shape.skeleton.parents):
         within = turns[:, j] if parent < 0 else multiply(conjugate(turns[:, parent]), turns[:, j])
-        own[:, j] = multiply(conjugate(shape.modeling[j]), within)
-    return own
+        local[:, j] = multiply(conjugate(shape.modeling[j]), within)
+    return local
 
 
-def composed(parents: np.ndarray, own: Float) -> Float:
+def compose_rotations(parents: np.ndarray, local: Float) -> Float:
     """Returns (G, N, 4) world rotations from rotations (G, N, 4) relative to the parent."""
-    turns = own.copy()
+    turns = local.copy()
     for j, parent in enumerate(parents):
         if parent >= 0:
-            turns[:, j] = multiply(turns[:, parent], own[:, j])
+            turns[:, j] = multiply(turns[:, parent], local[:, j])
     return turns

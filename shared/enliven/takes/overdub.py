@@ -27,14 +27,14 @@ from enliven.modeling.possessed import between, even_times, over_base
 from enliven.similarity import Similarity, fit_similarity
 from enliven.takes.body_takes import RecordedHolds
 from enliven.takes.punch_in import PunchIn
-from enliven.takes.shared_motion import shared_motion
+from enliven.takes.shared_motion import find_shared_motion
 
 _SAME_NODE_M = 2e-3
 """Distance, metres, within which two nodes are the same: the step size of transmitted poses."""
 
 
-def plays(project: Project, shape: GraphShape) -> bool:
-    """Returns whether a possessed mesh has earlier motion that can be overdubbed."""
+def has_motion(project: Project, shape: GraphShape) -> bool:
+    """Returns True if a possessed mesh has earlier motion that can be overdubbed."""
     return any(project.streams[layer.take].duration > 0.0 for layer in (*shape.parts, *shape.over))
 
 
@@ -79,13 +79,13 @@ class OverdubTransfer:
             # The scale comes from the placement, because a performer bends a mesh, but does not scale it. So
             # it is computed only once.
             self._scale = float(np.cbrt(np.median(np.abs(np.linalg.det(linear[0])))))
-        turns, places = shared_motion(positions / self._scale, self._pivots)
+        turns, places = find_shared_motion(positions / self._scale, self._pivots)
         share = self._weights / self._scale
         around = linear[:, self._nodes]
         maps = np.einsum("kw,fkwij->fkij", share, around)
-        went = np.einsum("kwj,fkwij->fki", share[..., None] * self._arms, around)
-        went += np.einsum("kw,fkwi->fki", share, positions[:, self._nodes])
-        offsets = (went - places[:, None]) @ turns - self._at
+        displacements = np.einsum("kwj,fkwij->fki", share[..., None] * self._arms, around)
+        displacements += np.einsum("kw,fkwi->fki", share, positions[:, self._nodes])
+        offsets = (displacements - places[:, None]) @ turns - self._at
         turn = self._same.turn
         back = turn @ np.swapaxes(turns, 1, 2)
         return back[:, None] @ maps @ turn.T, self._same.size * offsets @ turn.T
@@ -102,7 +102,8 @@ class LiveOverdub:
         """Returns the pose of the project's mesh, metres in the world.
 
         Args:
-            live: of the mesh on the stage. The display rate is higher, so the last pose is reused.
+            live: the pose of the mesh on the stage. The display rate is higher than the pose rate, so an
+                equal pose is not converted again.
             base: the present pose of the project's mesh.
         """
         if self._last is None or self._last[0] is not live:
@@ -114,7 +115,7 @@ class LiveOverdub:
         return Pose(base.character, live.time_ns, linear.astype(np.float32), positions.astype(np.float32))
 
 
-def with_layer_over(
+def add_overdub_layer(
     project: Project,
     shape: GraphShape,
     key: tuple[str, int],
@@ -129,7 +130,7 @@ def with_layer_over(
     Args:
         key: the id and the revision of the character on the stage.
         begin: nanoseconds, the sensor's clock at 0 seconds of the project.
-        punch: the span in which all other motion of it is silenced; None keeps all of it.
+        punch: the span in which all other motion of the mesh is silenced. None keeps all of its motion.
 
     Raises:
         InputError: if the poses are inconsistent.
@@ -151,9 +152,9 @@ def with_layer_over(
     )
     if punch is not None:
         parts = (punch(project, part) or replace(part, muted=True) for part in shape.parts)
-        over = (punch(project, old_layer) for old_layer in shape.over)
+        old_layers = (punch(project, old_layer) for old_layer in shape.over)
         shape = shape.with_changes(
-            parts=tuple(parts), over=tuple(old_layer for old_layer in over if old_layer is not None)
+            parts=tuple(parts), over=tuple(old_layer for old_layer in old_layers if old_layer is not None)
         )
     shape = shape.with_changes(over=(*shape.over, layer))
     return project.with_streams(stream).with_characters(shape)

@@ -1,6 +1,6 @@
 """Converts a performance, recorded or live, into takes and layers of a project.
 
-    project, names = with_performed(project, performed, begin)     # begin: the sensor's clock at 0 seconds
+    project, names = add_performance(project, performed, begin)     # begin: the sensor's clock at 0 seconds
 
 Each performer becomes a take. A character of the project that was performed plays the new motion. A rigged
 shape gets layers on the bones that moved. A possessed mesh gets motion of its nodes that can be solved again.
@@ -33,24 +33,24 @@ from enliven.frames import BodyFrame
 from enliven.modeling.edits import as_take
 from enliven.modeling.possessed import between, even_times
 from enliven.motion.layers import bind_chain, set_travel
-from enliven.rotation import IDENTITY, continuous, from_matrix
-from enliven.takes.body_takes import holds_among
-from enliven.takes.live_layer import composed, own_chain, own_turns
-from enliven.takes.overdub import plays, with_layer_over
+from enliven.rotation import IDENTITY, from_matrix, remove_sign_jumps
+from enliven.takes.body_takes import holds_from_frames
+from enliven.takes.live_layer import compose_rotations, local_rotations, single_bone_chain
+from enliven.takes.overdub import add_overdub_layer, has_motion
 from enliven.takes.performers import MergedPerformers, merge_performers
-from enliven.takes.possessed import with_performance
+from enliven.takes.possessed import add_character_motion
 from enliven.takes.punch_in import PunchIn, punch_bones
 from enliven.takes.recorded import TakeSettings, clips_of_frames
-from enliven.takes.rigged import rigged_of
+from enliven.takes.rigged import shape_and_clip_from_poses
 from enliven.wire import HoldMessage
 
 _MIN_POSES = 2
 """Minimum number of poses of a character that counts as performed."""
-_FEWEST_EXAMPLES = 2
+_MIN_EXAMPLES = 2
 """Minimum number of examples of an example-driven character. With fewer, the performer possesses its mesh."""
 _MIN_MOTION = 0.005
-"""Minimum motion, metres or entries of a rotation matrix. The steps of transmitted poses are a tenth of
-it."""
+"""Minimum motion that counts as moving, in metres or in entries of a rotation matrix. The quantization steps
+of transmitted poses are a tenth of this."""
 _MIN_ROTATION_RADIANS = 0.01
 """Minimum rotation of a bone, radians (half a degree). Transmitted rotations have finer steps."""
 
@@ -60,8 +60,9 @@ Key = tuple[str, int]
 
 _UNSPLIT_TAKE_SETTINGS = TakeSettings(gap=math.inf)
 """Creates one take per performer, even if the tracker lost them for a while."""
-ONLOOKER = " onlooker"
-"""Suffix of a take's name, before its number, if its performer held nothing while others did."""
+ONLOOKER_SUFFIX = " onlooker"
+"""Suffix of a take's name, before its number, if its performer held no character while other performers
+did."""
 
 
 @dataclass
@@ -74,7 +75,7 @@ class PerformedMotion:
         frames: of tracked performers, in the order of time.
         events: when performers attached to and released characters, in the order of time.
         characters: by id and revision.
-        poses: of each, in the order of time.
+        poses: the poses of each character, ordered by time.
     """
 
     name: str
@@ -102,7 +103,7 @@ class PerformedMotion:
         return [key for key, poses in self.poses.items() if len(poses) >= _MIN_POSES and _is_moving(poses)]
 
 
-def with_performed(
+def add_performance(
     project: Project, performed: PerformedMotion, begin: int, *, replaces: bool = False, beside: str = ""
 ) -> tuple[Project, tuple[str, ...]]:
     """Returns a project with takes and layers of the performance, and the ids of the new content.
@@ -112,9 +113,10 @@ def with_performed(
 
     Args:
         begin: nanoseconds, the sensor's clock at 0 seconds of the project.
-        replaces: whether the recording replaces the earlier motion of the moved characters between its begin
-            and end; otherwise both play.
-        beside: name of the group of alternatives that it joins; empty creates a new group.
+        replaces: True if the recording replaces the earlier motion of the moved characters between its begin
+            and end. If False, both play.
+        beside: name of the group of alternative takes to which the recording is added. Empty creates a new
+            group.
 
     Raises:
         InputError: if the poses of a character are inconsistent.
@@ -129,39 +131,46 @@ def with_performed(
         existing, poses = project.characters.get(key[0]), performed.poses[key]
         character = performed.characters[key]
         if isinstance(existing, Shape) and len(existing.skeleton) == len(poses[0].positions):
-            project = _with_motion_layer(project, existing, key, performed, begin, replaces=replaces)
+            project = _add_motion_layer(project, existing, key, performed, begin, replaces=replaces)
             new_ids.append(existing.id)
         elif isinstance(existing, Puppet) and character.kind == "points":
-            project = _played_by(project, existing, performed, merged, begin, replaces=replaces)
+            project = _add_puppet_layer(project, existing, performed, merged, begin, replaces=replaces)
             new_ids.append(existing.id)
         elif isinstance(existing, GraphShape) and _keeps_earlier_motion(
             project, existing, performed, key, begin, replaces=replaces
         ):
-            holds = holds_among(performed.frames, performed.events, unused(performed.name, project.bodies))
+            holds = holds_from_frames(
+                performed.frames, performed.events, unused(performed.name, project.bodies)
+            )
             punch = _motion_span(project, performed, key, begin) if replaces else None
-            project = with_layer_over(project, existing, key, character, poses, begin, holds, punch)
+            project = add_overdub_layer(project, existing, key, character, poses, begin, holds, punch)
             new_ids.append(existing.id)
         else:
-            project, name = _with_character(project, key, performed, begin)
+            project, name = _add_character(project, key, performed, begin)
             new_ids.append(name)
     return as_take(before, project, performed.name, beside or performed.name), tuple(dict.fromkeys(new_ids))
 
 
 def _performer_clips(merged: MergedPerformers, performed: PerformedMotion) -> list[Clip]:
-    """Returns one clip for each performer; performers that held nothing while others did are onlookers."""
-    ids = {who for event in performed.events for who in (event.body, event.former, *event.holders)}
-    holding = {merged.people[who] for who in ids if who in merged.people}
-    actors = [who for who in merged.everyone if who in holding or not holding]
-    others = [who for who in merged.everyone if who not in actors]
+    """Returns one clip for each performer. Performers that held no character while others did are
+    onlookers."""
+    ids = {
+        performer for event in performed.events for performer in (event.body, event.former, *event.holders)
+    }
+    holding = {merged.people[performer] for performer in ids if performer in merged.people}
+    actors = [performer for performer in merged.person_ids if performer in holding or not holding]
+    others = [performer for performer in merged.person_ids if performer not in actors]
     clips_by_person = {
-        who: clips_of_frames(merged.alone(who), performed.name, _UNSPLIT_TAKE_SETTINGS)[:1]
-        for who in actors + others
+        performer: clips_of_frames(merged.alone(performer), performed.name, _UNSPLIT_TAKE_SETTINGS)[:1]
+        for performer in actors + others
     }
     clips = list[Clip]()
-    for people, name in ((actors, performed.name), (others, f"{performed.name}{ONLOOKER}")):
-        own = [clip for who in people for clip in clips_by_person[who]]
-        several = len(own) > 1
-        clips += [replace(clip, id=f"{name} {n}" if several else name) for n, clip in enumerate(own, 1)]
+    for people, name in ((actors, performed.name), (others, f"{performed.name}{ONLOOKER_SUFFIX}")):
+        person_clips = [clip for performer in people for clip in clips_by_person[performer]]
+        several = len(person_clips) > 1
+        clips += [
+            replace(clip, id=f"{name} {n}" if several else name) for n, clip in enumerate(person_clips, 1)
+        ]
     return clips
 
 
@@ -175,8 +184,8 @@ def _motion_span(project: Project, performed: PerformedMotion, key: Key, begin: 
 def _keeps_earlier_motion(
     project: Project, shape: GraphShape, performed: PerformedMotion, key: Key, begin: int, *, replaces: bool
 ) -> bool:
-    """Returns whether a possessed mesh continues to play some of its earlier motion."""
-    if not plays(project, shape):
+    """Returns True if a possessed mesh continues to play some of its earlier motion."""
+    if not has_motion(project, shape):
         return False
     punch = _motion_span(project, performed, key, begin)
     # Muted alternatives may be enabled again, so they must be kept.
@@ -193,22 +202,22 @@ def _is_moving(poses: Sequence[Pose]) -> bool:
     )
 
 
-def _with_motion_layer(
+def _add_motion_layer(
     project: Project, shape: Shape, key: Key, performed: PerformedMotion, begin: int, *, replaces: bool
 ) -> Project:
     """Returns a project in which the moved bones of a shape have an additional layer."""
     used_poses, seconds, grid = even_times(performed.characters[key], performed.poses[key], begin)
     linear = between(np.array([pose.linear for pose in used_poses], np.float64), seconds, grid)
     root = between(np.array([pose.positions[0] for pose in used_poses], np.float64), seconds, grid)
-    own = own_turns(shape, from_matrix(linear))
-    angles = 2 * np.arccos(np.minimum(np.abs(own[:, :, 0]).min(0), 1.0))
+    local_turns = local_rotations(shape, from_matrix(linear))
+    angles = 2 * np.arccos(np.minimum(np.abs(local_turns[:, :, 0]).min(0), 1.0))
     moved = np.flatnonzero(angles > _MIN_ROTATION_RADIANS).tolist()
     travels = bool(np.ptp(root, axis=0).max() > _MIN_MOTION)
     chains = _moved_limbs(shape, moved)
     take = Clip(
         unused(f"{performed.name} on {shape.id}", project.takes),
         shape.skeleton,
-        continuous(composed(shape.skeleton.parents, own)),
+        remove_sign_jumps(compose_rotations(shape.skeleton.parents, local_turns)),
         root - root[0] + shape.skeleton.positions[0],
         float(grid[1] - grid[0]),
     )
@@ -219,9 +228,9 @@ def _with_motion_layer(
         if replaces:
             project = punch_bones(project, shape.id, chain, punch)
         layer = unused(f"{take.id}: {shape.skeleton.names[chain[-1]]}", project.layer_names)
-        how = {"basis": IDENTITY, "layer_id": layer, "offset": float(grid[0])}
+        layer_settings = {"basis": IDENTITY, "layer_id": layer, "offset": float(grid[0])}
         played = punch.played if keeps_some else {}
-        project = bind_chain(project, shape.id, chain, take.id, chain, **how, **played)
+        project = bind_chain(project, shape.id, chain, take.id, chain, **layer_settings, **played)
     if travels and chains and ((replaces and not keeps_some) or shape.travel is None):
         last = project.shape(shape.id).layers[-len(chains)].id
         project = set_travel(project, shape.id, last, scale=1.0)
@@ -235,16 +244,18 @@ def _moved_limbs(shape: Shape, moved: Sequence[int]) -> list[tuple[int, ...]]:
     chains, below = list[tuple[int, ...]](), shape.skeleton.children
     for joint in moved:
         ended = [
-            n for n, chain in enumerate(chains) if chain[-1] == own_chain(shape, joint)[0] and chain != (0,)
+            n
+            for n, chain in enumerate(chains)
+            if chain[-1] == single_bone_chain(shape, joint)[0] and chain != (0,)
         ]
         if joint and ended and len(set(below[chains[ended[0]][-1]]) & set(moved)) == 1:
             chains[ended[0]] = (*chains[ended[0]], joint)
         else:
-            chains.append(own_chain(shape, joint))
+            chains.append(single_bone_chain(shape, joint))
     return chains
 
 
-def _played_by(
+def _add_puppet_layer(
     project: Project,
     puppet: Puppet,
     performed: PerformedMotion,
@@ -255,13 +266,13 @@ def _played_by(
 ) -> Project:
     """Returns a project in which a puppet plays the take of the performer that held it last."""
     holders = [event.body for event in performed.events if event.character == puppet.id and event.body >= 0]
-    who = merged.people.get(holders[-1]) if holders else None
-    alone = merged.frames if who is None else merged.alone(who)
-    clips = clips_of_frames(alone, f"{performed.name} in {puppet.id}", _UNSPLIT_TAKE_SETTINGS)
+    performer = merged.people.get(holders[-1]) if holders else None
+    frames = merged.frames if performer is None else merged.alone(performer)
+    clips = clips_of_frames(frames, f"{performed.name} in {puppet.id}", _UNSPLIT_TAKE_SETTINGS)
     if not clips:
         return project
     take = replace(clips[0], id=unused(clips[0].id, project.takes))
-    first = next(frame.time_ns for frame in alone if frame.bodies)
+    first = next(frame.time_ns for frame in frames if frame.bodies)
     layer = PuppetLayer(take.id, offset=(first - begin) * 1e-9)
     layers: tuple[PuppetLayer, ...] = (*puppet.layers, layer)
     if replaces:
@@ -275,34 +286,29 @@ def _played_by(
 
 
 def _is_bare(character: RigBase | None) -> bool:
-    """Returns whether a character is a mesh without motion, which a stage treats as a mesh to be
-    possessed.
-    """
+    """Returns True if a character is a mesh without motion. On a stage, performers can possess such a
+    mesh."""
     return (
-        isinstance(character, Puppet)
-        and character.mesh is not None
-        and len(character.poses) < _FEWEST_EXAMPLES
+        isinstance(character, Puppet) and character.mesh is not None and len(character.poses) < _MIN_EXAMPLES
     )
 
 
-def _with_character(
-    project: Project, key: Key, performed: PerformedMotion, begin: int
-) -> tuple[Project, str]:
+def _add_character(project: Project, key: Key, performed: PerformedMotion, begin: int) -> tuple[Project, str]:
     """Returns a project with a performed character added. A possessed character with the same id is
     replaced.
     """
     character, poses = performed.characters[key], performed.poses[key]
     existing = project.characters.get(key[0])
     if character.kind == "bones":
-        named = replace(character, id=unused(key[0], project.characters))
-        still, clip, offset = rigged_of(named, poses, begin)
-        take = replace(clip, id=unused(f"{performed.name} on {named.id}", project.takes))
+        renamed = replace(character, id=unused(key[0], project.characters))
+        still, clip, offset = shape_and_clip_from_poses(renamed, poses, begin)
+        take = replace(clip, id=unused(f"{performed.name} on {renamed.id}", project.takes))
         project, shape = playing(project, still, take)
         return project.with_characters(shape.later(offset)), shape.id
     is_replaced = isinstance(existing, GraphShape) or _is_bare(existing)
-    holds = holds_among(performed.frames, performed.events, unused(performed.name, project.bodies))
+    holds = holds_from_frames(performed.frames, performed.events, unused(performed.name, project.bodies))
     rest = project.without(key[0]) if is_replaced else project
-    rest = with_performance(rest, key, character, poses, begin, [], holds)
+    rest = add_character_motion(rest, key, character, poses, begin, [], holds)
     name = list(rest.characters)[-1]
     order = {
         character_id: rest.characters[character_id]

@@ -24,7 +24,8 @@ _SEARCH_RADIUS_M = 1.0
 _WALKING_SPEED_M_PER_S = 1.5
 """Assumed walking speed of a lost person, metres per second."""
 _BLEND_NS = 300_000_000
-"""Duration, nanoseconds, of the blend from the held pose to the new one before a person is found again."""
+"""Duration, nanoseconds, of the blend from the held pose to the new pose. The blend ends when the person is
+found again."""
 
 
 @dataclass
@@ -44,7 +45,7 @@ class MergedPerformers:
         return [replace(f, bodies=[b for b in f.bodies if b.id == person]) for f in self.frames]
 
     @property
-    def everyone(self) -> list[int]:
+    def person_ids(self) -> list[int]:
         """The ids of all persons in the order of their first appearance."""
         return list(dict.fromkeys(body.id for frame in self.frames for body in frame.bodies))
 
@@ -52,8 +53,9 @@ class MergedPerformers:
 def merge_performers(frames: Sequence[BodyFrame], events: Iterable[HoldMessage] = ()) -> MergedPerformers:
     """Returns frames in which every person has one id from the first to the last frame.
 
-    A track continues an earlier one if a hold was handed over to it. It also continues one if it begins soon
-    after the end of the earlier one, within reach of that place. If there are several, the nearest is chosen.
+    A track continues an earlier track if a hold was handed over to it. It also does so if it begins soon
+    after the earlier track has ended, near the place where that track ended. If there are several such
+    tracks, the nearest is chosen.
     """
     handed = {event.body: event.former for event in events if event.mode == "take over" and event.former >= 0}
     people: dict[int, int] = {}
@@ -63,7 +65,7 @@ def merge_performers(frames: Sequence[BodyFrame], events: Iterable[HoldMessage] 
         present = {people[body.id] for body in frame.bodies if body.id in people}
         for body in frame.bodies:
             if body.id not in people:
-                people[body.id] = _person_of(body, frame.time_ns, handed, people, last, present)
+                people[body.id] = _find_person(body, frame.time_ns, handed, people, last, present)
                 present.add(people[body.id])
         bodies = [replace(body, id=people[body.id]) for body in frame.bodies]
         unique = {body.id: body for body in reversed(bodies)}
@@ -72,7 +74,7 @@ def merge_performers(frames: Sequence[BodyFrame], events: Iterable[HoldMessage] 
     return MergedPerformers(_bridge_losses(merged), people)
 
 
-def _person_of(
+def _find_person(
     body: Body,
     time_ns: int,
     handed: dict[int, int],
@@ -89,9 +91,11 @@ def _person_of(
     away = {
         person: float(np.linalg.norm(_floor_position(body) - place)) for person, (_, place) in lost.items()
     }
-    soon = [person for person, gap in gaps.items() if gap <= _MAX_GAP_S]
+    recent = [person for person, gap in gaps.items() if gap <= _MAX_GAP_S]
     near = [
-        person for person in soon if away[person] <= _SEARCH_RADIUS_M + _WALKING_SPEED_M_PER_S * gaps[person]
+        person
+        for person in recent
+        if away[person] <= _SEARCH_RADIUS_M + _WALKING_SPEED_M_PER_S * gaps[person]
     ]
     return min(near, key=lambda person: away[person], default=body.id)
 
@@ -103,7 +107,7 @@ def _floor_position(body: Body) -> Float:
 
 
 def _bridge_losses(frames: list[BodyFrame]) -> list[BodyFrame]:
-    """Lets each lost person hold still until shortly before they are found again."""
+    """Adds frames in which each lost person holds still until shortly before they are found again."""
     added: dict[int, list[Body]] = {}
     last_seen: dict[int, tuple[int, Body]] = {}
     for frame in frames:

@@ -1,8 +1,8 @@
 """Computes bone rotations from joint positions alone: swings with the least twist.
 
-    turns_of(skeleton, positions (F, N, 3), known=None) -> (F, N, 4)
-    rest_of(parents, at_rest, positions) -> (N, 3)           # the bones' own lengths at rest
-    filled(parents, positions, seen) -> (F, N, 3)            # unseen joints, interpolated in time
+    rotations_from_positions(skeleton, positions (F, N, 3), known=None) -> (F, N, 4)
+    rest_from_positions(parents, at_rest, positions) -> (N, 3)    # the rest pose with median bone lengths
+    fill_unseen(parents, positions, seen) -> (F, N, 3)            # unseen joints, interpolated in time
 
 Every bone points along its joints; its twist relative to the parent bone is minimal.
 """
@@ -23,7 +23,7 @@ _MIN_DIRECTION_LENGTH_M = 1e-6
 """Length, metres, below which a bone has no direction."""
 
 
-def turns_of(skeleton: Skeleton, positions: Float, known: Float | None = None) -> Float:
+def rotations_from_positions(skeleton: Skeleton, positions: Float, known: Float | None = None) -> Float:
     """Returns (F, N, 4) world rotations since rest that point every bone along its joints.
 
     A bone swings by the shortest arc from the direction to which its parent carries it. The root, and a bone
@@ -31,8 +31,8 @@ def turns_of(skeleton: Skeleton, positions: Float, known: Float | None = None) -
 
     Args:
         positions: (F, N, 3) metres.
-        known: (F, N, 4) rotations from another source (orientations since rest). They are kept except for the
-            swing that points the bone along its joints.
+        known: (F, N, 4) measured rotations since rest. The result keeps them, except for a swing that points
+            the bone along its joints.
     """
     turns = np.empty((len(positions), len(skeleton), 4))
     known_turns = (
@@ -43,7 +43,7 @@ def turns_of(skeleton: Skeleton, positions: Float, known: Float | None = None) -
     return turns
 
 
-def rest_of(parents: AnyArray, at_rest: Float, positions: Float) -> Float:
+def rest_from_positions(parents: AnyArray, at_rest: Float, positions: Float) -> Float:
     """Returns (N, 3) the joints at rest, with each bone's median length over the frames (F, N, 3)."""
     joints = np.array(at_rest, np.float64)
     for j, parent in enumerate(parents):
@@ -54,7 +54,7 @@ def rest_of(parents: AnyArray, at_rest: Float, positions: Float) -> Float:
     return joints
 
 
-def filled(parents: AnyArray, positions: Float, seen: Bool) -> Float:
+def fill_unseen(parents: AnyArray, positions: Float, seen: Bool) -> Float:
     """Returns (F, N, 3) positions, with unseen joints interpolated from their parent and the adjacent frames.
 
     The offset from the parent is interpolated in time; a joint that was never seen stays unchanged.

@@ -39,7 +39,7 @@ from enliven.modeling.possessed import as_solved, between, even_times, stream_of
 from enliven.modeling.puppet import graph_of
 from enliven.recording import Recording
 from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
-from enliven.takes.body_takes import RecordedHolds, body_take_of, recorded_holds
+from enliven.takes.body_takes import RecordedHolds, body_take_from_file, recorded_holds
 from enliven.wire import (
     HOLDS,
     CharacterMessage,
@@ -57,8 +57,8 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
     """Returns the possessed meshes and puppets of a take with their motion, as a project.
 
     Poses arrive at the sensor's rate. A stream has them at even steps (their median interval), interpolated
-    between neighbours. A mesh that was possessed again with other nodes becomes another shape. All begin at
-    their times in the take, with its first pose at 0 seconds.
+    between neighbours. A mesh that was possessed again with other nodes becomes another shape. Every stream
+    begins at its time in the take. The first pose of the take is at 0 seconds.
 
     Args:
         notes: list to which a sentence about the error of each baked puppet is appended.
@@ -67,7 +67,7 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
         InputError: if the file is not a recording, or no possessed mesh moved in it.
     """
     recording = Recording(path)
-    characters, poses = characters_and_poses(recording)
+    characters, poses = read_characters_and_poses(recording)
     begin = min((own_poses[0].time_ns for own_poses in poses.values() if own_poses), default=0)
     project, holds = Project(), recorded_holds(recording, Path(path).stem)
     for key, character in characters.items():
@@ -75,14 +75,14 @@ def read_possessed(path: str | Path, notes: list[str] | None = None) -> Project:
         if character.kind not in ("graph", "points") or len(own_poses) < _MIN_MOVING_POSES:
             continue
         messages: list[str] = [] if notes is None else notes
-        project = with_performance(project, key, character, own_poses, begin, messages, holds)
+        project = add_character_motion(project, key, character, own_poses, begin, messages, holds)
     if not project.graphs:
         mend = "Possess a mesh and record it: enliven run."
         raise InputError("no possessed mesh moves in it", where=str(path), mend=mend)
     return project
 
 
-def possession_in(path: str | Path, character: str = "") -> tuple[Project, str, BodyTake, Possession]:
+def read_possession(path: str | Path, character: str = "") -> tuple[Project, str, BodyTake, Possession]:
     """Returns the performers in a recording that possess a mesh.
 
     Args:
@@ -105,7 +105,7 @@ def possession_in(path: str | Path, character: str = "") -> tuple[Project, str, 
         for name, possession in possessions.items():
             if not character or name == character:
                 return project, name, project.bodies[possession.take], possession
-    bodies = body_take_of(path)
+    bodies = body_take_from_file(path)
     return Project(), "", bodies, Possession(bodies.id, (HoldChange(0.0),))
 
 
@@ -113,7 +113,7 @@ _Key = tuple[str, int]
 """The id and the revision of a character."""
 
 
-def characters_and_poses(recording: Recording) -> tuple[dict[_Key, Character], dict[_Key, list[Pose]]]:
+def read_characters_and_poses(recording: Recording) -> tuple[dict[_Key, Character], dict[_Key, list[Pose]]]:
     """Returns characters and poses by id and revision; unreadable messages are skipped."""
     characters: dict[_Key, Character] = {}
     codecs: dict[_Key, PoseCodec] = {}
@@ -141,7 +141,7 @@ def characters_and_poses(recording: Recording) -> tuple[dict[_Key, Character], d
     }
 
 
-def with_performance(
+def add_character_motion(
     project: Project,
     key: _Key,
     character: Character,
@@ -162,7 +162,7 @@ def with_performance(
     ids = unused(character.id, project.characters), unused(character.id, project.streams)
     if character.kind == "points":
         poses, seconds, grid = even_times(character, poses, begin)
-        shape, stream = _solved_puppet(character, poses, seconds, grid, ids, notes)
+        shape, stream = _bake_puppet(character, poses, seconds, grid, ids, notes)
         return project.with_streams(stream).with_characters(shape)
     later_poses = [] if holds is None else [pose for pose in poses if pose.time_ns >= holds.begin_ns]
     possession = None
@@ -179,7 +179,7 @@ def with_performance(
     return as_solved(project.with_streams(stream).with_characters(shape), shape.id)
 
 
-def _solved_puppet(
+def _bake_puppet(
     character: Character,
     poses: list[Pose],
     seconds: Float,
@@ -192,7 +192,7 @@ def _solved_puppet(
     world = np.array([pose.positions for pose in poses], np.float64)
     local = rotate(conjugate(turns)[:, None], world[:, 1:] - world[:, :1])
     turns = from_matrix(between(to_matrix(turns), seconds, grid))
-    puppet = _puppet_of(character)
+    puppet = _puppet_from_character(character)
     settings, places = BakeSettings(), between(local, seconds, grid)
     point_vertices = [point.vertex for point in puppet.points]
     surface = bake_surface(
@@ -203,7 +203,7 @@ def _solved_puppet(
     return graph_of(puppet.mesh, surface, turns, roots, step, ids, float(seconds[0]))
 
 
-def _puppet_of(character: Character) -> Puppet:
+def _puppet_from_character(character: Character) -> Puppet:
     """Returns the puppet of a character: its mesh with its control points, without layers."""
     assert character.held is not None
     pulls = np.zeros(len(character.held)) if character.pulls is None else character.pulls

@@ -1,4 +1,4 @@
-"""Punch-in: a recording replaces the present motion from its begin to its end and no further."""
+"""Punch-in: a recording replaces the present motion only between its begin and its end."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any, TypeVar
 
 from enliven.document import LayerBase, Project, Ref, Segment, unused
 
-FADE = 0.1
+FADE_S = 0.1
 """Duration, seconds, of the cross-fade between a recording and the motion that it replaces. No jump is
 visible, and no beat of a performance is lost."""
 _HELD_CLIP_SPEED = 1e-9
 """Speed, in seconds of a take per second of a lane, of a clip that holds one frame, because a clip's speed
 cannot be 0."""
 _MIN_CLIP_S = 1e-3
-"""Minimum length of a clip, seconds. In a shorter one, no frame of a take is visible."""
+"""Minimum length of a clip, seconds. A shorter clip would not show any frame of a take."""
 _Layer = TypeVar("_Layer", bound=LayerBase)
 
 
@@ -26,7 +26,7 @@ class PunchIn:
 
     Attributes:
         begin, end: seconds of the project.
-        until: seconds of the project up to which it is played at all.
+        until: end of the project's content, seconds.
     """
 
     begin: float
@@ -35,7 +35,7 @@ class PunchIn:
 
     @classmethod
     def of(cls, project: Project, begin: float, end: float) -> PunchIn:
-        """Returns a span of a project, which is played to the end of all its content."""
+        """Returns a time span of a project. ``until`` is the end of all content of the project."""
         ends = (project.end_of(character) for character in project.characters.values())
         return cls(begin, end, max([end, *ends]))
 
@@ -46,7 +46,7 @@ class PunchIn:
         A muted layer is returned unchanged.
 
         If the layer held a frame beyond its ends, it gets clips that hold these frames. At the span it fades
-        over :data:`FADE`, or over its own ease if it does not hold.
+        over :data:`FADE_S`, or over its own ease if it does not hold.
         """
         if layer.muted:
             return layer
@@ -62,7 +62,7 @@ class PunchIn:
 
             changed = layer.with_lane(lane)
             return None if kept_lane[0] is None else changed
-        ease = min(FADE if layer.hold else layer.ease, self._half_length)
+        ease = min(FADE_S if layer.hold else layer.ease, self._half_length)
         low, high = self.begin + ease, self.end - ease
         before, after = list[Segment](), list[Segment]()
         for clip in self._layer_clips(layer, project.length_of(layer), ease):
@@ -73,25 +73,27 @@ class PunchIn:
                 after.append(replace(clip, begin=start, first=clip.second(start)))
         # Keep the earlier motion only if some of it lies outside the fades.
         first = min(self.begin, self.until) - _MIN_CLIP_S
-        heard = any(clip.begin < first and clip.end > _MIN_CLIP_S for clip in before) and first > 0.0
-        remaining = before if heard else []
+        has_earlier_motion = (
+            any(clip.begin < first and clip.end > _MIN_CLIP_S for clip in before) and first > 0.0
+        )
+        remaining = before if has_earlier_motion else []
         last = self.end + _MIN_CLIP_S
-        heard = any(clip.end > last and clip.begin < self.until - _MIN_CLIP_S for clip in after)
-        remaining = [*remaining, *(after if heard and self.until > last else [])]
+        has_earlier_motion = any(clip.end > last and clip.begin < self.until - _MIN_CLIP_S for clip in after)
+        remaining = [*remaining, *(after if has_earlier_motion and self.until > last else [])]
         if not remaining:
             return None
-        silenced = layer.with_clips(_in_order(remaining), project.length_of(layer))
+        silenced = layer.with_clips(_sort_clips(remaining), project.length_of(layer))
         changes: dict[str, Any] = {"loop": False, "hold": False, "ease": ease}
         return replace(silenced, **changes)  # type: ignore[type-var]
 
     def leaves(self, project: Project, layers: Sequence[LayerBase]) -> bool:
-        """Returns whether any motion of the layers is left outside of the span."""
+        """Returns True if any motion of the layers is left outside of the span."""
         return any(not layer.muted and self(project, layer) is not None for layer in layers)
 
     @property
     def played(self) -> dict[str, Any]:
         """Playback settings of a recording that plays only within the span."""
-        return {"hold": False, "ease": min(FADE, self._half_length)}
+        return {"hold": False, "ease": min(FADE_S, self._half_length)}
 
     @property
     def _half_length(self) -> float:
@@ -123,10 +125,9 @@ class PunchIn:
         return extended
 
 
-def _in_order(clips: Sequence[Segment]) -> list[Segment]:
-    """Returns clips with ascending ends and begins. Blended clips that the span cut at one place are
-    separated.
-    """
+def _sort_clips(clips: Sequence[Segment]) -> list[Segment]:
+    """Returns clips sorted by begin and end. Blended clips that the span cut at the same time are
+    separated."""
     ordered = list[Segment]()
     for clip in clips:
         if ordered and clip.end <= ordered[-1].end:

@@ -54,14 +54,14 @@ def clips_of_recording(
     The rest pose is the first observed pose; ``clip_of_bodies`` takes any other.
 
     Args:
-        whole: returns one clip for each person instead; it holds still while they are lost.
+        whole: True returns one clip for each person instead, which holds still while the person is lost.
 
     Raises:
         InputError: if the file is not a recording, or no person is in it for long enough.
     """
     path = Path(path)
     recording = Recording(path)
-    chosen, frames = settings or TakeSettings(), body_frames(recording)
+    chosen, frames = settings or TakeSettings(), read_body_frames(recording)
     if whole:
         observed = [frame for frame in frames if isinstance(frame, BodyFrame)]
         chosen, frames = replace(chosen, gap=math.inf), iter(merge_performers(observed).frames)
@@ -75,7 +75,7 @@ def clips_of_recording(
     return clips
 
 
-def body_frames(recording: Recording) -> Iterator[Frame]:
+def read_body_frames(recording: Recording) -> Iterator[Frame]:
     """Yields the bodies of a recording: those of its sensors, or those that an edge published.
 
     Unreadable messages are skipped.
@@ -97,7 +97,7 @@ def clips_of_frames(frames: Iterable[Frame], name: str, settings: TakeSettings) 
     Bodies at a single time, for example from a single depth image, give clips of one pose that is held for a
     step.
     """
-    visits = _visits_of(frames, settings.gap)
+    visits = _find_visits(frames, settings.gap)
     if len({ns for visit in visits for ns, _ in visit}) == 1:
         parts = [[(ns, body), (ns + round(settings.step * 1e9), body)] for ((ns, body),) in visits]
     else:
@@ -110,7 +110,7 @@ _Visit = list[tuple[int, Body]]
 """Times in nanoseconds, ascending, with the body of one person at each."""
 
 
-def _visits_of(frames: Iterable[Frame], gap: float) -> list[_Visit]:
+def _find_visits(frames: Iterable[Frame], max_gap: float) -> list[_Visit]:
     """Returns the visits of the frames' people in the order of arrival, each from appearance to
     disappearance.
     """
@@ -118,12 +118,12 @@ def _visits_of(frames: Iterable[Frame], gap: float) -> list[_Visit]:
     current: dict[tuple[str, int], _Visit] = {}
     for frame in frames:
         for body in frame.bodies if isinstance(frame, BodyFrame) else []:
-            who = (frame.sensor, body.id)
-            visit = current.get(who)
+            person = (frame.sensor, body.id)
+            visit = current.get(person)
             if visit is not None and frame.time_ns <= visit[-1][0]:
                 continue
-            if visit is None or (frame.time_ns - visit[-1][0]) * 1e-9 > gap:
-                visit = current[who] = []
+            if visit is None or (frame.time_ns - visit[-1][0]) * 1e-9 > max_gap:
+                visit = current[person] = []
                 visits.append(visit)
             visit.append((frame.time_ns, body))
     return visits

@@ -14,11 +14,13 @@ from enliven.arrays import Float
 from enliven.document import Character, Clip, Pose, Shape, Skeleton, still_shape
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.rotation import continuous, from_matrix
+from enliven.rotation import from_matrix, remove_sign_jumps
 from enliven.takes.possessed import between, even_times
 
 
-def rigged_of(character: Character, poses: Sequence[Pose], begin: int = 0) -> tuple[Shape, Clip, float]:
+def shape_and_clip_from_poses(
+    character: Character, poses: Sequence[Pose], begin: int = 0
+) -> tuple[Shape, Clip, float]:
     """Returns a rigged character as a shape, its motion at even steps, and the second at which that begins.
 
     Args:
@@ -29,15 +31,15 @@ def rigged_of(character: Character, poses: Sequence[Pose], begin: int = 0) -> tu
         InputError: if a bone has no parent, or the poses are too few or too far apart.
     """
     used_poses, seconds, grid = even_times(character, list(poses), begin)
-    skeleton = skeleton_of_bones(character)
+    skeleton = skeleton_from_bones(character)
     mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id, character.colours)
     turns = from_matrix(between(np.array([pose.linear for pose in used_poses], np.float64), seconds, grid))
     root = between(np.array([pose.positions[0] for pose in used_poses], np.float64), seconds, grid)
-    clip = Clip(character.id, skeleton, continuous(turns), root, float(grid[1] - grid[0]))
+    clip = Clip(character.id, skeleton, remove_sign_jumps(turns), root, float(grid[1] - grid[0]))
     return still_shape(character.id, skeleton, mesh, character.skin), clip, float(grid[0])
 
 
-def skeleton_of_bones(character: Character) -> Skeleton:
+def skeleton_from_bones(character: Character) -> Skeleton:
     """Returns the skeleton of a character with bones: joint j is the end of bone j, moved by transform j.
 
     Raises:
@@ -66,5 +68,7 @@ def skeleton_of_bones(character: Character) -> Skeleton:
 def _limb_end(character: Character, bone: int, begin: Float, before: Float) -> Float:
     """Returns (3,) the end of a limb's last bone: twice as far as its vertices' centre, or straight on."""
     strongest = character.skin.indices[np.arange(len(character.vertices)), character.skin.weights.argmax(1)]
-    own = character.vertices[strongest == bone]
-    return np.asarray(2 * own.mean(0, np.float64) - begin if len(own) else 1.5 * begin - 0.5 * before)
+    bone_vertices = character.vertices[strongest == bone]
+    return np.asarray(
+        2 * bone_vertices.mean(0, np.float64) - begin if len(bone_vertices) else 1.5 * begin - 0.5 * before
+    )

@@ -11,10 +11,10 @@ from enliven.rotation import nearest_quaternion, rotation_matrix
 _REWEIGHTING_ITERATIONS = 12
 """Iterations of reweighted least squares. The last ones move a chair by less than a millimetre."""
 _MIN_WEIGHTED_DISTANCE_M = 2e-3
-"""Distance, metres, below which weights no longer grow: the step size of transmitted poses."""
+"""Distance, metres, below which weights no longer grow: the quantization step of transmitted poses."""
 
 
-def shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
+def find_shared_motion(positions: Float, rest: Float) -> tuple[Float, Float]:
     """Returns the rotations (F, 3, 3) and translations (F, 3) from rest (N, 3) to most of positions (F, N,
     3).
 

@@ -1,6 +1,6 @@
 from .characters import MAX_TEXTURE_BYTES as MAX_TEXTURE_BYTES, CharacterMessage as CharacterMessage
 from .convert import (
-    as_sent as as_sent,
+    round_to_wire as round_to_wire,
     bodies_to_message as bodies_to_message,
     cues_to_message as cues_to_message,
     health_to_messages as health_to_messages,
@@ -20,14 +20,14 @@ from .convert_characters import (
 from .envelope import (
     MalformedMessageError as MalformedMessageError,
     OtherVersionError as OtherVersionError,
-    Rejects as Rejects,
+    RejectCounter as RejectCounter,
     check_character as check_character,
     check_request as check_request,
     pack_checked as pack_checked,
     pack_control as pack_control,
     pack_stream as pack_stream,
-    payload as payload,
-    reply_head as reply_head,
+    pack_payload as pack_payload,
+    reply_prefix as reply_prefix,
     reply_number as reply_number,
     unpack_control as unpack_control,
     unpack_stream as unpack_stream,
@@ -36,14 +36,14 @@ from .fields import (
     MAX_CHARACTERS as MAX_CHARACTERS,
     MAX_EXAGGERATION as MAX_EXAGGERATION,
     MAX_GROWTH as MAX_GROWTH,
-    MAX_LATEST as MAX_LATEST,
+    MAX_LATCHED_MESSAGES as MAX_LATCHED_MESSAGES,
     MAX_PART_BYTES as MAX_PART_BYTES,
     MAX_PHRASES as MAX_PHRASES,
     MAX_REVISION as MAX_REVISION,
-    MAX_SENT_BYTES as MAX_SENT_BYTES,
-    MAX_SETTINGS as MAX_SETTINGS,
+    MAX_UPLOAD_BYTES as MAX_UPLOAD_BYTES,
+    MAX_SETTINGS_LENGTH as MAX_SETTINGS_LENGTH,
 )
-from .heartbeat import hear_edge as hear_edge
+from .heartbeat import receive_heartbeat as receive_heartbeat
 from .matches import board_to_message as board_to_message, message_to_board as message_to_board
 from .ports import free_ports as free_ports
 from .posecode import PoseCodec as PoseCodec, warm_up as warm_up
@@ -88,8 +88,8 @@ from .scans import (
 from .sockets import (
     CONTROL_PORT as CONTROL_PORT,
     POSE_PORT as POSE_PORT,
-    UNREAD_REPLIES as UNREAD_REPLIES,
-    UNREAD_STREAMS as UNREAD_STREAMS,
+    MAX_UNREAD_REPLIES as MAX_UNREAD_REPLIES,
+    MAX_UNREAD_STREAMS as MAX_UNREAD_STREAMS,
     Endpoint as Endpoint,
     make_socket as make_socket,
     parse_endpoint as parse_endpoint,
@@ -138,4 +138,9 @@ from .topics import (
     Topic as Topic,
     register as register,
 )
-from .zmtp import ZmtpError as ZmtpError, ZmtpSession as ZmtpSession, framed as framed, head as head
+from .zmtp import (
+    ZmtpError as ZmtpError,
+    ZmtpSession as ZmtpSession,
+    make_frame as make_frame,
+    frame_header as frame_header,
+)

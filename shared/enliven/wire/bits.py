@@ -23,7 +23,7 @@ LIMIT = int(2 ** (ESCAPE_BITS - 1) - 1)
 ALL_ZERO = 15
 """The parameter of a column of zeros, which takes no further bits."""
 PARAMETER_BITS: Any = np.int64(4)
-"""Bits of a parameter. The kernels get an int64, since a plain int would be another type for the compiler."""
+"""Bits of a parameter. It is an int64, because a plain int would be a different type for the compiler."""
 
 
 @njit(cache=True, nogil=True)

@@ -6,15 +6,17 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from enliven.wire.fields import MAX_FACES, MAX_TRANSFORMS, MAX_VERTICES, Name, RevisionNumber, expect
+from enliven.wire.fields import MAX_FACES, MAX_TRANSFORMS, MAX_VERTICES, Name, RevisionNumber, check_length
 
 MAX_ITERATIONS = 100
-"""Maximum iterations per frame: 3 are usual, and a stranger's larger number would keep a viewer busy."""
-MAX_STIFF = 1e6
-"""Maximum weight of a hold and maximum stretch, far above useful values: limits a stranger's numbers."""
-MAX_SOLVED = 100_000
-"""Maximum vertices of the solved mesh: 8,000 are usual, and a stranger's larger number would keep a viewer
-busy."""
+"""Maximum iterations per frame. 3 are usual. A larger number from an untrusted sender would overload a
+viewer."""
+MAX_STIFFNESS = 1e6
+"""Maximum weight of a hold and maximum stretch, far above useful values. It limits numbers from untrusted
+senders."""
+MAX_SOLVED_VERTICES = 100_000
+"""Maximum vertices of the solved mesh. 8,000 are usual. A larger number from an untrusted sender would
+overload a viewer."""
 
 
 MAX_MATERIALS = 1024
@@ -31,19 +33,19 @@ JointName = Annotated[str, Meta(min_length=1, max_length=MAX_JOINT_NAME)]
 class SurfaceMessage(Struct, frozen=True):
     """How a surface follows control points, see :class:`enliven.deformation.arap.solver.ArapSettings`.
 
-    The ranges exclude unreasonable values, so that a stranger cannot keep a viewer busy for ever.
+    The ranges exclude unreasonable values, so that an untrusted sender cannot overload a viewer.
     """
 
     iterations: Annotated[int, Meta(ge=1, le=MAX_ITERATIONS)] = 3
     squash_and_stretch: bool = True
-    hold: Annotated[float, Meta(ge=0.0, le=MAX_STIFF)] = 0.05
+    hold: Annotated[float, Meta(ge=0.0, le=MAX_STIFFNESS)] = 0.05
     exaggeration: Annotated[float, Meta(ge=0.0, le=5.0)] = 1.0
-    most_stretch: Annotated[float, Meta(ge=1.0, le=MAX_STIFF)] = 4.0
+    most_stretch: Annotated[float, Meta(ge=1.0, le=MAX_STIFFNESS)] = 4.0
     follow: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.01
     volume: Annotated[float, Meta(ge=0.0, le=1.0)] = 1.0
     coarse_above: Annotated[int, Meta(ge=100, le=MAX_VERTICES)] = 12_000
-    coarse_vertices: Annotated[int, Meta(ge=50, le=MAX_SOLVED)] = 8_000
-    guide_vertices: Annotated[int, Meta(ge=20, le=MAX_SOLVED)] = 400
+    coarse_vertices: Annotated[int, Meta(ge=50, le=MAX_SOLVED_VERTICES)] = 8_000
+    guide_vertices: Annotated[int, Meta(ge=20, le=MAX_SOLVED_VERTICES)] = 400
 
 
 class TextureMessage(Struct, frozen=True):
@@ -77,7 +79,8 @@ class MaterialsMessage(Struct, frozen=True):
 class CharacterMessage(Struct, tag=True, frozen=True):
     """A whole character, in answer to :class:`GetState`.
 
-    Programs without support for control points read "bones" and complete skin weights: one rigid piece.
+    For programs without support for control points, the kind is "bones" with complete skin weights. They show
+    one rigid piece.
 
     Attributes:
         kind: "points" only if skin weights are left out. A character with ``held`` is always of this kind.
@@ -118,31 +121,31 @@ class CharacterMessage(Struct, tag=True, frozen=True):
     stiffness: bytes | None = None
 
     def __post_init__(self) -> None:
-        expect("vertices", self.vertices, 12 * self.vertex_count)
-        expect("faces", self.faces, 12 * self.face_count)
+        check_length("vertices", self.vertices, 12 * self.vertex_count)
+        check_length("faces", self.faces, 12 * self.face_count)
         skinned = 0 if self.kind == "points" and not self.indices else self.vertex_count
-        expect("indices", self.indices, 8 * skinned)
-        expect("weights", self.weights, 16 * skinned)
-        expect("pivots", self.pivots, 12 * self.pivot_count)
-        expect("edges", self.edges, 8 * self.edge_count)
+        check_length("indices", self.indices, 8 * skinned)
+        check_length("weights", self.weights, 16 * skinned)
+        check_length("pivots", self.pivots, 12 * self.pivot_count)
+        check_length("edges", self.edges, 8 * self.edge_count)
         if self.colours is not None:
-            expect("colours", self.colours, 3 * self.vertex_count)
+            check_length("colours", self.colours, 3 * self.vertex_count)
         if self.held is not None:
-            expect("held", self.held, 4 * (self.pivot_count - 1))
+            check_length("held", self.held, 4 * (self.pivot_count - 1))
         if self.pulls is not None:
-            expect("pulls", self.pulls, 4 * (self.pivot_count - 1))
+            check_length("pulls", self.pulls, 4 * (self.pivot_count - 1))
         if self.materials is not None:
             _check_materials(self.materials, self.face_count)
         if self.stiffness is not None:
-            expect("stiffness", self.stiffness, 4 * self.vertex_count)
+            check_length("stiffness", self.stiffness, 4 * self.vertex_count)
 
 
 def _check_materials(materials: MaterialsMessage, faces: int) -> None:
     """Raises ValueError if the parts do not match the number of faces, or the textures are too large."""
-    expect("of", materials.of, 4 * faces)
-    expect("uvs", materials.uvs, 24 * faces * materials.sets)
+    check_length("of", materials.of, 4 * faces)
+    check_length("uvs", materials.uvs, 24 * faces * materials.sets)
     if materials.tints is not None:
-        expect("tints", materials.tints, 48 * faces)
+        check_length("tints", materials.tints, 48 * faces)
     size = sum(len(texture.image) for texture in materials.textures)
     if size > MAX_TEXTURE_BYTES:
         raise ValueError(f"the textures have {size} bytes, at most {MAX_TEXTURE_BYTES} go on the wire")

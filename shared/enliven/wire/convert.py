@@ -10,8 +10,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Float32, Int32
 from enliven.document import BALL, BOX, Pose, Props
 from enliven.errors import InputError
-from enliven.health import HealthState, Severity, worst_first
-from enliven.logs import escaped
+from enliven.health import HealthState, Severity, sort_by_severity
+from enliven.logs import escape_text
 from enliven.person import Body
 from enliven.person import J as JOINTS
 from enliven.wire.fields import MAX_HEALTH, MAX_PROPS, from_bytes, to_bytes
@@ -70,14 +70,14 @@ def message_to_pose(message: PoseMessage, codec: PoseCodec) -> Pose:
 
 def bodies_to_message(bodies: Iterable[Body], time_ns: int, captured_ns: int = 0) -> BodiesMessage:
     """Returns the message of bodies. A joint that is not finite becomes the origin with confidence 0."""
-    return BodiesMessage(time_ns, captured_ns, [_packed_body(body) for body in bodies])
+    return BodiesMessage(time_ns, captured_ns, [_pack_body(body) for body in bodies])
 
 
-def as_sent(bodies: Iterable[Body]) -> list[Body]:
+def round_to_wire(bodies: Iterable[Body]) -> list[Body]:
     """Returns bodies with joints, confidence and stature rounded to the precision of the wire.
 
-    A stage that performs these gets the same result from a recording as live. A joint that is not finite
-    stays so.
+    With these bodies, a stage gets the same result live and from a recording. A joint that is not finite
+    stays not finite.
     """
     return [
         replace(
@@ -90,7 +90,7 @@ def as_sent(bodies: Iterable[Body]) -> list[Body]:
     ]
 
 
-def _packed_body(body: Body) -> PackedBody:
+def _pack_body(body: Body) -> PackedBody:
     finite = np.asarray(np.isfinite(body.joints).all(-1))
     steps = np.rint(np.where(finite[:, None], body.joints, 0.0) / JOINT_STEP)
     confidence = np.nan_to_num(np.where(finite, body.confidence, 0.0))
@@ -112,10 +112,10 @@ def _fraction_bytes(values: AnyArray) -> bytes:
 
 def message_to_bodies(message: BodiesMessage) -> list[Body]:
     """Returns the bodies of a message, in the precision of the wire."""
-    return [_unpacked_body(body) for body in message.bodies]
+    return [_unpack_body(body) for body in message.bodies]
 
 
-def _unpacked_body(body: PackedBody) -> Body:
+def _unpack_body(body: PackedBody) -> Body:
     contacts = np.frombuffer(body.contacts, np.uint8) / 255.0
     return Body(
         body.id,
@@ -128,21 +128,21 @@ def _unpacked_body(body: PackedBody) -> Body:
 
 
 def health_to_messages(states: Iterable[HealthState]) -> list[HealthMessage]:
-    """Returns the messages of the gravest states."""
+    """Returns the messages of the most severe states."""
     return [
         HealthMessage(
             str(state.kind)[:64] or "unknown",
             int(state.severity),
             state.since_ns,
-            _clipped_sentence(state.what),
-            _clipped_sentence(state.mend),
+            _truncate_sentence(state.what),
+            _truncate_sentence(state.mend),
             state.performer,
         )
-        for state in worst_first(list(states))[:MAX_HEALTH]
+        for state in sort_by_severity(list(states))[:MAX_HEALTH]
     ]
 
 
-def _clipped_sentence(sentence: str) -> str:
+def _truncate_sentence(sentence: str) -> str:
     """Returns the sentence truncated to 160 bytes."""
     return sentence.encode()[:160].decode(errors="ignore")
 
@@ -150,7 +150,9 @@ def _clipped_sentence(sentence: str) -> str:
 def messages_to_health(messages: Iterable[HealthMessage]) -> list[HealthState]:
     """Returns the health states of messages, in the order in which they were sent."""
     return [
-        HealthState(m.kind, Severity(m.severity), m.since_ns, escaped(m.what), escaped(m.mend), m.performer)
+        HealthState(
+            m.kind, Severity(m.severity), m.since_ns, escape_text(m.what), escape_text(m.mend), m.performer
+        )
         for m in messages
     ]
 
@@ -179,20 +181,20 @@ def cues_to_message(
         )
     nodes = np.asarray(nodes).astype("<u2")
     strength = np.rint(np.clip(np.nan_to_num(np.asarray(strengths, np.float64)), 0, 1) * 255).astype(np.uint8)
-    shown = "preview" if state == "free" and len(nodes) else state
+    shown_state = "preview" if state == "free" and len(nodes) else state
     return CuesMessage(
         character,
-        shown,  # type: ignore[arg-type]
+        shown_state,  # type: ignore[arg-type]
         nodes.tobytes(),
         strength.tobytes(),
         -1 if body is None else int(body),
         time_ns,
         held,
-        *_numbered_owners(owners),
+        *_number_owners(owners),
     )
 
 
-def _numbered_owners(owners: AnyArray | None) -> tuple[list[int], bytes]:
+def _number_owners(owners: AnyArray | None) -> tuple[list[int], bytes]:
     """Returns the distinct owners, at most 64, and (K,) the owner of each node.
 
     Further owners become the last one.
@@ -232,7 +234,7 @@ def props_to_message(props: Props) -> PropsMessage:
         to_bytes(props.colours[sendable], "u1"),
         to_bytes(np.clip(steps, -32768, 32767), "<i2"),
         pack_quaternions(props.turns[sendable]),
-        _clipped_sentence(props.note),
+        _truncate_sentence(props.note),
     )
 
 

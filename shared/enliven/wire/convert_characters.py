@@ -11,15 +11,15 @@ from enliven.errors import InputError
 from enliven.wire.characters import (
     MAX_ITERATIONS,
     MAX_JOINT_NAME,
-    MAX_SOLVED,
-    MAX_STIFF,
+    MAX_SOLVED_VERTICES,
+    MAX_STIFFNESS,
     CharacterMessage,
     SurfaceMessage,
 )
 from enliven.wire.convert_materials import materials_to_message, message_to_materials
 from enliven.wire.fields import MAX_FACES, MAX_VERTICES, from_bytes, to_bytes
 
-_RIGID_VERTICES = 100_000
+_MAX_RIGID_VERTICES = 100_000
 """Maximum vertices of a rigid piece with explicit skin weights. Older viewers need these weights, which
 take 24 bytes per vertex."""
 
@@ -31,7 +31,7 @@ def character_to_message(character: Character, revision: int) -> CharacterMessag
         InputError: if its id or its mesh is too large for the wire.
     """
     _check_size(character)
-    skinned = character.kind != "points" or len(character.vertices) <= _RIGID_VERTICES
+    skinned = character.kind != "points" or len(character.vertices) <= _MAX_RIGID_VERTICES
     colours, surface = character.colours, character.surface
     return CharacterMessage(
         character.id,
@@ -109,14 +109,14 @@ def _surface_message(settings: ArapSettings) -> SurfaceMessage:
     return SurfaceMessage(
         min(settings.iterations, MAX_ITERATIONS),
         settings.squash_and_stretch,
-        min(settings.hold, MAX_STIFF),
+        min(settings.hold, MAX_STIFFNESS),
         settings.exaggeration,
-        min(settings.most_stretch, MAX_STIFF),
+        min(settings.most_stretch, MAX_STIFFNESS),
         settings.follow,
         settings.volume,
         min(settings.coarse_above, MAX_VERTICES),
-        min(settings.coarse_vertices, MAX_SOLVED),
-        min(settings.guide_vertices, MAX_SOLVED),
+        min(settings.coarse_vertices, MAX_SOLVED_VERTICES),
+        min(settings.guide_vertices, MAX_SOLVED_VERTICES),
     )
 
 

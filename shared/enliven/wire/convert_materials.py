@@ -15,7 +15,7 @@ from enliven.wire.characters import (
 )
 from enliven.wire.fields import from_bytes, to_bytes
 
-_MOST_SETS = 4
+_MAX_UV_SETS = 4
 """Maximum number of sets of texture coordinates in a message."""
 
 
@@ -28,7 +28,7 @@ def materials_to_message(materials: MeshMaterials | None) -> MaterialsMessage | 
     part_count = max(len(materials.definitions), len(materials.textures))
     samplers = max((len(texture.sampler) for texture in materials.textures), default=0)
     sets = materials.uvs.shape[2]
-    if size > MAX_TEXTURE_BYTES or part_count > MAX_MATERIALS or sets > _MOST_SETS:
+    if size > MAX_TEXTURE_BYTES or part_count > MAX_MATERIALS or sets > _MAX_UV_SETS:
         return None
     if max(longest, samplers) > MAX_DEFINITION:
         return None

@@ -69,7 +69,7 @@ def pack_stream(message: Any) -> bytes:
 
 
 def pack_checked(message: Any) -> bytes:
-    """Returns the bytes of a stream message for the socket, after decoding them again as a viewer would.
+    """Returns the bytes of a stream message for the socket, after checking that a viewer can decode them.
 
     Raises:
         KeyError: for an object without a topic in the table.
@@ -80,7 +80,7 @@ def pack_checked(message: Any) -> bytes:
         data = pack_stream(message)
     except (OverflowError, ValueError):
         raise MalformedMessageError(topic.name, "it cannot be encoded") from None
-    _checked_message(topic, data[len(topic.name) + 1 :])
+    _decode_checked(topic, data[len(topic.name) + 1 :])
     return data
 
 
@@ -110,7 +110,7 @@ def check_character(character: Character) -> None:
     message = character_to_message(character, 1)
     where, mend = f"character {character.id!r}", "Change it in the project."
     try:
-        data = payload(message)
+        data = pack_payload(message)
     except (OverflowError, ValueError):
         raise InputError(_UNENCODABLE_REASON, where=where, mend=mend) from None
     try:
@@ -130,7 +130,7 @@ def _reason_sentence(reason: str) -> str:
     return f"{field} cannot be sent" if problem.startswith("Expected") else problem
 
 
-def payload(message: Any) -> bytes:
+def pack_payload(message: Any) -> bytes:
     """Returns only the MessagePack payload, as stored in a recording."""
     return _ENCODER.encode(message)
 
@@ -145,7 +145,7 @@ def unpack_stream(data: bytes) -> tuple[Topic, Any]:
     topic = STREAMS.get(name.decode("ascii", "replace"))
     if not separator or topic is None:
         raise MalformedMessageError("unknown topic", repr(bytes(name[:32])))
-    return topic, _checked_message(topic, data[len(name) + 1 :])
+    return topic, _decode_checked(topic, data[len(name) + 1 :])
 
 
 def pack_control(message: Any) -> bytes:
@@ -153,10 +153,9 @@ def pack_control(message: Any) -> bytes:
     return bytes([VERSION]) + _ENCODER.encode(message)
 
 
-def reply_head(number: int) -> bytes:
-    """Returns the bytes that precede the :func:`payload` of an answer.
-
-    So a long answer is packed once for all viewers.
+def reply_prefix(number: int) -> bytes:
+    """Returns the bytes that precede the :func:`pack_payload` of an answer. With it, a long answer is packed
+    only once for all viewers.
     """
     # Encode an empty message. Its last byte is a nil, which the answer replaces.
     return bytes([VERSION]) + _ENCODER.encode({"id": number, "body": None})[:-1]
@@ -188,10 +187,10 @@ def unpack_control(data: bytes, topic: Topic) -> Any:
     Raises:
         MalformedMessageError: for any invalid bytes.
     """
-    return _checked_message(topic, data)
+    return _decode_checked(topic, data)
 
 
-def _checked_message(topic: Topic, data: bytes) -> Any:
+def _decode_checked(topic: Topic, data: bytes) -> Any:
     """Returns the message after the version byte, checked for version, size, types and lengths."""
     if not data:
         raise MalformedMessageError(topic.name, "it is empty")
@@ -200,8 +199,8 @@ def _checked_message(topic: Topic, data: bytes) -> Any:
     if len(data) - 1 > topic.max_bytes:
         raise MalformedMessageError(topic.name, f"{len(data) - 1} bytes are more than {topic.max_bytes}")
     try:
-        asked = tuple(REQUESTS) if topic is REQUEST else ()
-        return _checking_decoder(topic.type, asked).decode(memoryview(data)[1:])
+        requests = tuple(REQUESTS) if topic is REQUEST else ()
+        return _checking_decoder(topic.type, requests).decode(memoryview(data)[1:])
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise MalformedMessageError(topic.name, str(error)) from None
 
@@ -215,7 +214,7 @@ def _checking_decoder(kind: Any, bodies: tuple[type[Any], ...]) -> msgspec.msgpa
     return msgspec.msgpack.Decoder(kind[Union[bodies]] if bodies else kind)  # noqa: UP007
 
 
-class Rejects:
+class RejectCounter:
     """Counts malformed messages by kind, and logs each kind once.
 
     Args:

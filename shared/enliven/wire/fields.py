@@ -23,10 +23,11 @@ Digest = Annotated[bytes, Meta(min_length=32, max_length=32)]
 """SHA-256 of some bytes."""
 Nanoseconds = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 MAX_GROWTH = 4.0
-"""Maximum scale of a character on a stage, and its inverse: from a cat to a house."""
+"""Maximum scale of a character on a stage. Its inverse is the minimum scale."""
 Growth = Annotated[float, Meta(ge=1 / MAX_GROWTH, le=MAX_GROWTH)]
 MAX_EXAGGERATION = 4.0
-"""Maximum overshoot of soft parts, as a multiple of a mass on a spring: more looks like an error."""
+"""Maximum overshoot of soft parts, as a multiple of the overshoot of a mass on a spring. A larger overshoot
+looks like an error."""
 Exaggeration = Annotated[float, Meta(ge=0.0, le=MAX_EXAGGERATION)]
 Number = Annotated[float, Meta(ge=-1e12, le=1e12)]
 """Finite: msgspec refuses NaN and infinities by the range."""
@@ -36,7 +37,8 @@ Metres = Annotated[float, Meta(gt=0.0, le=100.0)]
 MAX_TRANSFORM_BYTES = 256 * 1024
 """Maximum bytes of a coded pose: 4096 transforms of 12 numbers with at most 34 bits each, plus a margin."""
 MAX_VERTICES = 2_000_000
-"""Maximum vertices of a character: a larger one from a stranger is refused before memory is allocated."""
+"""Maximum vertices of a character. A larger character from an untrusted sender is refused before memory is
+allocated."""
 MAX_FACES = 4_000_000
 """Maximum triangles of a character: a closed mesh has twice the number of its vertices."""
 MAX_TRANSFORMS = 4096
@@ -44,28 +46,31 @@ MAX_TRANSFORMS = 4096
 bones."""
 MAX_PROPS = 1024
 """Maximum props of a message: more than the physics simulates in real time."""
-MAX_SETTINGS = 32 * 1024
+MAX_SETTINGS_LENGTH = 32 * 1024
 """Maximum length of an actor's settings: all settings with 400 stiff spots."""
 MAX_PART_BYTES = 64 * 1024
 """Maximum bytes of one part of an uploaded character: such a message is read within a frame."""
-MAX_SENT_BYTES = 32 * 1024 * 1024
+MAX_UPLOAD_BYTES = 32 * 1024 * 1024
 """Maximum packed bytes of an uploaded character: a million vertices. 20,000 vertices take half a megabyte."""
 MAX_CHARACTERS = 1024
 """Maximum characters on a stage: far more than any edge animates."""
 MAX_MESSAGE_BYTES = 264 * 1024
 """Maximum bytes of one stream message with its topic: a coded pose of the largest character, plus a
 margin."""
-MAX_LATEST = 4096
-"""Maximum latched messages for a viewer that joins: 2,000 pieces of a scan, and some for each character."""
-MAX_GLANCE = 128
+MAX_LATCHED_MESSAGES = 4096
+"""Maximum latched messages for a viewer that joins late: 2,000 pieces of a scan, and a few messages for each
+character."""
+MAX_PREVIEW_PIXELS = 128
 """Maximum pixels, width or height, of the camera preview: it is shown in a corner of a window."""
 MAX_PHRASES = 64
-"""Maximum phrases of a voice control: more than a performer remembers, or a recogniser distinguishes."""
+"""Maximum phrases of a voice control: more than a performer remembers, and more than a recogniser can
+distinguish."""
 MAX_HEALTH = 8
-"""Maximum health states of a heartbeat: more would exceed the size that older programs accept."""
+"""Maximum health states of a heartbeat. More states would exceed the message size that older programs
+accept."""
 
 
-def expect(name: str, data: bytes, length: int) -> None:
+def check_length(name: str, data: bytes, length: int) -> None:
     """Raises ValueError if the number of bytes of an array does not match its declared count."""
     if len(data) != length:
         raise ValueError(f"{name} has {len(data)} bytes, expected {length}")

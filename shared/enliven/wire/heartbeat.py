@@ -9,12 +9,12 @@ import zmq
 
 from enliven.errors import ResourceError
 from enliven.wire.envelope import MalformedMessageError, OtherVersionError, unpack_stream
-from enliven.wire.sockets import UNREAD_STREAMS, Endpoint, make_socket
+from enliven.wire.sockets import MAX_UNREAD_STREAMS, Endpoint, make_socket
 from enliven.wire.streams import StatusMessage
 from enliven.wire.topics import MAX_STREAM_BYTES, STATUS
 
 
-def hear_edge(endpoint: Endpoint, seconds: float) -> StatusMessage:
+def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
     """Returns the next heartbeat of an edge.
 
     Args:
@@ -24,7 +24,7 @@ def hear_edge(endpoint: Endpoint, seconds: float) -> StatusMessage:
         ResourceError: if none arrives in time, or the edge has another version of the wire.
     """
     context: zmq.Context[Any] = zmq.Context.instance()
-    socket, other = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, UNREAD_STREAMS), ""
+    socket, other = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS), ""
     try:
         socket.setsockopt(zmq.SUBSCRIBE, b"")
         socket.connect(endpoint.stream_address)

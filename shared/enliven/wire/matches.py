@@ -11,24 +11,24 @@ from enliven.matching import MatchList, MatchRow
 from enliven.wire.convert import JOINT_STEP
 from enliven.wire.streams import MatchesMessage, PackedMatch
 
-_MOST_ROWS = 16
+_MAX_ROWS = 16
 """Maximum matches that are sent: the field's limit, and more than a screen shows."""
-_MOST_JOINTS = 1024
+_MAX_JOINTS = 1024
 """Maximum joints of a match that are sent, so that a message stays below its topic's limit."""
 
 
 def board_to_message(board: MatchList) -> MatchesMessage:
     """Returns the message of a match list: at most sixteen matches, positions to a quarter of a
     millimetre."""
-    rows = board.rows[:_MOST_ROWS]
-    shown = board.shown if board.shown < len(rows) else -1
+    rows = board.rows[:_MAX_ROWS]
+    shown_index = board.shown if board.shown < len(rows) else -1
     return MatchesMessage(
         board.character,
         board.state,
         board.body,
         board.time_ns,
-        shown,
-        [_packed_match(row) for row in rows],
+        shown_index,
+        [_pack_match(row) for row in rows],
         board.total,
         float(np.clip(board.held, 0.0, 1.0)),
     )
@@ -42,14 +42,14 @@ def message_to_board(message: MatchesMessage) -> MatchList:
         message.body,
         message.time_ns,
         message.shown,
-        tuple(_unpacked_match(match) for match in message.matches),
+        tuple(_unpack_match(match) for match in message.matches),
         message.total,
         message.held,
     )
 
 
-def _packed_match(row: MatchRow) -> PackedMatch:
-    room, lines = _MOST_JOINTS, list[Float]()
+def _pack_match(row: MatchRow) -> PackedMatch:
+    room, lines = _MAX_JOINTS, list[Float]()
     for line in row.lines[:64]:
         lines.append(line[: min(room, 255)])
         room -= len(lines[-1])
@@ -63,7 +63,7 @@ def _packed_match(row: MatchRow) -> PackedMatch:
     )
 
 
-def _unpacked_match(match: PackedMatch) -> MatchRow:
+def _unpack_match(match: PackedMatch) -> MatchRow:
     points = np.frombuffer(match.points, "<i2").reshape(-1, 3) * JOINT_STEP
     ends = np.cumsum([0, *match.sizes])
     lines = tuple(points[a:b] for a, b in itertools.pairwise(ends))

@@ -1,4 +1,4 @@
-"""Finds free ports, for programs that are started together and must agree on them beforehand."""
+"""Finds free ports for programs that are started together and must know each other's ports beforehand."""
 
 from __future__ import annotations
 

@@ -1,10 +1,12 @@
-"""Encodes a pose in few bytes: every transform is predicted from its neighbour; only residuals are sent.
+"""Encodes a pose in few bytes: every transform is predicted from its neighbour, and only the residuals are
+sent.
 
 The transforms of a character form a tree: the minimum spanning tree along the character's edges. A child's
 pivot is predicted by the parent's transform. This is the position towards which the regulariser of embedded
 deformation pulls the child (Sumner et al. 2007, eq. 6) and, for a bone, exactly the child's joint. So the
-residuals are small integers, and Rice codes store them in few bits. Both ends build the tree from the
-character that both hold. Four check bytes refuse a pose of any other character or revision.
+residuals are small integers, and Rice codes store them in few bits. Sender and receiver build the tree from
+their copies of the character. Because of four check bytes, a pose of any other character or revision is
+refused.
 
 The layout is the tree's CRC-32 (4 bytes, little-endian), then the columns of :mod:`enliven.wire.bits` for a
 (J, 12) table of integers in the tree's order: 3 position, 3 rotation vector, 6 stretch. The prediction uses
@@ -50,7 +52,7 @@ class EncodedPose:
 
 
 class PoseCodec:
-    """Encodes and decodes the poses of one character. Create once, use every frame.
+    """Encodes and decodes the poses of one character. Create it once, and use it for every frame.
 
     Args:
         character: its pivots and edges define the tree. Both ends must hold the same one.
@@ -114,7 +116,7 @@ class PoseCodec:
 def warm_up() -> None:
     """Compiles the decoder, or loads it compiled.
 
-    The first time takes seconds, which no frame should wait for.
+    Call it before the first frame, because compilation takes seconds.
     """
     table = np.empty((1, COLUMNS), np.int32)
     # Use bytes as in a message: they give a read-only array, which is a separate type for numba.

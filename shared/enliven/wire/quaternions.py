@@ -3,8 +3,8 @@
 The largest component is omitted, since the others and the unit length determine it. Its sign is made
 positive, which does not change the rotation. Layout of the 32 bits, little-endian: bits 30-31 are the index
 of the omitted component (0 is w). The others follow in order, bits 20-29, 10-19 and 0-9, each 511 + value /
-STEP. A rotation is off by at most :data:`ERROR` radians. 1023 is never written, and any bits decode to a
-rotation.
+STEP. A rotation is off by at most :data:`MAX_ROTATION_ERROR` radians. 1023 is never written, and any bits
+decode to a rotation.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.rotation import canonical, normalized
 
-STEP = math.sqrt(0.5) / 511
+COMPONENT_STEP = math.sqrt(0.5) / 511
 """Step of a component: all but the largest are within +-sqrt(1/2)."""
-ERROR = 2 * math.sqrt(3.0) * STEP
+MAX_ROTATION_ERROR = 2 * math.sqrt(3.0) * COMPONENT_STEP
 """Maximum error of a rotation, in radians (0.27 degrees). Three components are off by half a step, and the
 fourth by at most sqrt(3) times that."""
 
@@ -33,7 +33,10 @@ def pack_quaternions(quaternions: AnyArray) -> bytes:
     rows = np.arange(len(q))
     q = np.where(q[rows, missing, None] < 0, -q, q)
     steps = (
-        np.rint(q[rows[:, None], _OTHER_COMPONENTS[missing]] / STEP).astype(np.int64).clip(-511, 511) + 511
+        np.rint(q[rows[:, None], _OTHER_COMPONENTS[missing]] / COMPONENT_STEP)
+        .astype(np.int64)
+        .clip(-511, 511)
+        + 511
     )
     bits = (missing << 30) | (steps << _COMPONENT_SHIFTS).sum(1)
     return bytes(bits.astype("<u4").tobytes())
@@ -43,7 +46,7 @@ def unpack_quaternions(data: bytes) -> Float:
     """Returns (N, 4) unit quaternions, w >= 0, from 4 N bytes."""
     bits = np.frombuffer(data, "<u4").astype(np.int64)
     missing = bits >> 30
-    others = ((((bits[:, None] >> _COMPONENT_SHIFTS) & 1023) - 511) * STEP).astype(np.float64)
+    others = ((((bits[:, None] >> _COMPONENT_SHIFTS) & 1023) - 511) * COMPONENT_STEP).astype(np.float64)
     quaternions = np.empty((len(bits), 4))
     rows = np.arange(len(bits))
     quaternions[rows[:, None], _OTHER_COMPONENTS[missing]] = others

@@ -9,10 +9,10 @@ from msgspec import Meta, Struct, field
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.fields import (
     MAX_CHARACTERS,
-    MAX_LATEST,
+    MAX_LATCHED_MESSAGES,
     MAX_MESSAGE_BYTES,
     MAX_PART_BYTES,
-    MAX_SENT_BYTES,
+    MAX_UPLOAD_BYTES,
     Count,
     Digest,
     Exaggeration,
@@ -63,10 +63,10 @@ class Possess(Order, frozen=True):
         body: the performer's id. None: a performer in view, for "join" one that does not hold it yet. With
             several characters, performers that hold another one are avoided.
         parts: the parts that possess, names of :data:`enliven.person.body.PARTS`, joined with "+".
-        mode: the other performers that hold it afterwards. "alone": none, as in programs that do not know
-            this field. "join": all that did, and this performer releases its earlier parts. "extend": as
-            "join", but this performer also keeps its earlier parts, except bones that are possessed again.
-            "preview": only the cues change. They then show what this performer would hold.
+        mode: the holds that are kept. "alone": none, as in programs that do not know this field. "join":
+            those of other performers; this performer's earlier parts are released. "extend": as "join", but
+            this performer also keeps its earlier parts, except bones that are possessed again. "preview":
+            only the cues change. They then show the nodes that this performer would hold.
     """
 
     character: Name | None = None
@@ -110,9 +110,10 @@ class Look(Order, frozen=True):
 
 
 class Browse(Order, frozen=True):
-    """Shows another match of a character (None: of each rigged one), ``step`` places on in the ranking.
+    """Shows another match of a character (None: of each rigged character), ``step`` places further in the
+    ranking.
 
-    0 follows the pose again.
+    A step of 0 shows the match of the current pose again.
     """
 
     character: Name | None = None
@@ -139,7 +140,7 @@ class PutCharacter(Order, frozen=True):
     id: Name
     revision: Annotated[int, Meta(ge=1, le=2**53)]
     digest: Digest
-    size: Annotated[int, Meta(ge=1, le=MAX_SENT_BYTES)]
+    size: Annotated[int, Meta(ge=1, le=MAX_UPLOAD_BYTES)]
     fit: bool = False
 
 
@@ -159,12 +160,13 @@ class RemoveCharacter(Order, frozen=True):
 
 
 class Resize(Order, frozen=True):
-    """Changes the size of a character (None: the one that is held, or would be) on the stage, or its swing.
+    """Changes the size of a character on the stage, or the overshoot of its soft parts. A ``character`` of
+    None is the held character, or the next one to be held.
 
     Attributes:
-        do: "hands": the distance between a performer's hands scales it from now on. Repeating the request, or
-            still hands, ends this. "end": ends it with the current size. "set": sets the size. "exaggerate":
-            sets the overshoot of its soft parts.
+        do: "hands": the distance between a performer's hands scales it from now on. This ends if the request
+            is repeated, or if the hands keep still. "end": ends it with the current size. "set": sets the
+            size. "exaggerate": sets the overshoot of its soft parts.
         body: for "hands", the performer. None: the holder, or else the first in view.
         size: for "set", the factor of its own size.
         exaggeration: for "exaggerate", the overshoot. None: as in the stage's settings.
@@ -182,10 +184,11 @@ class Scan(Order, frozen=True):
 
     Attributes:
         do: "start" a new scan; "pause" it; "go on", also after it was done, which adds to it; "undo" the last
-            seconds; "done": it becomes a character of the stage; "cancel" it.
+            seconds; "done": the scan becomes a character on the stage; "cancel" the scan.
         name: for "start", the id of the resulting character. None: "scan", or "scan 2", ...
         voxel: for "start", metres, size of a voxel.
-        within: for "start", metres. Depth beyond it is ignored, so the object may be turned.
+        within: for "start", metres. Depth beyond this distance is ignored. Use it if the object is turned,
+            not the camera.
         whole: for "done", keeps the whole scan, and not only the object on the floor.
         moved: for "start", the object is turned and put down during the scan. All its sides end in one mesh.
         turned: for "start", the object turns on a turntable, and is tracked while it moves.
@@ -227,7 +230,7 @@ class Listen(Order, frozen=True):
 
 
 class PlayPhysics(Order, frozen=True):
-    """Puts rigid objects that characters can push on the stage. "none" removes them."""
+    """Puts rigid objects on the stage that characters can push. "none" removes them."""
 
     world: Literal["none", "boxes", "dodgeball"]
 
@@ -250,7 +253,7 @@ class Welcome(Struct, tag=True, frozen=True):
     status: StatusMessage
     characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
     latest: Annotated[
-        list[Annotated[bytes, Meta(max_length=MAX_MESSAGE_BYTES)]], Meta(max_length=MAX_LATEST)
+        list[Annotated[bytes, Meta(max_length=MAX_MESSAGE_BYTES)]], Meta(max_length=MAX_LATCHED_MESSAGES)
     ] = field(default_factory=list)
 
 
@@ -261,8 +264,8 @@ class Done(Struct, tag=True, frozen=True):
 
 
 class Awaited(Struct, tag=True, frozen=True):
-    """The character is being uploaded: the edge has the first ``received`` bytes, or all of them and
-    prepares it."""
+    """The character is being uploaded: the edge has received the first ``received`` bytes. If these are all
+    bytes, it prepares the character."""
 
     received: Count
 

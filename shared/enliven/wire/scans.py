@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 import numpy as np
 from msgspec import Meta, Struct, field
 
-from enliven.wire.fields import Count, Metres, Nanoseconds, Number, Sentence, expect
+from enliven.wire.fields import Count, Metres, Nanoseconds, Number, Sentence, check_length
 
 MAX_PIECE_VERTICES = 8192
-"""Maximum vertices of a piece: three times what the seat and back of a chair have in one."""
+"""Maximum vertices of a piece: three times the number in a piece with the seat and back of a chair."""
 MAX_PIECE_FACES = 16_384
 """Maximum triangles of a piece: twice its vertices."""
 Side = Annotated[int, Meta(ge=-(2**20), le=2**20)]
@@ -26,13 +26,13 @@ class ScanMessage(Struct, array_like=True, frozen=True):
 
     Attributes:
         number: number of the scan, counted from the edge's start. 0 if none was started.
-        phase: "off"; "scanning"; "paused"; "finishing": the mesh is made; "done": ``character`` is on the
-            stage; "failed": ``note`` contains the reason, and the scan can go on.
+        phase: "off"; "scanning"; "paused"; "finishing": the mesh is being computed; "done": ``character`` is
+            on the stage; "failed": ``note`` contains the reason, and the scan can continue.
         tracking: the result of the newest image, a word of :class:`enliven.scanning.ScanState`. Empty before
             the first.
         time_ns: the sensor's clock.
         fused: number of images in the surface.
-        way: metres that the camera was moved.
+        way: length of the camera's path, metres.
         full: True if the memory is full, so that no new surface is added.
         undoable: seconds that "undo" would remove. 0 if undo is not possible.
         missing: fraction of the nearby surface that was not seen yet, 0..1.
@@ -44,9 +44,10 @@ class ScanMessage(Struct, array_like=True, frozen=True):
         mend: the remedy.
         thing: the state of an object that is moved while it is scanned, or empty. "stands": it rests.
             "carried": it is carried or lost, and nothing is added. "settling": something stands still, and is
-            compared with the object. "sought": so without success until now. "found": it was found a moment
-            ago. "turning": it is tracked while it moves, and its visible part is added. "lost": tracking of
-            it failed. "person": a person is scanned, and ``missing`` counts the sides not seen yet.
+            compared with the object. "sought": the comparison has not succeeded yet. "found": it was found a
+            moment ago. "turning": it is tracked while it moves, and its visible part is added. "lost":
+            tracking of it failed. "person": a person is scanned, and ``missing`` counts the sides not seen
+            yet.
         seconds: how long the search for the object takes, or took until it was found.
         places: number of places in which it was found. From the first move on, the surface is the object
             only.
@@ -107,9 +108,9 @@ class ScanPieceMessage(Struct, array_like=True, frozen=True):
     colours: Annotated[bytes, Meta(max_length=3 * MAX_PIECE_VERTICES)] = b""
 
     def __post_init__(self) -> None:
-        expect("vertices", self.vertices, 6 * len(self.seen))
-        expect("faces", self.faces, len(self.faces) // 6 * 6)
+        check_length("vertices", self.vertices, 6 * len(self.seen))
+        check_length("faces", self.faces, len(self.faces) // 6 * 6)
         if self.colours:
-            expect("colours", self.colours, 3 * len(self.seen))
+            check_length("colours", self.colours, 3 * len(self.seen))
         if self.faces and int(np.frombuffer(self.faces, "<u2").max()) >= len(self.seen):
             raise ValueError(f"a triangle has a corner beyond the {len(self.seen)} vertices")

@@ -12,13 +12,13 @@ from enliven.errors import InputError
 POSE_PORT = 5580
 """Default TCP port of the streams: above 1023, so that no privilege is needed."""
 CONTROL_PORT = 5581
-"""Default TCP port of the requests: the one after the streams'."""
-QUEUE = 1000
+"""Default TCP port of the requests: the port after that of the streams."""
+SEND_QUEUE_LENGTH = 1000
 """Maximum messages that wait to be sent to an edge."""
-UNREAD_STREAMS = 500
+MAX_UNREAD_STREAMS = 500
 """Maximum messages of an edge that wait to be read: 128 MB of the longest. More wait in the system's
 buffers."""
-UNREAD_REPLIES = 4
+MAX_UNREAD_REPLIES = 4
 """Maximum replies of an edge that wait to be read: each may be a character of 128 MB."""
 
 
@@ -47,7 +47,7 @@ class Endpoint:
 def parse_endpoint(text: str) -> Endpoint:
     """Parses ``host``, ``host:port`` or ``host:port:control_port``, with IPv6 in brackets.
 
-    Without a control port, it is the port after ``port``.
+    If the control port is missing, it is ``port`` + 1.
 
     Raises:
         InputError: if it is none of these.
@@ -74,7 +74,7 @@ def parse_endpoint(text: str) -> Endpoint:
 def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int, unread: int) -> zmq.Socket[bytes]:
     """Returns a viewer's socket: non-blocking, without lingering.
 
-    It drops an edge that sends too much at once.
+    It disconnects an edge that sends too much at once.
 
     TCP keep-alive detects an edge that vanished without closing, so that it is connected again. libzmq's own
     heartbeat could do this, too. But it aborts the program if a connection breaks while its queue is full.
@@ -86,7 +86,7 @@ def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int, unread: in
     """
     socket: zmq.Socket[bytes] = context.socket(kind)
     socket.setsockopt(zmq.LINGER, 0)
-    socket.setsockopt(zmq.SNDHWM, QUEUE)
+    socket.setsockopt(zmq.SNDHWM, SEND_QUEUE_LENGTH)
     socket.setsockopt(zmq.RCVHWM, unread)
     socket.setsockopt(zmq.MAXMSGSIZE, max_bytes)
     socket.setsockopt(zmq.IPV6, 1)

@@ -8,11 +8,11 @@ from msgspec import Meta, Struct, field
 
 from enliven.wire.fields import (
     MAX_CHARACTERS,
-    MAX_GLANCE,
     MAX_HEALTH,
     MAX_PHRASES,
+    MAX_PREVIEW_PIXELS,
     MAX_PROPS,
-    MAX_SETTINGS,
+    MAX_SETTINGS_LENGTH,
     MAX_TRANSFORM_BYTES,
     MAX_TRANSFORMS,
     Count,
@@ -25,7 +25,7 @@ from enliven.wire.fields import (
     RevisionNumber,
     Sentence,
     Text,
-    expect,
+    check_length,
 )
 
 
@@ -74,9 +74,9 @@ class PackedBody(Struct, array_like=True, frozen=True):
 
     def __post_init__(self) -> None:
         if self.orientations:
-            expect("orientations", self.orientations, 80)
+            check_length("orientations", self.orientations, 80)
         if self.contacts:
-            expect("contacts", self.contacts, 2)
+            check_length("contacts", self.contacts, 2)
 
 
 class BodiesMessage(Struct, array_like=True, frozen=True):
@@ -94,11 +94,11 @@ class CuesMessage(Struct, array_like=True, frozen=True):
         character: its id.
         state: "free"; "preview": the nodes would be held if the body possessed it now; "possessed".
         nodes: (K,) uint16 node indices.
-        strengths: (K,) uint8, 255 for the firmest.
+        strengths: (K,) uint8, 255 for the strongest hold.
         body: the performer's id, the first of several. -1 for none.
-        time_ns: the sensor's clock, the time of the matching poses.
-        held: number of leading nodes that are held. The others would be held by the next performer. None: all
-            are held, unless the state is "preview".
+        time_ns: the sensor's clock, the time of the matching poses. held: number of leading nodes that are
+            held. The others would be held by the next performer. None: all are held, unless the state is
+            "preview".
         performers: the ids of the performers that own the nodes.
         owners: (K,) uint8 index of the performer that holds each node. Empty: all belong to ``body``.
     """
@@ -114,9 +114,9 @@ class CuesMessage(Struct, array_like=True, frozen=True):
     owners: Annotated[bytes, Meta(max_length=MAX_TRANSFORMS)] = b""
 
     def __post_init__(self) -> None:
-        expect("nodes", self.nodes, 2 * len(self.strengths))
+        check_length("nodes", self.nodes, 2 * len(self.strengths))
         if self.owners:
-            expect("owners", self.owners, len(self.strengths))
+            check_length("owners", self.owners, len(self.strengths))
             if max(self.owners) >= len(self.performers):
                 raise ValueError(f"an owner is number {max(self.owners)} of {len(self.performers)}")
 
@@ -147,7 +147,7 @@ class HoldMessage(Struct, array_like=True, frozen=True):
     parts: Text = "all"
     former: Identity = -1
     holders: Annotated[list[Identity], Meta(max_length=64)] = field(default_factory=list)
-    settings: Annotated[str, Meta(max_length=MAX_SETTINGS)] = "{}"
+    settings: Annotated[str, Meta(max_length=MAX_SETTINGS_LENGTH)] = "{}"
     place: Annotated[list[Number], Meta(max_length=5)] = field(default_factory=list)
     size: Number = 1.0
 
@@ -177,11 +177,11 @@ class PropsMessage(Struct, array_like=True, frozen=True):
 
     def __post_init__(self) -> None:
         count = len(self.shapes)
-        expect("ids", self.ids, 2 * count)
-        expect("sizes", self.sizes, 6 * count)
-        expect("colours", self.colours, 3 * count)
-        expect("positions", self.positions, 6 * count)
-        expect("turns", self.turns, 4 * count)
+        check_length("ids", self.ids, 2 * count)
+        check_length("sizes", self.sizes, 6 * count)
+        check_length("colours", self.colours, 3 * count)
+        check_length("positions", self.positions, 6 * count)
+        check_length("turns", self.turns, 4 * count)
 
 
 class PackedMatch(Struct, array_like=True, frozen=True):
@@ -206,9 +206,9 @@ class PackedMatch(Struct, array_like=True, frozen=True):
     body: Identity = -1
 
     def __post_init__(self) -> None:
-        expect("points", self.points, 6 * sum(self.sizes))
+        check_length("points", self.points, 6 * sum(self.sizes))
         if self.limbs:
-            expect("limbs", self.limbs, len(self.sizes))
+            check_length("limbs", self.limbs, len(self.sizes))
 
 
 class MatchesMessage(Struct, array_like=True, frozen=True):
@@ -222,7 +222,7 @@ class MatchesMessage(Struct, array_like=True, frozen=True):
         shown: index of the shown one among ``matches``. -1 for none.
         matches: the best ones, and the shown one.
         total: total number of matches.
-        held: 0..1, elapsed fraction of the time to hold still.
+        held: 0..1, elapsed fraction of the time for which the performer must hold still.
     """
 
     character: Name
@@ -267,14 +267,15 @@ class Revision(Struct, array_like=True, frozen=True):
 
 
 class StageMessage(Struct, array_like=True, frozen=True):
-    """The characters on the stage from a frame on, sent if one came, changed or left (topic "stage")."""
+    """The characters on the stage, sent when a character was added, changed or removed (topic "stage")."""
 
     time_ns: Nanoseconds
     characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
 
 
 class SizeMessage(Struct, array_like=True, frozen=True):
-    """The size of a character on the stage and its swing, sent when they change (topic "sizes").
+    """The size of a character on the stage and the overshoot of its soft parts, sent when they change (topic
+    "sizes").
 
     Attributes:
         size: factor of its own size.
@@ -300,12 +301,12 @@ class CameraMessage(Struct, array_like=True, frozen=True):
 
     place: Annotated[list[Number], Meta(min_length=12, max_length=12)]
     lens: Annotated[list[Number], Meta(min_length=4, max_length=4)]
-    width: Annotated[int, Meta(ge=0, le=MAX_GLANCE)] = 0
-    height: Annotated[int, Meta(ge=0, le=MAX_GLANCE)] = 0
-    nearness: Annotated[bytes, Meta(max_length=MAX_GLANCE**2)] = b""
+    width: Annotated[int, Meta(ge=0, le=MAX_PREVIEW_PIXELS)] = 0
+    height: Annotated[int, Meta(ge=0, le=MAX_PREVIEW_PIXELS)] = 0
+    nearness: Annotated[bytes, Meta(max_length=MAX_PREVIEW_PIXELS**2)] = b""
 
     def __post_init__(self) -> None:
-        expect("nearness", self.nearness, self.width * self.height)
+        check_length("nearness", self.nearness, self.width * self.height)
 
 
 class CallMessage(Struct, array_like=True, frozen=True):
@@ -329,7 +330,7 @@ class HeardMessage(Struct, array_like=True, frozen=True):
             open to other machines: private talk is not sent there.
         understood: True if it is a phrase of the list.
         action: the command of the phrase. Empty if it was not understood.
-        refused: why the stage did not carry out the command. Empty if it did.
+        refused: the reason why the stage did not carry out the command. Empty if it did.
     """
 
     control: Name
@@ -393,7 +394,7 @@ class StatusMessage(Struct, array_like=True, frozen=True):
         latency_p99_ms: the same, the 99th percentile.
         performers: number of people in view.
         dropped: number of frames that came too fast and were dropped, since the start.
-        health: the current problems, the gravest first.
+        health: the current problems, the most severe first.
     """
 
     edge: Name

@@ -61,8 +61,8 @@ class Topic:
     recorded: bool = False
 
     @property
-    def of_character(self) -> bool:
-        """True if each of its messages is about one character, and is removed with it."""
+    def is_per_character(self) -> bool:
+        """True if each message of the topic belongs to one character and is removed with that character."""
         return self.key is _character_id
 
 

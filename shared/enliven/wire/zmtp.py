@@ -1,6 +1,7 @@
-"""The listening side of ZMTP 3.1 without keys: bytes in, messages and answers out. It opens no socket.
+"""The listening side of ZMTP 3.1 without encryption. It converts bytes to messages and answers, and opens no
+socket.
 
-Viewers use libzmq for ZMTP. The listener does not: libzmq 4.3.5 aborts its program (``!_io_error`` in
+Viewers use libzmq for ZMTP. The listener does not use it. libzmq 4.3.5 aborts its program (``!_io_error`` in
 stream_engine_base.cpp) if a connection mixes PINGs into a flood and is then reset, with heartbeats or
 without.
 """
@@ -11,7 +12,7 @@ import struct
 from typing import Literal
 
 GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
-"""The first 64 bytes of both sides: signature, version 3.1, no keys."""
+"""The first 64 bytes of both sides: signature, version 3.1, no encryption."""
 
 _MORE_FLAG = 1
 """Flag of a frame that is followed by another frame of the same message."""
@@ -19,9 +20,9 @@ _LONG_FLAG = 2
 """Flag of a frame with a length of 8 bytes instead of 1."""
 _COMMAND_FLAG = 4
 """Flag of a frame that is a command of the protocol, not a message."""
-_MOST_PARTS = 8
+_MAX_PARTS = 8
 """Maximum parts of one message: a viewer sends one, libzmq's REQ sockets two."""
-_MOST_CONTEXT = 16
+_MAX_CONTEXT_BYTES = 16
 """Maximum bytes of a PING that are sent back, as the protocol requires."""
 _TTL_BYTES = 2
 """Bytes of a PING's time to live, which precede its context."""
@@ -31,12 +32,12 @@ class ZmtpError(Exception):
     """Bytes that are not ZMTP, or longer than allowed: the connection must be closed."""
 
 
-def framed(data: bytes, flags: int = 0) -> bytes:
+def make_frame(data: bytes, flags: int = 0) -> bytes:
     """Returns one frame: its flags, its length and the data."""
-    return head(len(data), flags) + data
+    return frame_header(len(data), flags) + data
 
 
-def head(length: int, flags: int = 0) -> bytes:
+def frame_header(length: int, flags: int = 0) -> bytes:
     """Returns the bytes that precede ``length`` bytes of data, so that long data need not be copied."""
     return bytes([flags, length]) if length < 256 else struct.pack(">BQ", flags | _LONG_FLAG, length)
 
@@ -51,7 +52,7 @@ class ZmtpSession:
     Attributes:
         ready: True after the handshake.
         answers: bytes to send to the other side now. The caller empties it.
-        missing: missing bytes of the current frame, as far as its length is known.
+        missing: number of bytes that are missing to the end of the current frame, or of its header.
     """
 
     def __init__(self, kind: Literal["ROUTER", "PUB"], most: int) -> None:
@@ -68,7 +69,8 @@ class ZmtpSession:
         self._bytes += data
 
     def take(self) -> list[bytes] | None:
-        """Returns the next message's parts. An empty list for anything else, None if bytes are missing.
+        """Returns the next message's parts. Returns an empty list for a command, and None if bytes are
+        missing.
 
         A subscription is one part, 1 or 0 (unsubscribe) and the topic's prefix.
 
@@ -87,8 +89,8 @@ class ZmtpSession:
             raise ZmtpError("a message before the introduction")
         self._parts.append(data)
         if flags & _MORE_FLAG:
-            if len(self._parts) >= _MOST_PARTS or sum(map(len, self._parts)) > self._most:
-                raise ZmtpError(f"a message of more than {_MOST_PARTS} parts or {self._most} bytes")
+            if len(self._parts) >= _MAX_PARTS or sum(map(len, self._parts)) > self._most:
+                raise ZmtpError(f"a message of more than {_MAX_PARTS} parts or {self._most} bytes")
             return []
         parts, self._parts = self._parts, []
         return parts
@@ -106,7 +108,7 @@ class ZmtpSession:
             raise ZmtpError("another mechanism of keys")
         self._at, self._greeted = len(GREETING), True
         kind = struct.pack(">I", len(self._kind)) + self._kind.encode()
-        self.answers += framed(b"\x05READY\x0bSocket-Type" + kind, _COMMAND_FLAG)
+        self.answers += make_frame(b"\x05READY\x0bSocket-Type" + kind, _COMMAND_FLAG)
         return []
 
     def _next_frame(self) -> tuple[int, bytes] | None:
@@ -137,8 +139,8 @@ class ZmtpSession:
         elif name == b"ERROR" or not self.ready:
             raise ZmtpError("no introduction")
         elif name == b"PING":
-            context = rest[_TTL_BYTES : _TTL_BYTES + _MOST_CONTEXT]
-            self.answers += framed(b"\x04PONG" + context, _COMMAND_FLAG)
+            context = rest[_TTL_BYTES : _TTL_BYTES + _MAX_CONTEXT_BYTES]
+            self.answers += make_frame(b"\x04PONG" + context, _COMMAND_FLAG)
         elif name == b"SUBSCRIBE":
             return [b"\x01" + rest]
         elif name == b"CANCEL":

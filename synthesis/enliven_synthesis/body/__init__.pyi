@@ -7,8 +7,13 @@ from .body_sdf import (
 )
 from .performer import Figure as Figure, Performer as Performer, Proportions as Proportions
 from .posture import ArmPose as ArmPose, FootPose as FootPose, PerformerPosture as PerformerPosture
-from .arm_ik import reach as reach
-from .rotations import about_x as about_x, about_y as about_y, about_z as about_z, on_grid as on_grid
+from .arm_ik import solve_arm as solve_arm
+from .rotations import (
+    rotation_about_x as rotation_about_x,
+    rotation_about_y as rotation_about_y,
+    rotation_about_z as rotation_about_z,
+    round_to_grid as round_to_grid,
+)
 from .sphere_tracing import (
     DEPTH as DEPTH,
     END as END,
@@ -21,4 +26,4 @@ from .sphere_tracing import (
     Y as Y,
     sphere_trace as sphere_trace,
 )
-from .visibility import seen_joints as seen_joints
+from .visibility import find_visible_joints as find_visible_joints

@@ -8,21 +8,23 @@ from enliven.arrays import Float
 from enliven_synthesis.body.performer import Performer
 
 
-def reach(performer: Performer, chest: Float, wanted: Float, out: Float, side: int) -> tuple[Float, float]:
+def solve_arm(
+    performer: Performer, chest: Float, target: Float, out: Float, side: int
+) -> tuple[Float, float]:
     """Returns (3, 3) world_from_upper_arm, and the bend of the elbow in radians, that bring the wrist to a
     target.
 
     Args:
         chest: (3, 3) world_from_chest.
-        wanted: (3,) target of the wrist, metres, chest's frame. A target out of reach is moved within reach.
+        target: (3,) target of the wrist, metres, chest's frame. A target out of reach is moved within reach.
         out: (3,) chest's frame: the direction in which the elbow points.
         side: 0 the left arm, 1 the right one.
     """
     shoulder = performer.shoulder * np.array([1.0 - 2.0 * side, 1.0, 1.0])
-    way = np.asarray(wanted) - shoulder
+    to_target = np.asarray(target) - shoulder
     a, b = performer.upper_arm, performer.forearm
-    distance = float(np.clip(np.linalg.norm(way), 0.35 * (a + b), 0.995 * (a + b)))
-    along = way / (float(np.linalg.norm(way)) + 1e-9)
+    distance = float(np.clip(np.linalg.norm(to_target), 0.35 * (a + b), 0.995 * (a + b)))
+    along = to_target / (float(np.linalg.norm(to_target)) + 1e-9)
     bend = float(np.arccos(np.clip((distance**2 - a**2 - b**2) / (2 * a * b), -1, 1)))
     inner = float(np.arccos(np.clip((distance**2 + a**2 - b**2) / (2 * a * distance), -1, 1)))
     outward = out - (out @ along) * along

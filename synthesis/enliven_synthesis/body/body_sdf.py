@@ -2,7 +2,7 @@
 ellipsoids.
 
 It is deliberately richer than a tracker's capsule model: muscles, buttocks, a jaw, sleeves, trouser hems and
-shoes. A tracker tested on it must therefore handle shapes that its own model lacks.
+shoes. A tracker that is tested on it must therefore handle shapes that its own model does not contain.
 """
 
 from __future__ import annotations
@@ -52,11 +52,11 @@ class BodyPiece:
     material: int = ORDINARY
 
 
-def _ball(group: int, limb: Limb, a: Triple, b: Triple, material: int = 0) -> BodyPiece:
+def _make_ellipsoid(group: int, limb: Limb, a: Triple, b: Triple, material: int = 0) -> BodyPiece:
     return BodyPiece(group, ELLIPSOID, limb, a, b, limb, material=material)
 
 
-def _taper(
+def _make_taper(
     group: int,
     limb: Limb,
     a: Triple,
@@ -70,52 +70,52 @@ def _taper(
 
 _CHEST, _SKULL, _PELVIS = Limb.CHEST, Limb.SKULL, Limb.PELVIS
 _TRUNK = (
-    _ball(0, _PELVIS, (0.0, -0.035, 0.0), (0.158, 0.12, 0.112)),
-    _ball(0, Limb.ABDOMEN, (0.0, -0.01, 0.01), (0.147, 0.16, 0.106)),
-    _ball(0, _CHEST, (0.0, -0.175, 0.004), (0.160, 0.195, 0.116)),
-    _taper(0, _CHEST, (-0.12, -0.04, -0.012), _CHEST, (0.12, -0.04, -0.012), (0.056, 0.056, 0.004)),
+    _make_ellipsoid(0, _PELVIS, (0.0, -0.035, 0.0), (0.158, 0.12, 0.112)),
+    _make_ellipsoid(0, Limb.ABDOMEN, (0.0, -0.01, 0.01), (0.147, 0.16, 0.106)),
+    _make_ellipsoid(0, _CHEST, (0.0, -0.175, 0.004), (0.160, 0.195, 0.116)),
+    _make_taper(0, _CHEST, (-0.12, -0.04, -0.012), _CHEST, (0.12, -0.04, -0.012), (0.056, 0.056, 0.004)),
 )
 _HEAD = (
-    _taper(1, _CHEST, (0.0, 0.0, -0.012), _SKULL, (0.0, -0.05, -0.012), (0.064, 0.056, -0.003)),
-    _ball(1, _SKULL, (0.0, 0.012, -0.004), (0.074, 0.102, 0.094)),
-    _ball(1, _SKULL, (0.0, -0.060, 0.030), (0.052, 0.062, 0.062)),
-    _taper(1, _SKULL, (0.0, 0.005, 0.088), _SKULL, (0.0, -0.032, 0.104), (0.010, 0.016, 0.0)),
-    _ball(1, _SKULL, (0.0, 0.038, -0.022), (0.080, 0.082, 0.090), DARK),
+    _make_taper(1, _CHEST, (0.0, 0.0, -0.012), _SKULL, (0.0, -0.05, -0.012), (0.064, 0.056, -0.003)),
+    _make_ellipsoid(1, _SKULL, (0.0, 0.012, -0.004), (0.074, 0.102, 0.094)),
+    _make_ellipsoid(1, _SKULL, (0.0, -0.060, 0.030), (0.052, 0.062, 0.062)),
+    _make_taper(1, _SKULL, (0.0, 0.005, 0.088), _SKULL, (0.0, -0.032, 0.104), (0.010, 0.016, 0.0)),
+    _make_ellipsoid(1, _SKULL, (0.0, 0.038, -0.022), (0.080, 0.082, 0.090), DARK),
 )
 _TRUNK_SIDE = (
-    _ball(0, _PELVIS, (0.074, -0.085, -0.045), (0.084, 0.088, 0.080)),
-    _ball(0, _CHEST, (0.072, -0.125, 0.066), (0.074, 0.062, 0.042)),
-    _taper(0, _CHEST, (0.105, -0.032, -0.02), _CHEST, (0.022, 0.075, -0.014), (0.046, 0.044, 0.0)),
-    _ball(0, Limb.UPPER_ARM_LEFT, (0.0, -0.004, 0.0), (0.060, 0.060, 0.060)),
-    _ball(0, Limb.THIGH_LEFT, (0.0, -0.035, 0.0), (0.084, 0.100, 0.088)),
+    _make_ellipsoid(0, _PELVIS, (0.074, -0.085, -0.045), (0.084, 0.088, 0.080)),
+    _make_ellipsoid(0, _CHEST, (0.072, -0.125, 0.066), (0.074, 0.062, 0.042)),
+    _make_taper(0, _CHEST, (0.105, -0.032, -0.02), _CHEST, (0.022, 0.075, -0.014), (0.046, 0.044, 0.0)),
+    _make_ellipsoid(0, Limb.UPPER_ARM_LEFT, (0.0, -0.004, 0.0), (0.060, 0.060, 0.060)),
+    _make_ellipsoid(0, Limb.THIGH_LEFT, (0.0, -0.035, 0.0), (0.084, 0.100, 0.088)),
 )
-_EAR = (_ball(1, _SKULL, (0.077, -0.012, -0.006), (0.012, 0.030, 0.020)),)
+_EAR = (_make_ellipsoid(1, _SKULL, (0.077, -0.012, -0.006), (0.012, 0.030, 0.020)),)
 _U, _F, _H = Limb.UPPER_ARM_LEFT, Limb.FOREARM_LEFT, Limb.HAND_LEFT
 _ARM = (
-    _taper(2, _U, (0.0, -0.005, 0.0), _F, (0.0, 0.0, 0.0), (0.052, 0.040, 0.005)),
-    _ball(2, _U, (0.012, -0.045, 0.0), (0.052, 0.085, 0.056)),
-    _taper(2, _U, (0.002, -0.03, 0.0), _U, (0.006, -0.165, 0.0), (0.062, 0.067, 0.0)),
-    _taper(2, _F, (0.0, 0.0, 0.0), _H, (0.0, 0.0, 0.0), (0.041, 0.027, 0.003)),
-    _ball(2, _F, (0.008, -0.065, 0.003), (0.040, 0.088, 0.043)),
-    _ball(2, _H, (0.0, -0.052, 0.002), (0.020, 0.058, 0.043)),
-    _taper(2, _H, (-0.002, -0.085, 0.018), _H, (-0.018, -0.172, 0.018), (0.018, 0.011, 0.0)),
-    _taper(2, _H, (-0.002, -0.085, -0.014), _H, (-0.018, -0.162, -0.014), (0.018, 0.011, 0.0)),
-    _taper(2, _H, (-0.004, -0.022, 0.030), _H, (-0.012, -0.088, 0.060), (0.016, 0.011, 0.0)),
+    _make_taper(2, _U, (0.0, -0.005, 0.0), _F, (0.0, 0.0, 0.0), (0.052, 0.040, 0.005)),
+    _make_ellipsoid(2, _U, (0.012, -0.045, 0.0), (0.052, 0.085, 0.056)),
+    _make_taper(2, _U, (0.002, -0.03, 0.0), _U, (0.006, -0.165, 0.0), (0.062, 0.067, 0.0)),
+    _make_taper(2, _F, (0.0, 0.0, 0.0), _H, (0.0, 0.0, 0.0), (0.041, 0.027, 0.003)),
+    _make_ellipsoid(2, _F, (0.008, -0.065, 0.003), (0.040, 0.088, 0.043)),
+    _make_ellipsoid(2, _H, (0.0, -0.052, 0.002), (0.020, 0.058, 0.043)),
+    _make_taper(2, _H, (-0.002, -0.085, 0.018), _H, (-0.018, -0.172, 0.018), (0.018, 0.011, 0.0)),
+    _make_taper(2, _H, (-0.002, -0.085, -0.014), _H, (-0.018, -0.162, -0.014), (0.018, 0.011, 0.0)),
+    _make_taper(2, _H, (-0.004, -0.022, 0.030), _H, (-0.012, -0.088, 0.060), (0.016, 0.011, 0.0)),
 )
 _T, _S, _A = Limb.THIGH_LEFT, Limb.SHANK_LEFT, Limb.FOOT_LEFT
 _LEG = (
-    _taper(4, _T, (0.0, -0.03, 0.0), _S, (0.0, 0.01, 0.0), (0.087, 0.056, 0.006)),
-    _ball(4, _T, (0.004, -0.19, 0.024), (0.064, 0.165, 0.058)),
-    _ball(4, _S, (0.0, 0.0, 0.010), (0.042, 0.060, 0.048)),
-    _taper(4, _S, (0.0, 0.0, 0.0), _A, (0.0, 0.03, -0.008), (0.055, 0.044, 0.0)),
-    _ball(4, _S, (0.0, -0.135, -0.028), (0.050, 0.125, 0.050)),
-    _taper(4, _S, (0.0, -0.12, -0.002), _S, (0.0, -0.385, -0.004), (0.056, 0.063, 0.0)),
-    _taper(4, _A, (0.0, -0.036, -0.03), _A, (0.0, -0.052, 0.125), (0.042, 0.030, 0.004), DARK),
-    _ball(4, _A, (0.006, -0.058, 0.055), (0.044, 0.026, 0.135), DARK),
+    _make_taper(4, _T, (0.0, -0.03, 0.0), _S, (0.0, 0.01, 0.0), (0.087, 0.056, 0.006)),
+    _make_ellipsoid(4, _T, (0.004, -0.19, 0.024), (0.064, 0.165, 0.058)),
+    _make_ellipsoid(4, _S, (0.0, 0.0, 0.010), (0.042, 0.060, 0.048)),
+    _make_taper(4, _S, (0.0, 0.0, 0.0), _A, (0.0, 0.03, -0.008), (0.055, 0.044, 0.0)),
+    _make_ellipsoid(4, _S, (0.0, -0.135, -0.028), (0.050, 0.125, 0.050)),
+    _make_taper(4, _S, (0.0, -0.12, -0.002), _S, (0.0, -0.385, -0.004), (0.056, 0.063, 0.0)),
+    _make_taper(4, _A, (0.0, -0.036, -0.03), _A, (0.0, -0.052, 0.125), (0.042, 0.030, 0.004), DARK),
+    _make_ellipsoid(4, _A, (0.006, -0.058, 0.055), (0.044, 0.026, 0.135), DARK),
 )
 
 
-def _right(piece: BodyPiece) -> BodyPiece:
+def _mirror_piece(piece: BodyPiece) -> BodyPiece:
     """Returns the mirrored piece for the right side: X is negated, limbs become the right ones, and arms and
     legs go to the next group."""
     flip = lambda v: (-v[0], v[1], v[2])  # noqa: E731
@@ -130,7 +130,7 @@ def _right(piece: BodyPiece) -> BodyPiece:
 
 PIECES: tuple[BodyPiece, ...] = tuple(
     sorted(
-        _TRUNK + _HEAD + tuple(q for p in _TRUNK_SIDE + _EAR + _ARM + _LEG for q in (p, _right(p))),
+        _TRUNK + _HEAD + tuple(q for p in _TRUNK_SIDE + _EAR + _ARM + _LEG for q in (p, _mirror_piece(p))),
         key=lambda piece: piece.group,
     )
 )
@@ -163,8 +163,8 @@ class BodyAnatomy:
         thick = performer.scale * performer.proportions.girth
         self._limb = np.array([p.limb for p in PIECES])
         self._other = np.array([p.other for p in PIECES])
-        self._a = np.array([p.a for p in PIECES]) * [_growth(performer, p.limb) for p in PIECES]
-        self._b = np.array([p.b for p in PIECES]) * [_growth(performer, p.other) for p in PIECES]
+        self._a = np.array([p.a for p in PIECES]) * [_limb_scale(performer, p.limb) for p in PIECES]
+        self._b = np.array([p.b for p in PIECES]) * [_limb_scale(performer, p.other) for p in PIECES]
         self._kind = np.array([p.kind for p in PIECES], dtype=np.int64)
         self._group = np.array([p.group for p in PIECES], dtype=np.int64)
         self._material = np.array([p.material for p in PIECES], dtype=np.int64)
@@ -183,11 +183,11 @@ class BodyAnatomy:
 
     def place(self, figure: Figure, camera_from_world: Float) -> BodySdf:
         """Returns the primitives of a figure in the camera's frame; ``camera_from_world`` is (4, 4)."""
-        frames = _product(camera_from_world[None, :3, :3], figure.frames)
+        frames = _multiply(camera_from_world[None, :3, :3], figure.frames)
         frames[:, :, 3] += camera_from_world[:3, 3]
         shape, hull = np.zeros((len(PIECES), 16)), np.zeros((len(PIECES), 7))
-        a = _product(frames[self._limb, :, :3], self._a[:, :, None])[:, :, 0] + frames[self._limb, :, 3]
-        b = _product(frames[self._other, :, :3], self._b[:, :, None])[:, :, 0] + frames[self._other, :, 3]
+        a = _multiply(frames[self._limb, :, :3], self._a[:, :, None])[:, :, 0] + frames[self._limb, :, 3]
+        b = _multiply(frames[self._other, :, :3], self._b[:, :, None])[:, :, 0] + frames[self._other, :, 3]
         shape[:, 0:3], hull[:, 0:3], hull[:, 3:6], hull[:, 6] = a, a, b, self._girth
         t, e = self._taper, self._round
         along = b[t] - a[t]
@@ -203,7 +203,7 @@ class BodyAnatomy:
         return BodySdf(shape, self._kind, self._group, self._material, hull)
 
 
-def _product(a: Float, b: Float) -> Float:
+def _multiply(a: Float, b: Float) -> Float:
     """Returns the product of (..., 3, 3) and (..., 3, n). The order of additions is fixed (no BLAS, no fused
     multiply-add), so that all machines give the same result."""
     return np.asarray(
@@ -213,11 +213,11 @@ def _product(a: Float, b: Float) -> Float:
     )
 
 
-def _growth(performer: Performer, limb: Limb) -> Triple:
+def _limb_scale(performer: Performer, limb: Limb) -> Triple:
     """Returns the scale factors of a limb in width, length and depth, relative to the reference build."""
     s, p = performer.scale, performer.proportions
     width = p.shoulders if limb == Limb.CHEST else p.hips if limb == Limb.PELVIS else p.girth
-    return s * width, s * _length(performer, limb), s * p.girth
+    return s * width, s * _relative_length(performer, limb), s * p.girth
 
 
 def _half_axes(performer: Performer, piece: BodyPiece) -> Triple:
@@ -225,10 +225,10 @@ def _half_axes(performer: Performer, piece: BodyPiece) -> Triple:
     s, g = performer.scale, performer.proportions.girth
     if piece.limb == Limb.SKULL:
         return piece.b[0] * s, piece.b[1] * s, piece.b[2] * s
-    return piece.b[0] * s * g, piece.b[1] * s * _length(performer, piece.limb), piece.b[2] * s * g
+    return piece.b[0] * s * g, piece.b[1] * s * _relative_length(performer, piece.limb), piece.b[2] * s * g
 
 
-def _length(performer: Performer, limb: Limb) -> float:
+def _relative_length(performer: Performer, limb: Limb) -> float:
     """Returns the length of a limb relative to the reference build."""
     if Limb.UPPER_ARM_LEFT <= limb <= Limb.HAND_RIGHT:
         return performer.proportions.arms

@@ -48,18 +48,18 @@ class Lengths(NamedTuple):
     standing: float
 
 
-def _numbers(name: str, kind: type) -> Any:
+def _make_tuple_type(name: str, kind: type) -> Any:
     """Creates a named tuple type from the float fields of a dataclass."""
     named: Any = namedtuple
     return named(name, [f.name for f in fields(kind) if f.type == "float"])
 
 
-_Trunk, _Arm = _numbers("_Trunk", PerformerPosture), _numbers("_Arm", ArmPose)
-_Foot = _numbers("_Foot", FootPose)
+_Trunk, _Arm = _make_tuple_type("_Trunk", PerformerPosture), _make_tuple_type("_Arm", ArmPose)
+_Foot = _make_tuple_type("_Foot", FootPose)
 _trunk_of, _arm_of, _foot_of = (attrgetter(*numbers._fields) for numbers in (_Trunk, _Arm, _Foot))
 
 
-def numbers_of(posture: PerformerPosture) -> tuple[Any, Any, Any]:
+def posture_tuples(posture: PerformerPosture) -> tuple[Any, Any, Any]:
     """Returns the trunk, the two arms and the two feet as named tuples of floats, the form that compiled
     kernels accept."""
     trunk = _Trunk._make(map(float, _trunk_of(posture)))
@@ -74,7 +74,7 @@ def forward_kinematics(build: Any, trunk: Any, arms: Any, feet: Any, joints: Flo
 
     Args:
         build: :class:`Lengths`.
-        trunk, arms, feet: the result of :func:`numbers_of`.
+        trunk, arms, feet: the result of :func:`posture_tuples`.
     """
     for side in range(2):
         _put_foot(build, feet[side], frames[_FOOT + side])

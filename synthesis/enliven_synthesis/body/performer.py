@@ -14,9 +14,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.person import Joint, Limb
 from enliven.settings import setting
-from enliven_synthesis.body.kinematics import STRAIGHTEST, Lengths, forward_kinematics, numbers_of
+from enliven_synthesis.body.kinematics import STRAIGHTEST, Lengths, forward_kinematics, posture_tuples
 from enliven_synthesis.body.posture import PerformerPosture
-from enliven_synthesis.body.rotations import on_grid
+from enliven_synthesis.body.rotations import round_to_grid
 
 REFERENCE_HEIGHT = 1.75
 """Stature, in metres, for which the lengths and girths in this package are given."""
@@ -77,8 +77,8 @@ class Performer:
         moved along the leg if it is out of reach, or closer than a folded leg allows.
         """
         joints, frames = np.zeros((20, 3)), np.zeros((16, 3, 4))
-        forward_kinematics(self._lengths, *numbers_of(posture), joints, frames)
-        return Figure(on_grid(joints), on_grid(frames))
+        forward_kinematics(self._lengths, *posture_tuples(posture), joints, frames)
+        return Figure(round_to_grid(joints), round_to_grid(frames))
 
     def figure(self, rotations: Float, pelvis: Float) -> Figure:
         """Returns the figure with given limb rotations, for example from a motion capture.
@@ -102,7 +102,7 @@ class Performer:
             root, trunk, first_left, limb_left, lengths = chain
             for side in (0, 1):
                 first, limb = first_left + 4 * side, limb_left + side
-                joints[first] = origins[trunk] + rotations[trunk] @ _mirrored(root, side)
+                joints[first] = origins[trunk] + rotations[trunk] @ _mirror_offset(root, side)
                 for k, length in enumerate(lengths):
                     joints[first + k + 1] = joints[first + k] + length * (rotations[limb + 2 * k] @ down)
                 last = self.hand * down if limb_left == 4 else self.ball
@@ -112,7 +112,7 @@ class Performer:
             for k in range(3):
                 at += [joints[left + k], joints[right + k]]
         frames = np.concatenate([rotations, np.stack(at)[:, :, None]], 2)
-        return Figure(on_grid(joints), on_grid(frames))
+        return Figure(round_to_grid(joints), round_to_grid(frames))
 
     def soles(self, figure: Figure) -> Float:
         """Returns (2, 3) heights above the floor, metres: heel, ball and toe-cap of the left and the right
@@ -122,6 +122,6 @@ class Performer:
         return np.asarray((feet[:, None, 1, :3] * points).sum(-1) + feet[:, 1, 3:])
 
 
-def _mirrored(offset: Float, side: int) -> Float:
+def _mirror_offset(offset: Float, side: int) -> Float:
     """Returns a left-side offset (3,) for ``side`` 0 (left), or its mirror image for 1 (right)."""
     return offset if side == 0 else offset * np.array([-1.0, 1.0, 1.0])

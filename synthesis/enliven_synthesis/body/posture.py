@@ -31,7 +31,7 @@ class ArmPose:
 
 @dataclass(frozen=True)
 class FootPose:
-    """The pose of one foot, given by the point where its ball touches, or would touch, the floor.
+    """The pose of one foot. It is given by the contact point of the ball of the foot with the floor.
 
     Attributes:
         x, z: position of the ankle of the flat foot, metres, world.

@@ -8,29 +8,29 @@ import numpy as np
 
 from enliven.arrays import Float
 
-GRID = 2.0**-24
+GRID_STEP = 2.0**-24
 """Step to which postures are rounded, metres (or direction cosines). It is far below a sensor's resolution,
 and far above the last bits, in which the sines of two maths libraries differ."""
 
 
-def about_x(angle: float) -> Float:
+def rotation_about_x(angle: float) -> Float:
     """Returns the (3, 3) rotation by ``angle`` radians about +X."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def about_y(angle: float) -> Float:
+def rotation_about_y(angle: float) -> Float:
     """Returns the (3, 3) rotation by ``angle`` radians about +Y."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def about_z(angle: float) -> Float:
+def rotation_about_z(angle: float) -> Float:
     """Returns the (3, 3) rotation by ``angle`` radians about +Z."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def on_grid(values: Float) -> Float:
-    """Returns ``values`` rounded to multiples of :data:`GRID`."""
-    return np.asarray(np.rint(values / GRID) * GRID)
+def round_to_grid(values: Float) -> Float:
+    """Returns ``values`` rounded to multiples of :data:`GRID_STEP`."""
+    return np.asarray(np.rint(values / GRID_STEP) * GRID_STEP)

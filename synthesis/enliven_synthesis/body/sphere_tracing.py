@@ -20,7 +20,8 @@ LANES = SIDE * SIDE
 _MAX_STEPS = 64
 """Maximum number of steps of a ray. Grazing rays need the most."""
 _HIT_DISTANCE_M = 5e-4
-"""A ray has arrived if it is this close to the surface, metres. It is less than a sensor's depth step."""
+"""A ray hits the surface if it is this close to it, metres. The distance is less than a sensor's depth
+step."""
 _STEP_SAFETY = 1.4
 """Safety factor: a distance may shrink this many times faster than the ray advances, since the distances of
 ellipsoids are first-order approximations."""
@@ -85,8 +86,9 @@ def _distances(
     """Computes the signed distances (m) of all rays to the smooth union, and the nearest primitives.
 
     The union is the polynomial one, min(a, b) - h^2 k / 4 with h = max(k - |a - b|, 0) / k: it acts only if
-    two surfaces are closer than k, so skipping distant primitives changes nothing. A primitive is skipped
-    until a ray has ``travelled`` past its ``clear``, the depth up to which all rays found it distant.
+    two surfaces are closer than k, so skipping distant primitives changes nothing. ``clear`` contains, for
+    each primitive, a depth up to which it is far from all rays. A primitive is skipped until a ray has
+    ``travelled`` past this depth.
     """
     for k in range(LANES):
         lanes[_WHOLE + k], lanes[_PART + k], lanes[_LEAST + k], lanes[_NEAREST_HIT + k] = (
@@ -138,7 +140,8 @@ def _close_group(lanes: Float, width: float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def _add(lanes: Float, width: float, i: float) -> None:
-    """Merges the distances of primitive ``i`` into its group, and records where it is the nearest."""
+    """Merges the distances of primitive ``i`` into its group, and records the rays to which it is the nearest
+    primitive."""
     inverse, quarter = 1.0 / width, 0.25 * width
     for k in range(LANES):
         a, b, so_far = lanes[_PART + k], lanes[_APART + k], lanes[_LEAST + k]

@@ -1,4 +1,5 @@
-"""Occlusion of joints in a depth image: a visible joint is covered only by its own body surface."""
+"""Occlusion of joints in a depth image. A joint is visible if nothing but its own body's surface is in front
+of it."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from enliven.arrays import Bool, Float, Int32
 from enliven.camera import Intrinsics, project
 from enliven_synthesis.body.performer import Performer
 
-THICKNESS = np.array(
+MAX_COVER_M = np.array(
     [
         0.17, 0.17, 0.15, 0.14,  # hip centre, spine, shoulder centre, head
         0.105, 0.075, 0.065, 0.065,  # shoulder, elbow, wrist, hand
@@ -24,7 +25,7 @@ _MIN_VISIBLE = 0.5
 """Minimum fraction of the pixels around a joint that must show the joint's own body."""
 
 
-def seen_joints(
+def find_visible_joints(
     joints: Float,
     performer: Performer,
     number: int,
@@ -34,8 +35,7 @@ def seen_joints(
     camera_from_world: Float,
     reach: tuple[float, float],
 ) -> Bool:
-    """Returns (20,) True for each joint that is in the image, in range, and not occluded by anything but its
-    own body.
+    """Returns (20,) True for each joint that is in the image, in range, and occluded at most by its own body.
 
     Args:
         joints: (20, 3) metres, world.
@@ -45,7 +45,7 @@ def seen_joints(
         reach: range of the sensor along the optical axis, metres (near, far).
     """
     camera = joints @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
-    thick = THICKNESS * performer.scale * max(1.0, performer.proportions.girth)
+    thick = MAX_COVER_M * performer.scale * max(1.0, performer.proportions.girth)
     seen = np.zeros(len(joints), bool)
     for j, point in enumerate(camera):
         if not reach[0] <= point[2] <= reach[1]:
@@ -56,7 +56,7 @@ def seen_joints(
             continue
         rows = slice(max(int(v - radius + 0.5), 0), int(v + radius + 0.5) + 1)
         columns = slice(max(int(u - radius + 0.5), 0), int(u + radius + 0.5) + 1)
-        own = owner[rows, columns] == number
-        behind_surface = own & (depth[rows, columns] > point[2] - thick[j])
+        is_own = owner[rows, columns] == number
+        behind_surface = is_own & (depth[rows, columns] > point[2] - thick[j])
         seen[j] = behind_surface.mean() >= _MIN_VISIBLE
     return seen

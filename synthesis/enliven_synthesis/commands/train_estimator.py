@@ -64,8 +64,8 @@ def train_estimator(
     if start is not None and not start.is_file():
         raise InputError("this network does not exist", where=str(start), mend="Name an .onnx file.")
     try:
-        for needed in ("torch", "onnx", "onnxscript"):
-            import_module(needed)
+        for package in ("torch", "onnx", "onnxscript"):
+            import_module(package)
     except ModuleNotFoundError as missing:
         raise InputError(
             f"training needs {missing.name}, which is not installed",
@@ -74,20 +74,20 @@ def train_estimator(
         ) from None
     from enliven_synthesis.training import Dataset, render_dataset
     from enliven_synthesis.training.pose_network import (
-        KEPT_BACK,
-        RATE_OF_START,
+        FINE_TUNING_RATE,
+        VALIDATION_SAMPLES,
         TrainingSettings,
-        between,
         export,
+        interpolate_networks,
         measure,
         quantise,
-        restored,
+        restore_network,
         train,
     )
 
     values: dict[str, object] = {"pictures": pictures, "steps": steps, "batch": batch, "seed": seed}
     if start is not None:
-        values["rate"] = RATE_OF_START
+        values["rate"] = FINE_TUNING_RATE
     settings = load_settings(TrainingSettings, values, where="train-estimator")
     with tempfile.TemporaryDirectory() as spare, Progress(transient=True) as progress:
         if album is not None and album.exists() and any(album.iterdir()):
@@ -99,14 +99,14 @@ def train_estimator(
                 lambda more: progress.advance(rendering, more),
             )  # fmt: skip
         learning = progress.add_task("Learning", total=settings.steps)
-        start_network = None if start is None else restored(start, dataset, KEPT_BACK)
+        start_network = None if start is None else restore_network(start, dataset, VALIDATION_SAMPLES)
         before = None if start_network is None else copy.deepcopy(start_network)
         network = train(dataset, settings, lambda _step, _network: progress.advance(learning), start_network)
         if before is not None:
-            network = between(before, network, share)
+            network = interpolate_networks(before, network, share)
         whole, small = Path(spare) / "whole.onnx", Path(spare) / "small.onnx"
         export(network, whole)
-        quantise(whole, small, dataset, KEPT_BACK)
+        quantise(whole, small, dataset, VALIDATION_SAMPLES)
         scores = measure(small, dataset)
         output.write_bytes(small.read_bytes())
     typer.echo(f"{output}: {output.stat().st_size / 1e6:.2f} MB")

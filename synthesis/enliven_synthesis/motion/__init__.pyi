@@ -1,2 +1,2 @@
-from .choreographies import choreography as choreography
-from .motion import Motion as Motion, placed as placed
+from .choreographies import get_choreography as get_choreography
+from .motion import Motion as Motion, place_figure as place_figure

@@ -1,4 +1,4 @@
-"""Choreographies by name. Each returns the performer's posture at every moment, and is deterministic."""
+"""Choreographies by name. Each is a deterministic function from a time to the performer's posture."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from enliven_synthesis.motion.footwork import Footwork, Stance
 from enliven_synthesis.motion.tracks import Step, Track, sway
 
 
-def choreography(name: str) -> Choreography:
+def get_choreography(name: str) -> Choreography:
     """Returns the choreography of that name.
 
     Raises:
@@ -29,11 +29,11 @@ def choreography(name: str) -> Choreography:
 
 
 def choreography_names() -> list[str]:
-    """Returns the names that :func:`choreography` accepts."""
+    """Returns the names that :func:`get_choreography` accepts."""
     return list(_MAKERS)
 
 
-def _stance(width: float, z: float = HOME_Z, toes: float = 0.16) -> Stance:
+def _make_stance(width: float, z: float = HOME_Z, toes: float = 0.16) -> Stance:
     """Returns feet ``width`` metres apart, with the toes turned out by ``toes`` radians."""
     return (width / 2, z, toes), (-width / 2, z, -toes)
 
@@ -42,7 +42,9 @@ _ARMREST = ArmPose(flex=-0.16, abduct=0.24, twist=0.14, elbow=1.80, pronate=1.15
 """An arm with the forearm level and pointing forward, as on the armrest of a chair."""
 
 
-def _alive(posture: PerformerPosture, time: float, duration: float, amount: float = 1.0) -> PerformerPosture:
+def _add_breathing(
+    posture: PerformerPosture, time: float, duration: float, amount: float = 1.0
+) -> PerformerPosture:
     """Adds breathing and the small sway of a standing person to a posture."""
     breath = amount * sway(time, duration, max(2, round(duration / 3.4)), 0.1)
     slow, slower = sway(time, duration, 3, 0.37) * amount, sway(time, duration, 2, 0.0) * amount
@@ -113,7 +115,7 @@ _CHAIR_TRACKS = {
 
 
 def _chair() -> Choreography:
-    feet = Footwork(_stance(0.45), _CHAIR_STEPS)
+    feet = Footwork(_make_stance(0.45), _CHAIR_STEPS)
 
     def posture(time: float) -> PerformerPosture:
         value = {name: track(time) for name, track in _CHAIR_TRACKS.items()}
@@ -123,8 +125,8 @@ def _chair() -> Choreography:
         base_posture = PerformerPosture(
             left_foot=feet.foot(0, time),
             right_foot=feet.foot(1, time),
-            left_arm=_flapped(flap, tuck, -0.10 * behind + 0.08 * value["turn"]),
-            right_arm=_flapped(
+            left_arm=_flap_arm(flap, tuck, -0.10 * behind + 0.08 * value["turn"]),
+            right_arm=_flap_arm(
                 _CHAIR_TRACKS["arms"](time - 0.03), tuck, 0.10 * behind - 0.08 * value["turn"]
             ),
             x=x - 0.10 * value["lean"],
@@ -140,13 +142,14 @@ def _chair() -> Choreography:
             head_pitch=-0.04 - 0.45 * tuck + value["nod"],
             head_roll=value["head"] - 0.03 * behind,
         )
-        return _alive(base_posture, time, _CHAIR_SECONDS)
+        return _add_breathing(base_posture, time, _CHAIR_SECONDS)
 
     return Choreography("chair", _CHAIR_SECONDS, posture, feet.planted)
 
 
-def _flapped(flap: float, tuck: float, swing: float) -> ArmPose:
-    """Returns an arm between resting (``flap`` 0) and raised like a wing (1); a crouch pulls it in."""
+def _flap_arm(flap: float, tuck: float, swing: float) -> ArmPose:
+    """Returns an arm between resting (``flap`` 0) and raised like a wing (``flap`` 1). ``tuck`` pulls it
+    towards the body in a crouch."""
     rest = _ARMREST
     return ArmPose(
         flex=rest.flex + 0.20 * flap + 0.30 * tuck + swing,
@@ -163,7 +166,7 @@ def _flapped(flap: float, tuck: float, swing: float) -> ArmPose:
 
 
 def _idle() -> Choreography:
-    feet = Footwork(_stance(0.30), [])
+    feet = Footwork(_make_stance(0.30), [])
     arm = ArmPose(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
 
     def posture(time: float) -> PerformerPosture:
@@ -171,13 +174,13 @@ def _idle() -> Choreography:
         base_posture = PerformerPosture(
             feet.foot(0, time), feet.foot(1, time), arm, arm, x, z, pitch=0.02, spine_pitch=0.04
         )
-        return _alive(base_posture, time, 6.0, 1.6)
+        return _add_breathing(base_posture, time, 6.0, 1.6)
 
     return Choreography("idle", 6.0, posture, feet.planted)
 
 
 def _wave() -> Choreography:
-    feet = Footwork(_stance(0.30), [])
+    feet = Footwork(_make_stance(0.30), [])
     hanging = ArmPose(flex=0.03, abduct=0.13, twist=0.25, elbow=0.22, wrist=0.1)
     up = Track((0.4, 0), (0.55, -0.04), (1.05, 1), (3.9, 1), (4.5, 0))
 
@@ -198,7 +201,7 @@ def _wave() -> Choreography:
             feet.foot(0, time), feet.foot(1, time), hanging, arm, x + 0.02 * raised, z, roll=0.02 * raised,
             spine_pitch=0.04, spine_roll=0.10 * raised, head_roll=-0.06 * raised,
         )  # fmt: skip
-        return _alive(base_posture, time, 5.0)
+        return _add_breathing(base_posture, time, 5.0)
 
     return Choreography("wave", 5.0, posture, feet.planted)
 
@@ -211,7 +214,7 @@ def _walk() -> Choreography:
     steps[-1] = replace(steps[-1], dz=0.18)
     for n, step in enumerate(steps[::-1]):
         steps.append(replace(step, start=3.0 + 0.58 * n, stop=3.42 + 0.58 * n, dz=-step.dz))
-    feet = Footwork(_stance(0.20, HOME_Z - 0.35), steps, carry=0.8)
+    feet = Footwork(_make_stance(0.20, HOME_Z - 0.35), steps, carry=0.8)
 
     def posture(time: float) -> PerformerPosture:
         x, z = feet.pelvis(time)
@@ -229,7 +232,7 @@ def _walk() -> Choreography:
             yaw=-0.25 * stride, roll=-0.04 * favour, pitch=0.03, spine_yaw=0.55 * stride,
             spine_pitch=0.05, spine_roll=0.05 * swing,
         )  # fmt: skip
-        return _alive(base_posture, time, 5.6)
+        return _add_breathing(base_posture, time, 5.6)
 
     return Choreography("walk", 5.6, posture, feet.planted)
 

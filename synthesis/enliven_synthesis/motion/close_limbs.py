@@ -1,8 +1,9 @@
-"""Motions with limbs close in front of the trunk: folded arms, hands on hips, a guard, hands on the belly, a
-seat.
+"""Motions with limbs close in front of the trunk: folded arms, hands on the hips, a boxer's guard, hands on
+the belly, sitting.
 
 The wrists reach for targets in the chest's frame, so that forearms lie in front of the trunk for every build.
-Each motion takes a seed. Seed 0 is the motion as written; any other seed varies targets, elbows and tempo.
+Each motion takes a seed. Seed 0 is the motion as defined here. Any other seed varies targets, elbows and
+tempo.
 """
 
 from __future__ import annotations
@@ -22,18 +23,18 @@ from enliven_synthesis.body import (
     FootPose,
     Performer,
     PerformerPosture,
-    about_x,
-    reach,
+    rotation_about_x,
+    solve_arm,
 )
 from enliven_synthesis.motion.dance import HOME_Z
-from enliven_synthesis.motion.exercises import mixed_fields
-from enliven_synthesis.motion.motion import placed
+from enliven_synthesis.motion.exercises import interpolate_fields
+from enliven_synthesis.motion.motion import place_figure
 from enliven_synthesis.motion.tracks import ease
 
 _TARGET_SPREAD_M = 0.025
 """Random variation of a wrist target, standard deviation in metres. It is less than a hand's thickness."""
 _TEMPO_VARIATION = 0.2
-"""Maximum random variation of the tempo, as a fraction."""
+"""Maximum random variation of the tempo, as a fraction of the tempo."""
 _DOWN = (0.7, -0.7, -0.35)
 """Direction of a hanging elbow in the chest's frame: outward, down and back."""
 
@@ -85,7 +86,7 @@ _EAR, _POCKET = Wrist(0.13, 0.10, 0.06, (0.8, -0.7, 0.2)), Wrist(0.17, -0.52, 0.
 the guitar, holding a telephone at the ear, and in a pocket."""
 
 
-def _written() -> dict[str, tuple[Key, ...]]:
+def _standing_keys() -> dict[str, tuple[Key, ...]]:
     """Returns the keys of every standing motion, by name."""
 
     def both(wrist: Wrist, other: Wrist | None = None, **bent: float) -> tuple[Key, ...]:
@@ -138,7 +139,7 @@ _SIT = {"rise": -0.40, "z": -0.30, "pitch": 0.1, "spine_pitch": 0.15}
 """A sitting trunk: the pelvis' offset down and behind the feet in metres, and angles in radians."""
 _LEAN = {"rise": -0.22, "z": -0.16, "pitch": 0.6, "spine_pitch": 0.4}
 """A trunk between standing and sitting, bent forward for balance."""
-_KEYS: dict[str, tuple[Key, ...]] = _written() | {
+_KEYS: dict[str, tuple[Key, ...]] = _standing_keys() | {
     "seat": (
         Key(0.0, _HANG, _HANG), Key(0.6, _HANG, _HANG), Key(1.2, _ARMREST, _ARMREST, _LEAN),
         Key(1.9, _LAP, _LAP, _SIT), Key(2.8, _LAP, _LAP, _SIT | {"spine_yaw": 0.25}),
@@ -152,7 +153,7 @@ _STRIDE_RATE_HZ = 1.35
 
 
 class CloseLimbs:
-    """One of these motions, for a performer. It begins at the world's origin, facing +Z.
+    """A motion with limbs close to the trunk, for a performer. It begins at the world's origin, facing +Z.
 
     Args:
         name: one of :func:`close_limb_names`.
@@ -171,7 +172,7 @@ class CloseLimbs:
         rng = np.random.default_rng(seed) if seed else None
         tempo = 1.0 if rng is None else 1.0 + _TEMPO_VARIATION * float(rng.uniform(-1.0, 1.0))
         self._performer, self._jogs = performer, name == "jog"
-        self._keys = [replace(_varied(key, rng), time=tempo * key.time) for key in _KEYS[name]]
+        self._keys = [replace(_vary_key(key, rng), time=tempo * key.time) for key in _KEYS[name]]
         self._pace = 2.0 * math.pi * _STRIDE_RATE_HZ / tempo
         self.duration = self._keys[-1].time
 
@@ -181,11 +182,14 @@ class CloseLimbs:
         k = max(0, min(sum(key.time <= time for key in self._keys) - 1, len(self._keys) - 2))
         before, after = self._keys[k], self._keys[k + 1]
         part = ease((time - before.time) / (after.time - before.time))
-        posture = mixed_fields(_standing(before.trunk), _standing(after.trunk), part)
-        wrists = [_between(before.left, after.left, part), _between(before.right, after.right, part)]
+        posture = interpolate_fields(_standing_posture(before.trunk), _standing_posture(after.trunk), part)
+        wrists = [
+            _interpolate_wrists(before.left, after.left, part),
+            _interpolate_wrists(before.right, after.right, part),
+        ]
         if self._jogs:
-            posture, wrists = _jogging(self._pace * time, posture, before.left, before.right)
-        return placed(self._reached(posture, wrists), (0.0, -HOME_Z), 0.0)
+            posture, wrists = _jog(self._pace * time, posture, before.left, before.right)
+        return place_figure(self._reached(posture, wrists), (0.0, -HOME_Z), 0.0)
 
     def _reached(self, posture: PerformerPosture, wrists: list[Float]) -> Figure:
         """Returns the figure of a posture with its wrists at the given (6,) positions and elbow
@@ -196,20 +200,20 @@ class CloseLimbs:
         for side, wrist in enumerate(wrists):
             mirror = np.array([1.0 - 2.0 * side, 1.0, 1.0])
             place, out = wrist[:3] * stout * performer.scale * mirror, wrist[3:] * mirror
-            upper, bend = reach(performer, rotations[Limb.CHEST], place, out, side)
+            upper, bend = solve_arm(performer, rotations[Limb.CHEST], place, out, side)
             rotations[Limb.UPPER_ARM_LEFT + side] = upper
-            rotations[Limb.FOREARM_LEFT + side] = upper @ about_x(-bend)
-            rotations[Limb.HAND_LEFT + side] = upper @ about_x(-bend)
+            rotations[Limb.FOREARM_LEFT + side] = upper @ rotation_about_x(-bend)
+            rotations[Limb.HAND_LEFT + side] = upper @ rotation_about_x(-bend)
         return performer.figure(rotations, figure.joints[0])
 
 
-def _between(a: Wrist, b: Wrist, part: float) -> Float:
+def _interpolate_wrists(a: Wrist, b: Wrist, part: float) -> Float:
     """Returns (6,) the position and the elbow direction interpolated between two wrists."""
     first, second = (np.array([w.x, w.y, w.z, *w.out]) for w in (a, b))
     return np.asarray((1.0 - part) * first + part * second)
 
 
-def _jogging(
+def _jog(
     phase: float, posture: PerformerPosture, fore: Wrist, back: Wrist
 ) -> tuple[PerformerPosture, list[Float]]:
     """Returns a posture jogging on the spot, and its wrists. ``phase`` is in radians; one stride is 2 pi."""
@@ -233,17 +237,17 @@ def _jogging(
         pitch=0.06,
         spine_yaw=0.18 * math.sin(phase),
     )
-    return jogging, [_between(fore, back, swing), _between(back, fore, swing)]
+    return jogging, [_interpolate_wrists(fore, back, swing), _interpolate_wrists(back, fore, swing)]
 
 
-def _standing(trunk: dict[str, Any]) -> PerformerPosture:
+def _standing_posture(trunk: dict[str, Any]) -> PerformerPosture:
     """Returns a standing posture with the trunk bent and moved; ``z`` is metres in front of the feet."""
     feet = FootPose(0.13, HOME_Z, yaw=0.12), FootPose(-0.13, HOME_Z, yaw=-0.12)
     upright = PerformerPosture(*feet, z=HOME_Z, pitch=0.02, spine_pitch=0.04)
     return replace(upright, **(trunk | {"z": HOME_Z + trunk.get("z", 0.0)}))
 
 
-def _varied(key: Key, rng: Generator | None) -> Key:
+def _vary_key(key: Key, rng: Generator | None) -> Key:
     """Returns the key with random variations of its wrists and its trunk."""
     if rng is None:
         return key

@@ -1,7 +1,7 @@
 """Exercises that are hard to track: arms overhead, crouching, kneeling, turning, hands to the floor.
 
-Each exercise takes a seed. Seed 0 is the exercise as written. Any other seed varies the angles, the depth of
-the bends and the tempo, so that a tracker can be tuned on some seeds and evaluated on others.
+Each exercise takes a seed. Seed 0 is the exercise as defined here. Any other seed varies the angles, the
+depth of the bends and the tempo, so that a tracker can be tuned on some seeds and evaluated on others.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _BEHIND_HEAD = ArmPose(flex=2.0, abduct=0.75, twist=0.3, elbow=2.35, shrug=0.25)
 _DOWN = ArmPose(flex=1.75, abduct=0.08, elbow=0.10)
 
 
-def _home(**changes: Any) -> PerformerPosture:
+def _stand(**changes: Any) -> PerformerPosture:
     """Returns a relaxed standing posture with the given fields replaced."""
     values: dict[str, Any] = {"left_arm": _HANGING, "right_arm": _HANGING, "z": HOME_Z, "pitch": 0.02}
     values |= {
@@ -42,7 +42,7 @@ def _home(**changes: Any) -> PerformerPosture:
 
 
 class _Variation:
-    """Random variations of the written numbers. Seed 0 does not vary anything."""
+    """Random variations of the defined numbers. Seed 0 does not vary anything."""
 
     def __init__(self, seed: int) -> None:
         self._random = np.random.default_rng(seed) if seed else None
@@ -73,7 +73,9 @@ class _Variation:
         )
 
 
-def _keyed(name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]) -> Choreography:
+def _choreography_from_keys(
+    name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]
+) -> Choreography:
     """Returns a choreography of keyed postures, times in seconds, with eased interpolation."""
     tempo = vary.near(1.0, 0.2)
     times = [tempo * time for time, _ in keys]
@@ -81,7 +83,9 @@ def _keyed(name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]) -
 
     def posture(time: float) -> PerformerPosture:
         k = max(0, min(int(np.searchsorted(times, time, side="right")) - 1, len(times) - 2))
-        return mixed_fields(postures[k], postures[k + 1], ease((time - times[k]) / (times[k + 1] - times[k])))
+        return interpolate_fields(
+            postures[k], postures[k + 1], ease((time - times[k]) / (times[k + 1] - times[k]))
+        )
 
     def planted(side: int, time: float) -> bool:
         pose = posture(time)
@@ -90,35 +94,35 @@ def _keyed(name: str, vary: _Variation, *keys: tuple[float, PerformerPosture]) -
     return Choreography(name, times[-1], posture, planted)
 
 
-def mixed_fields(a: T, b: T, part: float) -> T:
+def interpolate_fields(a: T, b: T, part: float) -> T:
     """Interpolates all numbers of two dataclasses of the same type by ``part``."""
-    ours, theirs = vars(a), vars(b)
+    first, second = vars(a), vars(b)
     mixed = {
-        name: mixed_fields(value, theirs[name], part)
+        name: interpolate_fields(value, second[name], part)
         if is_dataclass(value)
-        else (1.0 - part) * value + part * theirs[name]
-        for name, value in ours.items()
+        else (1.0 - part) * value + part * second[name]
+        for name, value in first.items()
     }
     return type(a)(**mixed)
 
 
 def _arms(left: ArmPose, right: ArmPose | None = None, **changes: Any) -> PerformerPosture:
-    return _home(left_arm=left, right_arm=right or left, **changes)
+    return _stand(left_arm=left, right_arm=right or left, **changes)
 
 
 def _still(vary: _Variation) -> Choreography:
-    home = _home()
+    home = _stand()
     breath = replace(home, spine_pitch=0.05, head_pitch=0.02, head_yaw=0.04)
     steps = [(2.0 * n, home if n % 2 == 0 else breath) for n in range(5)]
-    return _keyed("still", vary, *steps)
+    return _choreography_from_keys("still", vary, *steps)
 
 
 def _overhead(vary: _Variation) -> Choreography:
-    return _keyed(
-        "overhead", vary, (0.0, _home()), (0.8, _home()), (1.5, _arms(_OUT)), (1.8, _arms(_OUT)),
+    return _choreography_from_keys(
+        "overhead", vary, (0.0, _stand()), (0.8, _stand()), (1.5, _arms(_OUT)), (1.8, _arms(_OUT)),
         (2.5, _arms(_UP)), (3.2, _arms(_UP, spine_roll=0.2)), (3.9, _arms(_UP, spine_roll=-0.2)),
         (4.7, _arms(_BEHIND_HEAD)), (5.2, _arms(_BEHIND_HEAD, spine_yaw=0.3)),
-        (5.9, _arms(_UP, _HANGING)), (6.8, _home()),
+        (5.9, _arms(_UP, _HANGING)), (6.8, _stand()),
     )  # fmt: skip
 
 
@@ -126,21 +130,21 @@ def _crouch(vary: _Variation) -> Choreography:
     low = vary.near(-0.42, 0.06)
     deep = _arms(_FORWARD, rise=low, pitch=0.45, spine_pitch=0.35, head_pitch=-0.3)
     held = _arms(replace(_DOWN, flex=0.9), rise=low - 0.05, pitch=0.55, spine_pitch=0.45, head_pitch=-0.2)
-    return _keyed(
-        "crouch", vary, (0.0, _home()), (0.8, _home()), (1.8, deep), (2.4, deep), (3.2, held), (3.8, held),
-        (4.8, _arms(_ON_HIP)), (5.5, _arms(_ON_HIP, rise=-0.25, pitch=0.2)), (6.4, _home()),
+    return _choreography_from_keys(
+        "crouch", vary, (0.0, _stand()), (0.8, _stand()), (1.8, deep), (2.4, deep), (3.2, held), (3.8, held),
+        (4.8, _arms(_ON_HIP)), (5.5, _arms(_ON_HIP, rise=-0.25, pitch=0.2)), (6.4, _stand()),
     )  # fmt: skip
 
 
 def _kneel(vary: _Variation) -> Choreography:
     back = FootPose(-0.13, HOME_Z - 0.52, pitch=-1.1, yaw=-0.05)
-    going = FootPose(-0.13, HOME_Z - 0.30, lift=0.06, pitch=-0.4)
+    moving_foot = FootPose(-0.13, HOME_Z - 0.30, lift=0.06, pitch=-0.4)
     front = FootPose(0.13, HOME_Z + 0.10, yaw=0.1)
-    start = replace(_home(), left_foot=front)
+    start = replace(_stand(), left_foot=front)
     down = replace(start, right_foot=back, rise=vary.near(-0.44, 0.02), z=HOME_Z - 0.24, pitch=0.08)
     busy = replace(down, left_arm=_FORWARD, right_arm=_AT_FACE, spine_pitch=0.15, spine_yaw=0.2)
-    half = replace(start, right_foot=going, rise=-0.10, z=HOME_Z - 0.05)
-    return _keyed(
+    half = replace(start, right_foot=moving_foot, rise=-0.10, z=HOME_Z - 0.05)
+    return _choreography_from_keys(
         "kneel", vary, (0.0, start), (0.8, start), (1.3, half), (2.1, down), (2.8, down), (3.6, busy),
         (4.4, replace(busy, spine_pitch=0.5)), (5.2, down), (6.0, half), (6.6, start),
     )  # fmt: skip
@@ -151,44 +155,46 @@ def _floor(vary: _Variation) -> Choreography:
         _DOWN, rise=-0.12, z=HOME_Z - 0.10, pitch=1.05, spine_pitch=vary.near(0.85, 0.1), head_pitch=0.1
     )
     low = _arms(_DOWN, rise=-0.34, z=HOME_Z - 0.06, pitch=0.95, spine_pitch=0.70, head_pitch=-0.3)
-    aside = replace(low, left_arm=_OUT, spine_yaw=0.5)
-    return _keyed(
-        "floor", vary, (0.0, _home()), (0.6, _home()), (1.8, bent), (2.5, bent), (3.4, low), (4.0, low),
-        (4.8, aside), (5.3, aside), (6.8, _home()),
+    twisted = replace(low, left_arm=_OUT, spine_yaw=0.5)
+    return _choreography_from_keys(
+        "floor", vary, (0.0, _stand()), (0.6, _stand()), (1.8, bent), (2.5, bent), (3.4, low), (4.0, low),
+        (4.8, twisted), (5.3, twisted), (6.8, _stand()),
     )  # fmt: skip
 
 
 def _one_leg(vary: _Variation) -> Choreography:
-    over: dict[str, Any] = {"x": -0.11, "roll": -0.04}
+    shifted: dict[str, Any] = {"x": -0.11, "roll": -0.04}
     knee = _arms(
-        _OUT, left_foot=FootPose(0.10, HOME_Z + 0.10, lift=vary.near(0.42, 0.08), pitch=-0.5), **over
+        _OUT, left_foot=FootPose(0.10, HOME_Z + 0.10, lift=vary.near(0.42, 0.08), pitch=-0.5), **shifted
     )
-    kick = _arms(_ON_HIP, left_foot=FootPose(0.12, HOME_Z + 0.55, lift=0.45, pitch=0.2), pitch=-0.1, **over)
+    kick = _arms(
+        _ON_HIP, left_foot=FootPose(0.12, HOME_Z + 0.55, lift=0.45, pitch=0.2), pitch=-0.1, **shifted
+    )
     side = _arms(_HANGING, left_foot=FootPose(0.62, HOME_Z, lift=0.28, yaw=0.3), roll=-0.2, x=-0.12)
-    shift = _home(**over)
-    return _keyed(
-        "one leg", vary, (0.0, _home()), (0.6, shift), (1.3, knee), (2.2, knee), (2.9, kick), (3.4, kick),
-        (4.2, shift), (4.9, side), (5.4, side), (6.2, shift), (6.8, _home()),
+    shift = _stand(**shifted)
+    return _choreography_from_keys(
+        "one leg", vary, (0.0, _stand()), (0.6, shift), (1.3, knee), (2.2, knee), (2.9, kick), (3.4, kick),
+        (4.2, shift), (4.9, side), (5.4, side), (6.2, shift), (6.8, _stand()),
     )  # fmt: skip
 
 
 def _signals(vary: _Variation) -> Choreography:
     stop = replace(_OUT, flex=0.5, elbow=1.5, pronate=0.4, twist=-1.2)
     come = replace(_FORWARD, elbow=1.4)
-    return _keyed(
-        "signals", vary, (0.0, _home()), (0.6, _home()), (1.1, _arms(_OUT, _HANGING)),
+    return _choreography_from_keys(
+        "signals", vary, (0.0, _stand()), (0.6, _stand()), (1.1, _arms(_OUT, _HANGING)),
         (1.5, _arms(_OUT, stop)),
         (2.0, _arms(_FORWARD, stop, spine_yaw=0.3)), (2.5, _arms(come, _OUT)), (2.9, _arms(_FORWARD, _OUT)),
         (3.3, _arms(come, _OUT)), (3.8, _arms(stop, _FORWARD, spine_yaw=-0.4)), (4.3, _arms(_UP, _OUT)),
-        (4.8, _arms(_HANGING, come)), (5.2, _arms(_HANGING, _FORWARD)), (6.0, _home()),
+        (4.8, _arms(_HANGING, come)), (5.2, _arms(_HANGING, _FORWARD)), (6.0, _stand()),
     )  # fmt: skip
 
 
 def _crossed(vary: _Variation) -> Choreography:
-    return _keyed(
-        "crossed", vary, (0.0, _home()), (0.6, _home()), (1.3, _arms(_FOLDED)), (2.1, _arms(_FOLDED)),
+    return _choreography_from_keys(
+        "crossed", vary, (0.0, _stand()), (0.6, _stand()), (1.3, _arms(_FOLDED)), (2.1, _arms(_FOLDED)),
         (2.8, _arms(_ON_HIP)), (3.4, _arms(_ON_HIP, spine_yaw=0.4)), (4.0, _arms(_AT_FACE, _ON_HIP)),
-        (4.6, _arms(_AT_FACE)), (5.2, _arms(_FORWARD, _FOLDED)), (6.2, _home()),
+        (4.6, _arms(_AT_FACE)), (5.2, _arms(_FORWARD, _FOLDED)), (6.2, _stand()),
     )  # fmt: skip
 
 
@@ -239,14 +245,15 @@ def _stroll(vary: _Variation) -> Choreography:
     def posture(time: float) -> PerformerPosture:
         x, _ = feet.pelvis(time)
         left, right = feet.foot(0, time), feet.foot(1, time)
-        apart = left.z - right.z
+        foot_distance = left.z - right.z
 
         def arm(forward: float) -> ArmPose:
             return replace(_HANGING, flex=0.03 + forward, elbow=0.28 + 0.6 * max(forward, 0.0))
 
         return PerformerPosture(
-            left, right, arm(-0.7 * apart), arm(0.7 * apart), x, (left.z + right.z) / 2, yaw=-0.2 * apart,
-            roll=-0.04 * feet.favour(time), pitch=0.04, spine_yaw=0.4 * apart, spine_pitch=0.04,
+            left, right, arm(-0.7 * foot_distance), arm(0.7 * foot_distance), x,
+            (left.z + right.z) / 2, yaw=-0.2 * foot_distance,
+            roll=-0.04 * feet.favour(time), pitch=0.04, spine_yaw=0.4 * foot_distance, spine_pitch=0.04,
         )  # fmt: skip
 
     return Choreography("stroll", start + beat + 0.3, posture, feet.planted)
@@ -255,9 +262,9 @@ def _stroll(vary: _Variation) -> Choreography:
 def _touch(vary: _Variation) -> Choreography:
     """Holds out a hand to a person on the performer's left."""
     give = replace(_OUT, abduct=vary.near(1.2, 0.1), elbow=0.15)
-    return _keyed(
-        "touch", vary, (0.0, _home()), (1.2, _home()), (2.2, _arms(give, _HANGING, head_yaw=0.5)),
-        (3.4, _arms(give, _HANGING, head_yaw=0.5)), (4.2, _arms(give, _ON_HIP)), (5.4, _home()),
+    return _choreography_from_keys(
+        "touch", vary, (0.0, _stand()), (1.2, _stand()), (2.2, _arms(give, _HANGING, head_yaw=0.5)),
+        (3.4, _arms(give, _HANGING, head_yaw=0.5)), (4.2, _arms(give, _ON_HIP)), (5.4, _stand()),
     )  # fmt: skip
 
 
@@ -276,7 +283,7 @@ _MAKERS: dict[str, Callable[[_Variation], Choreography]] = {
 }
 
 
-def exercise(name: str, seed: int = 0) -> Choreography:
+def get_exercise(name: str, seed: int = 0) -> Choreography:
     """Returns the exercise of that name, varied by ``seed``.
 
     Raises:
@@ -289,5 +296,5 @@ def exercise(name: str, seed: int = 0) -> Choreography:
 
 
 def exercise_names() -> list[str]:
-    """Returns the names that :func:`exercise` accepts."""
+    """Returns the names that :func:`get_exercise` accepts."""
     return list(_MAKERS)

@@ -7,9 +7,9 @@ from enliven_synthesis.motion.tracks import Step, pulse
 
 Stance = tuple[tuple[float, float, float], tuple[float, float, float]]
 """(x, z, yaw) of the left foot and of the right foot: metres, metres, radians."""
-SHIFT = 0.24
+SHIFT_S = 0.24
 """Duration of the weight shift to the other foot before a step, and back after it, seconds."""
-PUSH = 0.16
+PUSH_S = 0.16
 """Time during which the heel rises before the ball leaves the floor, seconds."""
 
 
@@ -40,7 +40,7 @@ class Footwork:
             dx, dz = step.offset(time)
             x, z = x + dx, z + dz
             lift += step.height(time)
-            pitch -= step.toe * pulse(time, step.start, (step.start + step.stop) / 2, PUSH)
+            pitch -= step.toe * pulse(time, step.start, (step.start + step.stop) / 2, PUSH_S)
         return FootPose(x, z, lift, yaw, pitch)
 
     def pelvis(self, time: float) -> tuple[float, float]:
@@ -48,7 +48,7 @@ class Footwork:
         step."""
         left, right = self._ground(0, time), self._ground(1, time)
         middle = ((left[0] + right[0]) / 2, (left[1] + right[1]) / 2)
-        toward = [pulse(time, s.start, s.stop, SHIFT) for s in self._steps if not s.both]
+        toward = [pulse(time, s.start, s.stop, SHIFT_S) for s in self._steps if not s.both]
         standing = [(left, right)[1 - s.foot] for s in self._steps if not s.both]
         total = max(1.0, sum(toward))
         x, z = middle
@@ -60,12 +60,12 @@ class Footwork:
     def _ground(self, side: int, time: float) -> tuple[float, float]:
         """Returns (x, z) of a foot, metres, without the sideways arcs of its steps."""
         x, z, _ = self._stance[side]
-        mine = [(s.progress(time), s) for s in self._steps if s.foot == side]
-        return x + sum(p * s.dx for p, s in mine), z + sum(p * s.dz for p, s in mine)
+        own_steps = [(s.progress(time), s) for s in self._steps if s.foot == side]
+        return x + sum(p * s.dx for p, s in own_steps), z + sum(p * s.dz for p, s in own_steps)
 
     def favour(self, time: float) -> float:
         """Returns the weight distribution: -1 all on the right foot, +1 all on the left foot, 0 on both."""
-        signed = [pulse(time, s.start, s.stop, SHIFT) * (2 * s.foot - 1) for s in self._steps if not s.both]
+        signed = [pulse(time, s.start, s.stop, SHIFT_S) * (2 * s.foot - 1) for s in self._steps if not s.both]
         return max(-1.0, min(1.0, sum(signed)))
 
     def hop(self, time: float) -> float:

@@ -2,8 +2,8 @@
 direction.
 
 Bone directions determine the swing of the limbs. The twist comes from the plane in which an elbow or a knee
-bends. For a straight limb it comes from the trunk. The soles are put on the floor when the captured ones were
-on it.
+bends. For a straight limb it comes from the trunk. The soles are put on the floor when the captured soles
+were on it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from enliven.arrays import Bool, Float
 from enliven.formats.motion import Capture
 from enliven.person import Limb
 from enliven.rotation import from_matrix, slerp, swing, to_matrix, unit
-from enliven.takes import Roles, find_roles, limb_rotations, smoothstep, upright_capture
+from enliven.takes import Roles, find_limb_rotations, find_roles, smoothstep, turn_upright
 from enliven_synthesis.body import Figure, Performer
 
 _FORWARD = np.array([0.0, 0.0, 1.0])
@@ -42,9 +42,9 @@ class CapturedMotion:
     def __init__(
         self, performer: Performer, capture: Capture, start: float = 0.0, stop: float | None = None
     ) -> None:
-        capture = upright_capture(capture)
+        capture = turn_upright(capture)
         roles = find_roles(capture)
-        rotations, standing = limb_rotations(capture, roles)
+        rotations, standing = find_limb_rotations(capture, roles)
         pelvis = _pelvis_path(performer, capture, roles, rotations, standing)
         first = round(start / capture.seconds)
         last = capture.frames if stop is None else min(round(stop / capture.seconds) + 1, capture.frames)
@@ -74,17 +74,17 @@ def _pelvis_path(
     hips, knees, ankles = (p[:, list(r)] for r in (roles.hips, roles.knees, roles.ankles))
     leg = np.linalg.norm(hips - knees, axis=-1) + np.linalg.norm(knees - ankles, axis=-1)
     scale = (performer.thigh + performer.shank) / float(np.median(leg))
-    own = performer.hip * [0.0, 1.0, 1.0]
-    pelvis = scale * hips.mean(1) - rotations[:, Limb.PELVIS] @ own
-    wanted = _clearance(scale * p[:, list(roles.toes)], scale * ankles, standing)
+    hip_height = performer.hip * [0.0, 1.0, 1.0]
+    pelvis = scale * hips.mean(1) - rotations[:, Limb.PELVIS] @ hip_height
+    captured_height = _lower_foot_height(scale * p[:, list(roles.toes)], scale * ankles, standing)
     lowest = np.array(
         [performer.soles(performer.figure(r, at)).min() for r, at in zip(rotations, pelvis, strict=True)]
     )
-    pelvis[:, 1] += _smoothed(wanted - lowest, _HEIGHT_SMOOTHING_S / capture.seconds)
+    pelvis[:, 1] += _smooth(captured_height - lowest, _HEIGHT_SMOOTHING_S / capture.seconds)
     return pelvis
 
 
-def _clearance(toes: Float, ankles: Float, standing: Bool) -> Float:
+def _lower_foot_height(toes: Float, ankles: Float, standing: Bool) -> Float:
     """Returns (F,) height of the lower foot above the floor, metres. Heights below a few centimetres become
     0.
 
@@ -101,7 +101,7 @@ def _clearance(toes: Float, ankles: Float, standing: Bool) -> Float:
     return np.asarray(low * smoothstep(low, 0.03, 0.07))
 
 
-def _smoothed(values: Float, width: float) -> Float:
+def _smooth(values: Float, width: float) -> Float:
     """Returns the (F,) values smoothed by a Gaussian with a standard deviation of ``width`` frames."""
     reach = max(1, round(3 * width))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(width, 1e-6)) ** 2)

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from enliven.rotation import from_matrix, slerp, to_matrix
-from enliven_synthesis.body import Figure, Performer, about_y, on_grid
+from enliven_synthesis.body import Figure, Performer, rotation_about_y, round_to_grid
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
 from enliven_synthesis.motion.tracks import ease
 
@@ -41,16 +41,16 @@ class DanceMotion:
     def figure(self, time: float) -> Figure:
         """Returns the figure at a time in seconds."""
         at = time % self.duration if self._repeat else min(max(time, 0.0), self.duration)
-        return placed(self._performer.pose(self._choreography.posture(at)), (0.0, -HOME_Z), 0.0)
+        return place_figure(self._performer.pose(self._choreography.posture(at)), (0.0, -HOME_Z), 0.0)
 
 
-def placed(figure: Figure, place: tuple[float, float], yaw: float) -> Figure:
+def place_figure(figure: Figure, place: tuple[float, float], yaw: float) -> Figure:
     """Rotates a figure by ``yaw`` radians about the world's +Y, then moves it by ``place``, (x, z) metres."""
-    turn, offset = about_y(yaw), np.array([place[0], 0.0, place[1]])
+    turn, offset = rotation_about_y(yaw), np.array([place[0], 0.0, place[1]])
     frames = np.empty_like(figure.frames)
     frames[:, :, :3] = turn @ figure.frames[:, :, :3]
     frames[:, :, 3] = figure.frames[:, :, 3] @ turn.T + offset
-    return Figure(on_grid(figure.joints @ turn.T + offset), on_grid(frames))
+    return Figure(round_to_grid(figure.joints @ turn.T + offset), round_to_grid(frames))
 
 
 @dataclass(frozen=True)
@@ -85,19 +85,23 @@ class MotionSequence:
     def figure(self, time: float) -> Figure:
         """Returns the figure at a time in seconds."""
         k = max([n for n, segment in enumerate(self._segments) if segment.start <= time], default=0)
-        here = self._at(self._segments[k], time)
+        current = self._at(self._segments[k], time)
         if self._blend == 0.0 or k + 1 == len(self._segments):
-            return here
+            return current
         after = self._segments[k + 1]
         part = ease(1.0 - (after.start - time) / self._blend)
-        return here if part == 0.0 else mixed(here, self._at(after, time), self._performer, part)
+        return (
+            current
+            if part == 0.0
+            else interpolate_figures(current, self._at(after, time), self._performer, part)
+        )
 
     @staticmethod
     def _at(segment: MotionSegment, time: float) -> Figure:
-        return placed(segment.motion.figure(time - segment.start), segment.place, segment.yaw)
+        return place_figure(segment.motion.figure(time - segment.start), segment.place, segment.yaw)
 
 
-def mixed(a: Figure, b: Figure, performer: Performer, part: float) -> Figure:
+def interpolate_figures(a: Figure, b: Figure, performer: Performer, part: float) -> Figure:
     """Interpolates two figures by ``part``. Every limb takes the shortest rotation, and the soles stay on the
     floor."""
     turned = slerp(from_matrix(a.frames[:, :, :3]), from_matrix(b.frames[:, :, :3]), np.full(16, part))

@@ -76,7 +76,10 @@ class WalkPath:
         start, stop = self._print(side, middle), self._print(side, middle + stride)
         flown = ease((share - _STANCE_FRACTION) / (1.0 - _STANCE_FRACTION))
         bump = 4.0 * flown * (1.0 - flown)
-        (x, z), yaw = start[0] + flown * (stop[0] - start[0]), start[1] + flown * _turned(start[1], stop[1])
+        (x, z), yaw = (
+            start[0] + flown * (stop[0] - start[0]),
+            start[1] + flown * _signed_rotation(start[1], stop[1]),
+        )
         return FootPose(float(x), HOME_Z + float(z), 0.07 * bump, yaw, -0.25 * bump)
 
     def stands(self, side: int, time: float) -> bool:
@@ -88,11 +91,13 @@ class WalkPath:
         foot's stance."""
         at = time + 0.25 * 2 * self._pace
         yaw = self.yaw(at)
-        aside = np.array([math.cos(yaw), -math.sin(yaw)]) * (_FOOT_OFFSET_M if side == 0 else -_FOOT_OFFSET_M)
-        return self.at(at) + aside, yaw
+        sideways = np.array([math.cos(yaw), -math.sin(yaw)]) * (
+            _FOOT_OFFSET_M if side == 0 else -_FOOT_OFFSET_M
+        )
+        return self.at(at) + sideways, yaw
 
 
-def _turned(start: float, stop: float) -> float:
+def _signed_rotation(start: float, stop: float) -> float:
     """Returns the shorter signed rotation from one direction to another, radians."""
     return (stop - start + math.pi) % (2 * math.pi) - math.pi
 

@@ -3,9 +3,9 @@ from .moved_object import (
     MovedObjectScan as MovedObjectScan,
     MovedObjectPath as MovedObjectPath,
     MovingObject as MovingObject,
-    laid_on_its_back as laid_on_its_back,
+    lie_on_back_pose as lie_on_back_pose,
 )
-from .handheld import HandheldPath as HandheldPath, HandheldScan as HandheldScan, looking_at as looking_at
+from .handheld import HandheldPath as HandheldPath, HandheldScan as HandheldScan, look_at_pose as look_at_pose
 from .hand_turned_object import HandTurnedPath as HandTurnedPath
 from .noise import DepthNoise as DepthNoise
 from .profile import SensorProfile as SensorProfile, load_profile as load_profile

@@ -11,16 +11,23 @@ from enliven.arrays import Bool, Float, Int32
 from enliven.camera import world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven.person import Body
-from enliven_synthesis.body import BodyAnatomy, Figure, Performer, about_y, on_grid, seen_joints
-from enliven_synthesis.motion import Motion, placed
+from enliven_synthesis.body import (
+    BodyAnatomy,
+    Figure,
+    Performer,
+    find_visible_joints,
+    rotation_about_y,
+    round_to_grid,
+)
+from enliven_synthesis.motion import Motion, place_figure
 from enliven_synthesis.sensor.noise import DepthNoise
 from enliven_synthesis.sensor.profile import SensorProfile
 from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 
 _STANDING_HEIGHT_M = 0.02
-"""A foot counts as standing if its sole is at most this high above the floor, metres. Less than a sensor's
-noise."""
+"""A foot counts as standing if its sole is at most this high above the floor, metres. This is less than a
+sensor's noise."""
 _STANDING_SPEED = 0.35
 """Maximum speed of the slowest part of a standing foot, metres per second. All parts of a swinging foot are
 faster."""
@@ -50,7 +57,7 @@ class Appearance:
         """Returns the figure at a time of the scene; None while the performer is absent."""
         if not self.present[0] <= time < self.present[1]:
             return None
-        return placed(self.motion.figure(time - self.start), self.place, self.yaw)
+        return place_figure(self.motion.figure(time - self.start), self.place, self.yaw)
 
 
 @dataclass(frozen=True)
@@ -116,8 +123,8 @@ class Ensemble:
         self.rate = rate or profile.camera.fps
         self.intrinsics = profile.intrinsics(width)
         stand = np.eye(4)
-        stand[:3, :3], stand[:3, 3] = about_y(math.radians(yaw)), (place[0], 0.0, place[1])
-        self.world_from_camera = on_grid(
+        stand[:3, :3], stand[:3, 3] = rotation_about_y(math.radians(yaw)), (place[0], 0.0, place[1])
+        self.world_from_camera = round_to_grid(
             stand @ world_from_level_camera(height, math.radians(tilt), math.radians(roll))
         )
         self.camera_from_world: Float = np.asarray(np.linalg.inv(self.world_from_camera), np.float64)
@@ -165,7 +172,7 @@ class Ensemble:
                 continue
             performer = self.cast[p].performer
             joints[p] = figure.joints
-            visible[p] = seen_joints(
+            visible[p] = find_visible_joints(
                 figure.joints, performer, p, depth, owner, self.intrinsics, self.camera_from_world, reach
             )
             contacts[p] = self._standing(p, figure, time)

@@ -20,7 +20,7 @@ def cast_shadow(depth: Float, parallax: float, shadow: AnyArray) -> None:
     """Marks in ``shadow`` the pixels with a surface occluded from the second imager or the projector.
 
     The second imager sees pixel u at column u - parallax / z. The loop moves away from that imager, so these
-    columns must increase. A column that was already passed is occluded by a nearer surface.
+    columns must increase. A pixel with a column that was already passed is occluded by a nearer surface.
     """
     height, width = depth.shape
     for v in range(height):
@@ -68,8 +68,7 @@ def look(
     reach: int, blobs: Float, patches: Float, random_bytes: UInt8, losses: Float, flying: float, far: float,
     seen: Float, slant: Float,
 ) -> None:  # fmt: skip
-    """Fills ``seen``, (H, W) depth in metres of the surface that each pixel measures; 0 if there is no
-    return.
+    """Fills ``seen``, (H, W) depth in metres of the surface that each pixel measures; 0 if no light returns.
 
     Pixels near an edge sample a displaced pixel. If that is another pixel, their ``slant`` is set to 0.
     """
@@ -92,8 +91,8 @@ def _look_at_edge(
     depth: Float, shadow: AnyArray, across: Float, down: Float, lateral: float, reach: int, blobs: Float,
     random_bytes: UInt8, losses: Float, flying: float, far: float, seen: Float, slant: Float, v: int, u: int,
 ) -> None:  # fmt: skip
-    """Fills one pixel near an edge. It may sample across the edge, measure nothing, or mix the depths of both
-    sides (flying pixel)."""
+    """Fills one pixel near an edge. The pixel may sample the other side of the edge, measure nothing, or mix
+    the depths of both sides (flying pixel)."""
     height, width = depth.shape
     x = min(max(int(np.rint(u + lateral * across[v, u])), 0), width - 1)
     y = min(max(int(np.rint(v + lateral * down[v, u])), 0), height - 1)

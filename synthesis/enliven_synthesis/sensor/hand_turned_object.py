@@ -1,4 +1,5 @@
-"""An object that is picked up, turned round in two hands and held. The hands regrip as it turns."""
+"""An object that is picked up with two hands and turned round in the air. The hands change their grip as it
+turns."""
 
 from __future__ import annotations
 
@@ -10,17 +11,17 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Float
 from enliven.meshes import Mesh
-from enliven_synthesis.sensor.moved_object import arm_mesh
+from enliven_synthesis.sensor.moved_object import make_arm
 
 _LIFT_TIME_S = 1.5
 """Time in which the object is picked up before it turns, seconds."""
-_TREMOR = 0.01
+_TREMOR_M = 0.01
 """Amplitude of the hands' tremor, metres."""
 _ARM_LENGTH_M = 0.6
 """Visible length of an arm from the hand, metres."""
-_SWAY = 0.03
+_SWAY_M = 0.03
 """Sway amplitude of the person holding the object, metres."""
-_TRUNK_THICKNESS = 4.0
+_TRUNK_THICKNESS_RATIO = 4.0
 """Thickness of the trunk relative to an arm: 28 cm."""
 
 
@@ -34,7 +35,7 @@ class HandTurnedPath:
         period: duration of a full turn, seconds.
         lift: height of the held object above its resting position, metres.
         tilt: amplitude of its tilt back and forth as it turns, radians.
-        grips: number of times that each hand regrips in a turn.
+        grips: number of times that each hand changes its grip in a turn.
         reach: position of the grip: metres from the object's axis, and above its lowest point.
         behind: distance of the person behind the object, metres; 0: only the arms are in view.
     """
@@ -51,9 +52,9 @@ class HandTurnedPath:
         """Returns the (4, 4) pose of the object at a time in seconds."""
         share = min(max((time - self.begins) / _LIFT_TIME_S, 0.0), 1.0)
         share = share * share * (3.0 - 2.0 * share)
-        angle, shake = self._angle(time), share * _TREMOR
-        lean = share * self.tilt * math.sin(2.0 * angle)
-        turns = ([lean, 0.0, 0.0], [0.0, angle, 0.0])
+        angle, shake = self._angle(time), share * _TREMOR_M
+        tilt = share * self.tilt * math.sin(2.0 * angle)
+        turns = ([tilt, 0.0, 0.0], [0.0, angle, 0.0])
         first, second = (
             rotation.to_matrix(rotation.from_rotation_vector(np.array(vector))) for vector in turns
         )
@@ -69,20 +70,21 @@ class HandTurnedPath:
         return 2.0 * math.pi * min(passed, self.period) / self.period
 
     def arms(self, time: float) -> list[Mesh]:
-        """Returns the meshes of trunk and arms, world. Each hand stays on its grip until it regrips."""
+        """Returns the meshes of trunk and arms, world. Each hand stays at its grip until it changes the
+        grip."""
         arms = list[Mesh]()
         if self.behind:
-            feet = np.array([_SWAY * math.sin(1.9 * time), 0.0, -self.behind])
-            arms.append(arm_mesh(feet + np.array([0.0, 1.3, 0.0]), feet, _TRUNK_THICKNESS))
+            feet = np.array([_SWAY_M * math.sin(1.9 * time), 0.0, -self.behind])
+            arms.append(make_arm(feet + np.array([0.0, 1.3, 0.0]), feet, _TRUNK_THICKNESS_RATIO))
         if time < self.begins - 0.4:
             return arms
         pose, angle, step = self.world_from_thing(time), self._angle(time), 2.0 * math.pi / self.grips
         for side in (0, 1):
-            # The hands regrip alternately, each on its own side of the object.
+            # The hands change their grip alternately, each on its own side of the object.
             turned = step * math.floor(angle / step + 0.5 * side)
             at = math.pi * side - turned
             grip = [self.reach[0] * math.cos(at), self.reach[1], -self.reach[0] * math.sin(at)]
             hand = pose[:3, :3] @ np.array(grip) + pose[:3, 3]
             away = rotation.unit(np.array([0.8 if side == 0 else -0.8, 0.1, -1.0]))
-            arms.append(arm_mesh(hand, hand + _ARM_LENGTH_M * away))
+            arms.append(make_arm(hand, hand + _ARM_LENGTH_M * away))
         return arms

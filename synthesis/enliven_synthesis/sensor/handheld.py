@@ -1,5 +1,5 @@
-"""A hand-held depth camera that is carried round an object: known surface, known path, the sensor's
-faults."""
+"""A simulated hand-held depth camera that is carried round an object. The surface and the path are known, and
+the images have the sensor's faults."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STUDIO: tuple[Box, ...] = (
 """A floor, two walls and a few objects. The middle is free."""
 _SHADES = np.array([[168, 150, 128], [196, 190, 178]], np.uint8)
 """(2, 3) sRGB of the squares on floor and walls."""
-_SQUARE = 0.25
+_SQUARE_SIDE_M = 0.25
 """Side of a square of the floor pattern, metres. Several squares are in view at a time."""
 _SWAY_WAVES = 4
 """Number of sine waves that make up the motion of the hand, from slow sway to tremor."""
@@ -73,14 +73,14 @@ class HandheldPath:
         angle = 2.0 * math.pi * self.turns * share
         low, high = self.height
         up = low + (high - low) * (0.5 - 0.5 * math.cos(2.0 * math.pi * share))
-        unrest = self._unrest(time)
+        shake = self._unrest(time)
         target = np.array(self.target)
         eye = np.array(
             [target[0] + self.radius * math.sin(angle), up, target[2] + self.radius * math.cos(angle)]
         )
-        pose = looking_at(eye + self.sway * unrest[:3], target)
+        pose = look_at_pose(eye + self.sway * shake[:3], target)
         pose[:3, :3] = pose[:3, :3] @ rotation.to_matrix(
-            rotation.from_rotation_vector(self.shake * unrest[3:])
+            rotation.from_rotation_vector(self.shake * shake[3:])
         )
         return pose
 
@@ -89,13 +89,13 @@ class HandheldPath:
         random = np.random.default_rng(self.seed)
         rates = _MIN_SWAY_HZ * (_MAX_SWAY_HZ / _MIN_SWAY_HZ) ** random.random((_SWAY_WAVES, 6))
         # Let the amplitude fall with the frequency, so that all waves have about the same speed.
-        sizes = 1.0 / rates
-        sizes *= math.sqrt(2.0) / np.sqrt(np.square(sizes).sum(0))
+        amplitudes = 1.0 / rates
+        amplitudes *= math.sqrt(2.0) / np.sqrt(np.square(amplitudes).sum(0))
         phases = 2.0 * math.pi * random.random((_SWAY_WAVES, 6))
-        return np.asarray((sizes * np.sin(2.0 * math.pi * rates * time + phases)).sum(0))
+        return np.asarray((amplitudes * np.sin(2.0 * math.pi * rates * time + phases)).sum(0))
 
 
-def looking_at(eye: Float, target: Float) -> Float:
+def look_at_pose(eye: Float, target: Float) -> Float:
     """Returns the (4, 4) world_from_camera of an upright camera at ``eye`` (3,) that looks at ``target``."""
     ahead = rotation.unit(np.asarray(target, float) - eye)
     right = rotation.unit(np.cross(ahead, [0.0, 1.0, 0.0]))
@@ -151,7 +151,7 @@ class HandheldScan:
         drawing = draw_mesh(thing, self.intrinsics, pose)
         before = drawing.depth < depth
         depth[before], material[before] = drawing.depth[before], 0
-        image = self._noise.corrupt(depth, material, index) if self._noise else _whole_millimetres(depth)
+        image = self._noise.corrupt(depth, material, index) if self._noise else _to_millimetres(depth)
         colour = (
             self._picture(thing, drawing.face, drawing.shares, before, depth, pose) if self._colour else None
         )
@@ -171,7 +171,7 @@ class HandheldScan:
         rows, columns = np.mgrid[0:height, 0:width]
         i, z = self.intrinsics, np.minimum(depth, _NO_DEPTH_M)
         local = np.stack([(columns - i.cx) / i.fx * z, (rows - i.cy) / i.fy * z, z], -1)
-        cells = np.floor((local @ pose[:3, :3].T + pose[:3, 3]) / _SQUARE + 1e-4).astype(int).sum(-1)
+        cells = np.floor((local @ pose[:3, :3].T + pose[:3, 3]) / _SQUARE_SIDE_M + 1e-4).astype(int).sum(-1)
         picture = _SHADES[cells % 2].copy()
         if thing.colours is not None:
             corners = thing.colours[thing.faces[face[before]]].astype(float)
@@ -179,8 +179,8 @@ class HandheldScan:
         return picture
 
 
-def _whole_millimetres(depth: Float) -> UInt16:
-    """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays without a surface."""
+def _to_millimetres(depth: Float) -> UInt16:
+    """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays that hit no surface."""
     return np.where(depth < _NO_DEPTH_M, np.rint(np.minimum(depth, _NO_DEPTH_M) * 1000.0), 0.0).astype(
         np.uint16
     )

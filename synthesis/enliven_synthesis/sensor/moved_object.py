@@ -76,12 +76,12 @@ class MovedObjectPath:
             return []
         pose, away = self.world_from_thing(time), rotation.unit(np.array(self.towards))
         hands = [pose[:3, :3] @ np.array(grip) + pose[:3, 3] for grip in self.grips]
-        return [arm_mesh(hand, hand + _ARM_LENGTH_M * away) for hand in hands]
+        return [make_arm(hand, hand + _ARM_LENGTH_M * away) for hand in hands]
 
 
 @dataclass(frozen=True)
 class FollowingPath(HandheldPath):
-    """The path of a camera that looks at another point after a move.
+    """The path of a camera that looks at another point after the object was moved.
 
     Attributes:
         later: (x, y, z) point that the camera looks at after the move, metres.
@@ -139,10 +139,10 @@ class MovedObjectScan(HandheldScan):
         thing, pose = thing or self.thing, self.thing_pose(index)
         placed = replace(thing, vertices=thing.vertices @ pose[:3, :3].T + pose[:3, 3])
         arms = self.way.arms(index / self.profile.camera.fps)
-        return super().frame(index, joined([placed, *arms]))
+        return super().frame(index, merge_meshes([placed, *arms]))
 
 
-def laid_on_its_back(thing: Mesh, place: tuple[float, float] = (0.0, 0.0)) -> Float:
+def lie_on_back_pose(thing: Mesh, place: tuple[float, float] = (0.0, 0.0)) -> Float:
     """Returns the (4, 4) pose of an object that faced +Z and now lies on its back on y = 0 at (x, z)."""
     pose = np.eye(4)
     pose[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector(np.array([-math.pi / 2, 0.0, 0.0])))
@@ -152,7 +152,7 @@ def laid_on_its_back(thing: Mesh, place: tuple[float, float] = (0.0, 0.0)) -> Fl
     return pose
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
+def merge_meshes(meshes: Sequence[Mesh]) -> Mesh:
     """Returns the meshes merged into one. If some have colours, those without become grey."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
@@ -166,7 +166,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(vertices, np.concatenate(faces).astype(np.int32), meshes[0].name, colours)
 
 
-def arm_mesh(hand: Float, shoulder: Float, thick: float = 1.0) -> Mesh:
+def make_arm(hand: Float, shoulder: Float, thick: float = 1.0) -> Mesh:
     """Returns the mesh of an arm that starts with a closed hand (3,): a row of rings, closed at both ends.
 
     Args:

@@ -19,17 +19,17 @@ import numpy as np
 from enliven.arrays import Float, Int32, UInt8, UInt16
 from enliven.camera import Intrinsics, rays
 from enliven.kernels import njit
-from enliven_synthesis.body import on_grid
+from enliven_synthesis.body import round_to_grid
 from enliven_synthesis.sensor.faults import cast_shadow, look, mark_edges, measure, slants
 from enliven_synthesis.sensor.profile import SensorProfile
 
 _BYTE_DEVIATION = math.sqrt((256.0**2 - 1.0) / 12.0)
 """Standard deviation of a uniform byte."""
 _FROZEN_FRAME = -1
-"""Frame number of the noise that never changes. It is lower than that of any frame."""
+"""Frame number for the noise that is constant over time. It is lower than the number of any frame."""
 _FROZEN_PATCHES = 0.9
-"""Fraction of the variance that never changes in the lost patches of dark and mirroring surfaces. Nearly
-all."""
+"""Fraction of the variance that is constant over time in the lost patches of dark and mirroring surfaces:
+nearly all of it."""
 _NO_HIT_DEPTH_M = 1e3
 """Depth of a ray that hits nothing, metres. It is beyond the range of any sensor."""
 
@@ -54,7 +54,7 @@ class DepthNoise:
         self._reach = max(1, round(f.edge * scale)) if f.edge > 0 else 0
         self._parallax = intrinsics.fx * r.baseline
         unit = profile.camera.fx * abs(r.baseline) / r.disparity_step if r.disparity_step > 0 else 0.0
-        steepest = float(on_grid(np.array(math.tan(math.radians(f.grazing)) ** 2)))
+        steepest = float(round_to_grid(np.array(math.tan(math.radians(f.grazing)) ** 2)))
         self._limits = np.array([r.near, r.far, r.depth_step, unit, steepest])
         self._sigma = np.array([n.constant, n.linear, n.quadratic, n.start, n.slant])
         self._losses = np.array([_quantile(p) for p in (f.edge_holes, 0.12 * f.edge_holes, f.dark, f.mirror)])
@@ -132,7 +132,7 @@ def _quantile(part: float) -> float:
     """Returns the ``part`` quantile of the standard normal distribution."""
     if part <= 0.0 or part >= 1.0:
         return -math.inf if part <= 0.0 else math.inf
-    return float(on_grid(np.array(NormalDist().inv_cdf(part))))
+    return float(round_to_grid(np.array(NormalDist().inv_cdf(part))))
 
 
 @njit(cache=True, nogil=True)

@@ -171,10 +171,10 @@ def load_profile(name_or_path: str | Path) -> SensorProfile:
                 mend=f"{hint}Known: {', '.join(names)}; or give the path of a .toml file.",
             )
         path = profiles_folder() / f"{name_or_path}.toml"
-    return _checked(load_settings(SensorProfile, path), str(path))
+    return _check_profile(load_settings(SensorProfile, path), str(path))
 
 
-def _checked(profile: SensorProfile, where: str) -> SensorProfile:
+def _check_profile(profile: SensorProfile, where: str) -> SensorProfile:
     """Returns the profile if its values are consistent."""
     r, c = profile.range, profile.camera
     if r.near >= r.far:

@@ -58,8 +58,8 @@ class DepthRenderer:
         whole = np.pad(self.ray, ((0, -height % SIDE), (0, -width % SIDE), (0, 0)), mode="edge")
         blocks = whole.reshape(len(whole) // SIDE, SIDE, -1, SIDE, 2)
         centre = (blocks.min((1, 3), keepdims=True) + blocks.max((1, 3), keepdims=True)) / 2
-        apart = np.square(blocks - centre)
-        radius = np.sqrt((apart[..., 0] + apart[..., 1]).max((1, 3)))
+        squared_offsets = np.square(blocks - centre)
+        radius = np.sqrt((squared_offsets[..., 0] + squared_offsets[..., 1]).max((1, 3)))
         return np.concatenate([centre[:, 0, :, 0], radius[..., None]], -1)
 
     def draw(self, sdf: BodySdf, depth: Float, material: UInt8) -> None:

@@ -27,7 +27,7 @@ class Box:
     material: int = ORDINARY
 
 
-def _table(x: float, z: float, top: float) -> tuple[Box, ...]:
+def _make_table(x: float, z: float, top: float) -> tuple[Box, ...]:
     """Makes a table of 0.7 x 0.6 m with a corner at (x, z): a top and four legs."""
     legs = tuple(
         Box((x + dx, 0.0, z + dz), (x + dx + 0.05, top - 0.03, z + dz + 0.05))
@@ -51,7 +51,7 @@ ROOM: tuple[Box, ...] = (
     Box((-1.50, 1.18, -3.88), (-0.46, 1.78, -3.83), MIRROR),  # a screen on the wall
     Box((-1.75, 0.0, -3.2), (-1.42, 1.05, -2.35)),  # a low cupboard
     Box((-1.70, 1.05, -2.75), (-1.55, 1.28, -2.55), DARK),  # a black object on the cupboard
-    *_table(1.30, -3.55, 0.72),
+    *_make_table(1.30, -3.55, 0.72),
     Box((1.50, 0.72, -3.40), (1.78, 0.92, -3.15)),  # a carton on the table
 )
 """The room of the shipped recording."""

@@ -20,18 +20,20 @@ FrameAndTruth = tuple[DepthFrame, T]
 """A frame with its ground truth."""
 
 
-def dropped(frames: Sequence[FrameAndTruth[T]], part: float = 0.3, seed: int = 0) -> list[FrameAndTruth[T]]:
-    """Drops a random fraction of the frames, and occasionally eight in a row."""
+def drop_frames(
+    frames: Sequence[FrameAndTruth[T]], part: float = 0.3, seed: int = 0
+) -> list[FrameAndTruth[T]]:
+    """Drops a random fraction of the frames, and occasionally eight successive frames."""
     random = np.random.default_rng(seed)
-    kept = random.random(len(frames)) >= part
+    is_kept = random.random(len(frames)) >= part
     for _ in range(len(frames) // 90):
         start = int(random.integers(len(frames)))
-        kept[start : start + 8] = False
-    kept[0] = True
-    return [pair for pair, keep in zip(frames, kept, strict=True) if keep]
+        is_kept[start : start + 8] = False
+    is_kept[0] = True
+    return [pair for pair, keep in zip(frames, is_kept, strict=True) if keep]
 
 
-def slowed(frames: Sequence[FrameAndTruth[T]], fps: float = 5.0) -> list[FrameAndTruth[T]]:
+def slow_frames(frames: Sequence[FrameAndTruth[T]], fps: float = 5.0) -> list[FrameAndTruth[T]]:
     """Keeps about ``fps`` frames per second."""
     out, due = [], -np.inf
     for frame, truth in frames:
@@ -41,17 +43,18 @@ def slowed(frames: Sequence[FrameAndTruth[T]], fps: float = 5.0) -> list[FrameAn
     return out
 
 
-def out_of_order(
+def reorder_frames(
     frames: Sequence[FrameAndTruth[T]], part: float = 0.15, seed: int = 0
 ) -> list[FrameAndTruth[T]]:
-    """Delays a random fraction of the frames by one to three places. Their timestamps stay the same."""
+    """Moves a random fraction of the frames one to three places back in the order. Their timestamps stay the
+    same."""
     random = np.random.default_rng(seed)
     late = np.where(random.random(len(frames)) < part, random.integers(1, 4, len(frames)), 0)
     order = np.argsort(np.arange(len(frames)) + late + 0.5 * (late > 0), kind="stable")
     return [frames[n] for n in order]
 
 
-def frozen(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) -> list[FrameAndTruth[T]]:
+def freeze_frames(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) -> list[FrameAndTruth[T]]:
     """Repeats the last image with new timestamps from ``start`` to ``stop`` seconds."""
     out, held = [], frames[0][0]
     first = frames[0][0].time_ns
@@ -64,7 +67,7 @@ def frozen(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) -> lis
     return out
 
 
-def covered(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) -> list[FrameAndTruth[T]]:
+def cover_lens(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) -> list[FrameAndTruth[T]]:
     """Clears all depth from ``start`` to ``stop`` seconds, as if the lens were covered."""
     first = frames[0][0].time_ns
     return [
@@ -75,7 +78,9 @@ def covered(frames: Sequence[FrameAndTruth[T]], start: float, stop: float) -> li
     ]
 
 
-def holed(frames: Sequence[FrameAndTruth[T]], part: float = 0.4, seed: int = 0) -> list[FrameAndTruth[T]]:
+def remove_depth(
+    frames: Sequence[FrameAndTruth[T]], part: float = 0.4, seed: int = 0
+) -> list[FrameAndTruth[T]]:
     """Clears a fraction of every image: half of it as single pixels, half as patches."""
     random = np.random.default_rng(seed)
     single = 1.0 - np.sqrt(1.0 - part)

@@ -13,8 +13,15 @@ from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.person import Body
 from enliven.settings import setting
-from enliven_synthesis.body import BodyAnatomy, Figure, Performer, Proportions, about_y, on_grid
-from enliven_synthesis.motion import choreography
+from enliven_synthesis.body import (
+    BodyAnatomy,
+    Figure,
+    Performer,
+    Proportions,
+    rotation_about_y,
+    round_to_grid,
+)
+from enliven_synthesis.motion import get_choreography
 from enliven_synthesis.sensor.noise import DepthNoise
 from enliven_synthesis.sensor.profile import SensorProfile
 from enliven_synthesis.sensor.render import DepthRenderer
@@ -60,14 +67,17 @@ class SyntheticStudio:
     def __init__(self, profile: SensorProfile, settings: SyntheticSettings | None = None) -> None:
         self.profile, self.settings = profile, settings or SyntheticSettings()
         s = self.settings
-        self.intrinsics = profile.intrinsics(_checked_width(profile, s.width))
-        self.choreography = choreography(s.choreography)
+        self.intrinsics = profile.intrinsics(_check_width(profile, s.width))
+        self.choreography = get_choreography(s.choreography)
         stand = np.eye(4)
-        stand[:3, :3], stand[:3, 3] = about_y(math.radians(s.camera_yaw)), (s.camera_x, 0.0, s.camera_z)
-        self.world_from_camera = on_grid(
+        stand[:3, :3], stand[:3, 3] = (
+            rotation_about_y(math.radians(s.camera_yaw)),
+            (s.camera_x, 0.0, s.camera_z),
+        )
+        self.world_from_camera = round_to_grid(
             stand @ world_from_level_camera(s.camera_height, math.radians(s.camera_tilt))
         )
-        self._camera_from_world = _inverse(self.world_from_camera)
+        self._camera_from_world = _invert_pose(self.world_from_camera)
         self._performer = Performer(s.performer)
         self._anatomy = BodyAnatomy(self._performer)
         self._room, self._room_material = cast_room(self.intrinsics, self.world_from_camera)
@@ -97,13 +107,13 @@ class SyntheticStudio:
         figure = self.figure(self.time_ns(index) * 1e-9)
         depth, material = self._room.copy(), self._room_material.copy()
         self._renderer.draw(self._anatomy.place(figure, self._camera_from_world), depth, material)
-        image = self._noise.corrupt(depth, material, index) if self.settings.noise else _perfect(depth)
+        image = self._noise.corrupt(depth, material, index) if self.settings.noise else _to_millimetres(depth)
         return DepthFrame(
             image, self.intrinsics, self.time_ns(index), self.sensor, world_from_camera=self.world_from_camera
         )
 
 
-def _inverse(rigid: Float) -> Float:
+def _invert_pose(rigid: Float) -> Float:
     """Returns the (4, 4) inverse of a rigid transform. The order of additions is fixed."""
     inverse = np.eye(4)
     inverse[:3, :3] = rigid[:3, :3].T
@@ -112,12 +122,12 @@ def _inverse(rigid: Float) -> Float:
     return inverse
 
 
-def _perfect(depth: Float) -> UInt16:
+def _to_millimetres(depth: Float) -> UInt16:
     """Returns a depth in metres as (H, W) uint16 millimetres; 0 for rays without a surface."""
     return np.where(depth < 65.0, np.rint(np.minimum(depth, 65.0) * 1000.0), 0.0).astype(np.uint16)
 
 
-def _checked_width(profile: SensorProfile, width: int) -> int | None:
+def _check_width(profile: SensorProfile, width: int) -> int | None:
     """Returns the width of the images, pixels; None for the profile's width."""
     if width == 0:
         return None

@@ -7,8 +7,8 @@ from numpy.random import Generator
 
 from enliven.arrays import Float
 from enliven.person import Limb
-from enliven_synthesis.body import Performer, about_x, about_y, about_z, reach
-from enliven_synthesis.training.close_arms import CLOSE_HOLDS, close_wrists, reach_close
+from enliven_synthesis.body import Performer, rotation_about_x, rotation_about_y, rotation_about_z, solve_arm
+from enliven_synthesis.training.close_arms import CLOSE_HOLDS, draw_close_wrists, reach_close
 
 _ANGLES: dict[str, tuple[tuple[float, float], ...]] = {
     "hang": ((-0.25, 0.3), (0.05, 0.35), (-0.4, 0.6), (0.05, 0.6)),
@@ -40,11 +40,11 @@ _HOLDS = (*_ANGLES, *_TARGETS)
 HOLDS = (*_HOLDS, *CLOSE_HOLDS, "anywhere")
 """Names of all holds of the arms."""
 _CLOSE_ARMS_FRACTION = 0.4
-"""Fraction of people that hold both arms close in front of the trunk. Performers often do, and it is hard to
-detect."""
+"""Fraction of people that hold both arms close in front of the trunk. Performers often do this, and such arms
+are hard to detect."""
 _MAX_TRIES = 12
 """Number of attempts to find an arm pose outside trunk and head, before the arm is held outward. Nearly every
-hold succeeds."""
+hold is found within these attempts."""
 
 _OUTWARD_STEP_M = 0.01
 """Distance that arms held close move away from the trunk with each attempt, metres."""
@@ -59,8 +59,8 @@ def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: st
     if hold in CLOSE_HOLDS or (hold is None and rng.random() < _CLOSE_ARMS_FRACTION):
         _hold_close(performer, rotations, rng, hold)
         return
-    left = hold or _hold(rng)
-    right = left if hold is not None or rng.random() < 0.4 else _hold(rng)
+    left = hold or _draw_hold(rng)
+    right = left if hold is not None or rng.random() < 0.4 else _draw_hold(rng)
     for side, name in enumerate((left, right)):
         for _ in range(_MAX_TRIES):
             _turn_arm(performer, rotations, rng, name, side)
@@ -73,7 +73,7 @@ def random_arms(performer: Performer, rotations: Float, rng: Generator, hold: st
 def _hold_close(performer: Performer, rotations: Float, rng: Generator, hold: str | None) -> None:
     """Holds both arms close in front of the trunk, in place. An arm for which this fails is held outward."""
     for n in range(_MAX_TRIES):
-        for side, wrist in enumerate(close_wrists(performer, rng, hold, n * _OUTWARD_STEP_M)):
+        for side, wrist in enumerate(draw_close_wrists(performer, rng, hold, n * _OUTWARD_STEP_M)):
             _place_arm(rotations, rng, *reach_close(performer, rotations, wrist, side), side)
         inside = [_inside_trunk(performer, rotations, side) for side in (0, 1)]
         if not any(inside):
@@ -82,7 +82,7 @@ def _hold_close(performer: Performer, rotations: Float, rng: Generator, hold: st
         _turn_arm(performer, rotations, rng, "out", int(side))
 
 
-def _hold(rng: Generator) -> str:
+def _draw_hold(rng: Generator) -> str:
     """Returns a random hold of an arm. "anywhere" has a probability of a quarter."""
     if rng.random() < 0.25:
         return "anywhere"
@@ -100,7 +100,12 @@ def _turn_arm(performer: Performer, rotations: Float, rng: Generator, name: str,
             elbow = rng.uniform(0.0, 2.4)
         else:
             flex, abduct, twist, elbow = (rng.uniform(*r) for r in _ANGLES[name])
-        upper = chest @ about_z(sign * abduct) @ about_x(-flex) @ about_y(-sign * twist)
+        upper = (
+            chest
+            @ rotation_about_z(sign * abduct)
+            @ rotation_about_x(-flex)
+            @ rotation_about_y(-sign * twist)
+        )
     _place_arm(rotations, rng, upper, elbow, side)
 
 
@@ -108,11 +113,11 @@ def _place_arm(rotations: Float, rng: Generator, upper: Float, elbow: float, sid
     """Writes the rotations of the upper arm, the forearm with its bend in radians, and a randomly rotated
     hand."""
     sign = 1.0 - 2.0 * side
-    fore = upper @ about_x(-elbow)
-    palm = about_y(-sign * rng.uniform(-0.8, 1.6)) @ about_z(-sign * rng.normal(0, 0.3))
+    fore = upper @ rotation_about_x(-elbow)
+    palm = rotation_about_y(-sign * rng.uniform(-0.8, 1.6)) @ rotation_about_z(-sign * rng.normal(0, 0.3))
     rotations[Limb.UPPER_ARM_LEFT + side] = upper
     rotations[Limb.FOREARM_LEFT + side] = fore
-    rotations[Limb.HAND_LEFT + side] = fore @ palm @ about_x(rng.normal(0, 0.3))
+    rotations[Limb.HAND_LEFT + side] = fore @ palm @ rotation_about_x(rng.normal(0, 0.3))
 
 
 def _reach(
@@ -120,10 +125,10 @@ def _reach(
 ) -> tuple[Float, float]:
     """Returns (3, 3) upper-arm rotation and the elbow's bend, radians, that bring the wrist near a target."""
     sign = np.array([1.0 - 2.0 * side, 1.0, 1.0])
-    wanted = (np.array(target) * performer.scale + rng.normal(0, 0.05, 3)) * sign
+    wrist_target = (np.array(target) * performer.scale + rng.normal(0, 0.05, 3)) * sign
     # Point the elbow down, outward and back, because most people hold it this way most of the time.
     out = np.array([0.7 * sign[0], -0.7, -0.35]) + rng.normal(0, 0.3, 3)
-    return reach(performer, chest, wanted, out, side)
+    return solve_arm(performer, chest, wrist_target, out, side)
 
 
 def _inside_trunk(performer: Performer, rotations: Float, side: int) -> bool:

@@ -14,7 +14,7 @@ from numpy.random import Generator
 
 from enliven.arrays import Float
 from enliven.person import Limb
-from enliven_synthesis.body import Figure, Performer, about_x, about_y, about_z
+from enliven_synthesis.body import Figure, Performer, rotation_about_x, rotation_about_y, rotation_about_z
 from enliven_synthesis.training.arm_poses import random_arms
 
 
@@ -50,7 +50,7 @@ class TrunkAndLegs:
     lean: float = 0.0
 
 
-def _planted(flex: float, knee: float, rng: Generator, spread: float = 0.14) -> LegPose:
+def _leg_with_level_sole(flex: float, knee: float, rng: Generator, spread: float = 0.14) -> LegPose:
     """Returns a leg with a level sole: the ankle compensates for thigh and shank."""
     return LegPose(flex, abs(rng.normal(0.04, spread)), rng.normal(0.12, 0.2), knee, knee - flex)
 
@@ -58,7 +58,7 @@ def _planted(flex: float, knee: float, rng: Generator, spread: float = 0.14) -> 
 def _stand(rng: Generator) -> TrunkAndLegs:
     spread = rng.choice([0.06, 0.2])
     knees = np.abs(rng.normal(0.0, 0.12, 2))
-    left, right = (_planted(0.5 * k + rng.normal(0, 0.05), k, rng, spread) for k in knees)
+    left, right = (_leg_with_level_sole(0.5 * k + rng.normal(0, 0.05), k, rng, spread) for k in knees)
     return TrunkAndLegs(left, right, rng.normal(0.03, 0.08), rng.normal(0, 0.05), rng.normal(0.08, 0.12),
                   rng.normal(0, 0.1))  # fmt: skip
 
@@ -75,7 +75,9 @@ def _walk(rng: Generator) -> TrunkAndLegs:
     stride = rng.uniform(-0.6, 0.6)
     behind = np.array([max(0.0, -stride), max(0.0, stride)])
     knees = np.abs(rng.normal(0.15, 0.2, 2)) + 0.8 * behind
-    left, right = (_planted(s + 0.3 * k, k, rng, 0.05) for s, k in zip((stride, -stride), knees, strict=True))
+    left, right = (
+        _leg_with_level_sole(s + 0.3 * k, k, rng, 0.05) for s, k in zip((stride, -stride), knees, strict=True)
+    )
     return TrunkAndLegs(left, right, rng.normal(0.06, 0.06), rng.normal(0, 0.04), rng.normal(0.05, 0.08),
                   rng.normal(0, 0.05))  # fmt: skip
 
@@ -85,7 +87,7 @@ def _crouch(rng: Generator) -> TrunkAndLegs:
     legs = []
     for _ in range(2):
         knee = np.clip(depth + rng.normal(0, 0.15), 0.3, 2.5)
-        legs.append(_planted(0.55 * knee + rng.uniform(-0.1, 0.5), knee, rng, 0.35))
+        legs.append(_leg_with_level_sole(0.55 * knee + rng.uniform(-0.1, 0.5), knee, rng, 0.35))
     pitch = 0.15 * depth + rng.normal(0.05, 0.15)
     return TrunkAndLegs(
         legs[0], legs[1], pitch, rng.normal(0, 0.05), rng.uniform(0.0, 0.7), rng.normal(0, 0.1)
@@ -104,7 +106,7 @@ def _kneel(rng: Generator) -> TrunkAndLegs:
         flex = rng.uniform(0.7, 1.4)
         left = right = LegPose(flex, abs(rng.normal(0.1, 0.1)), 0.0, min(2.5, flex + 1.5), -0.9)
     elif rng.random() < 0.55:  # on one knee
-        front = _planted(rng.uniform(1.1, 1.7), rng.uniform(1.2, 1.8), rng, 0.15)
+        front = _leg_with_level_sole(rng.uniform(1.1, 1.7), rng.uniform(1.2, 1.8), rng, 0.15)
         left, right = (front, right) if rng.random() < 0.5 else (left, front)
     return TrunkAndLegs(left, right, rng.normal(0.05, 0.15), rng.normal(0, 0.05), rng.uniform(-0.1, 0.6),
                   rng.normal(0, 0.15))  # fmt: skip
@@ -114,7 +116,7 @@ def _sit(rng: Generator) -> TrunkAndLegs:
     legs = []
     for _ in range(2):
         flex = rng.uniform(1.2, 1.75)
-        legs.append(_planted(flex, flex + rng.uniform(-0.5, 0.4), rng, 0.2))
+        legs.append(_leg_with_level_sole(flex, flex + rng.uniform(-0.5, 0.4), rng, 0.2))
     return TrunkAndLegs(legs[0], legs[1], rng.normal(-0.05, 0.15), 0.0, rng.uniform(-0.1, 0.6),
                   rng.normal(0, 0.12))  # fmt: skip
 
@@ -122,7 +124,10 @@ def _sit(rng: Generator) -> TrunkAndLegs:
 def _sit_down(rng: Generator) -> TrunkAndLegs:
     """Returns a person sitting down or getting up: the trunk leans forward over bent knees for balance."""
     knee = rng.uniform(0.7, 1.7)
-    legs = [_planted(0.8 * knee + rng.normal(0, 0.1), knee + rng.normal(0, 0.1), rng, 0.15) for _ in range(2)]
+    legs = [
+        _leg_with_level_sole(0.8 * knee + rng.normal(0, 0.1), knee + rng.normal(0, 0.1), rng, 0.15)
+        for _ in range(2)
+    ]
     return TrunkAndLegs(legs[0], legs[1], rng.uniform(0.2, 0.8), rng.normal(0, 0.05), rng.uniform(0.0, 0.6),
                   rng.normal(0, 0.1))  # fmt: skip
 
@@ -133,14 +138,14 @@ def _bow(rng: Generator) -> TrunkAndLegs:
     legs = []
     for _ in range(2):
         knee = abs(rng.normal(0.1, 0.3))
-        legs.append(_planted(0.5 * knee - 0.15 * depth + rng.normal(0, 0.06), knee, rng, 0.2))
+        legs.append(_leg_with_level_sole(0.5 * knee - 0.15 * depth + rng.normal(0, 0.06), knee, rng, 0.2))
     return TrunkAndLegs(legs[0], legs[1], 1.3 * depth + rng.normal(0, 0.1), rng.normal(0, 0.08),
                   0.9 * depth + rng.normal(0, 0.15), rng.normal(0, 0.2))  # fmt: skip
 
 
 def _one_leg(rng: Generator) -> TrunkAndLegs:
     knee = abs(rng.normal(0.05, 0.1))
-    ground = _planted(0.5 * knee, knee, rng, 0.06)
+    ground = _leg_with_level_sole(0.5 * knee, knee, rng, 0.06)
     flex = rng.uniform(-0.7, 2.0)
     bend = rng.uniform(0.0, 2.2) if flex > 0 else rng.uniform(0.0, 1.8)
     up = LegPose(flex, max(-0.1, rng.normal(0.2, 0.35)), rng.normal(0.1, 0.3), bend, rng.normal(-0.2, 0.3))
@@ -151,7 +156,7 @@ def _one_leg(rng: Generator) -> TrunkAndLegs:
 
 def _lunge(rng: Generator) -> TrunkAndLegs:
     knee = rng.uniform(0.4, 1.6)
-    front = _planted(rng.uniform(0.4, 1.4), knee, rng, 0.15)
+    front = _leg_with_level_sole(rng.uniform(0.4, 1.4), knee, rng, 0.15)
     back = LegPose(rng.uniform(-0.9, -0.1), abs(rng.normal(0.1, 0.2)), rng.normal(0.2, 0.2),
                rng.uniform(0.0, 1.3), rng.uniform(-0.3, 0.5))  # fmt: skip
     left, right = (front, back) if rng.random() < 0.5 else (back, front)
@@ -204,17 +209,17 @@ def _leap(rng: Generator) -> TrunkAndLegs:
 def _high_leg(rng: Generator) -> TrunkAndLegs:
     """Returns a leg raised sideways or forward, as high as dancers can. The trunk leans away from it."""
     knee = abs(rng.normal(0.05, 0.1))
-    ground = _planted(0.5 * knee, knee, rng, 0.06)
-    aside = rng.uniform(0.3, 1.7)
-    up = LegPose(rng.normal(0.2, 0.35), aside, rng.normal(0.3, 0.4), abs(rng.normal(0.0, 0.4)),
+    ground = _leg_with_level_sole(0.5 * knee, knee, rng, 0.06)
+    abduction = rng.uniform(0.3, 1.7)
+    up = LegPose(rng.normal(0.2, 0.35), abduction, rng.normal(0.3, 0.4), abs(rng.normal(0.0, 0.4)),
              rng.normal(-0.2, 0.3))  # fmt: skip
     left = rng.random() < 0.5
-    roll = (-1.0 if left else 1.0) * rng.uniform(0.1, 0.4) * aside
+    roll = (-1.0 if left else 1.0) * rng.uniform(0.1, 0.4) * abduction
     return TrunkAndLegs(up if left else ground, ground if left else up, rng.normal(0.0, 0.12), roll,
                   rng.normal(0.1, 0.15), rng.uniform(-0.6, 0.6) * roll)  # fmt: skip
 
 
-_FAMILIES: dict[str, tuple[float, Callable[[Generator], TrunkAndLegs]]] = {
+_POSTURE_FAMILIES: dict[str, tuple[float, Callable[[Generator], TrunkAndLegs]]] = {
     "stand": (0.30, _stand),
     "lean": (0.08, _lean),
     "walk": (0.10, _walk),
@@ -231,9 +236,9 @@ _FAMILIES: dict[str, tuple[float, Callable[[Generator], TrunkAndLegs]]] = {
     "lie": (0.02, _lie),
     "leap": (0.05, _leap),
 }
-"""Every family with its probability. Usual postures are frequent, and rare ones frequent enough to be
-learnt."""
-FAMILIES = tuple(_FAMILIES)
+"""Every family of postures with its probability. Usual postures are frequent, and rare postures are frequent
+enough to be learnt."""
+FAMILIES = tuple(_POSTURE_FAMILIES)
 """Names of all families."""
 
 
@@ -248,49 +253,58 @@ def random_figure(
         arms: a name of :data:`enliven_synthesis.training.arm_poses.HOLDS`; None draws one at random.
     """
     if family is None:
-        shares = np.array([share for share, _ in _FAMILIES.values()])
+        shares = np.array([share for share, _ in _POSTURE_FAMILIES.values()])
         family = FAMILIES[int(rng.choice(len(FAMILIES), p=shares / shares.sum()))]
-    pose = _FAMILIES[family][1](rng)
+    pose = _POSTURE_FAMILIES[family][1](rng)
     rotations = np.tile(np.eye(3), (len(Limb), 1, 1))
-    heading = about_y(yaw)
+    heading = rotation_about_y(yaw)
     _turn_trunk(rotations, heading, pose, rng)
     for side, leg in enumerate((pose.left, pose.right)):
-        _turn_leg(rotations, heading @ about_x(0.15 * pose.pitch), leg, side)
-    random_arms(performer, rotations, rng, "hang" if arms is None and _hangs(family, rng) else arms)
+        _turn_leg(rotations, heading @ rotation_about_x(0.15 * pose.pitch), leg, side)
+    random_arms(performer, rotations, rng, "hang" if arms is None and _arms_hang(family, rng) else arms)
     figure = performer.figure(rotations, np.zeros(3))
-    return performer.figure(rotations, np.array([0.0, -_lowest(figure, performer.scale), 0.0]))
+    return performer.figure(rotations, np.array([0.0, -_lowest_height(figure, performer.scale), 0.0]))
 
 
-def _hangs(family: str, rng: Generator) -> bool:
-    """Returns True if the arms hang, as they do when a person reaches for the floor."""
+def _arms_hang(family: str, rng: Generator) -> bool:
+    """Returns True if the arms hang, as they often do when a person reaches for the floor."""
     return family == "bow" and rng.random() < 0.4
 
 
 def _turn_trunk(rotations: Float, heading: Float, pose: TrunkAndLegs, rng: Generator) -> None:
     """Rotates pelvis, belly, chest and head."""
-    pelvis = heading @ about_x(pose.pitch) @ about_z(-pose.roll)
+    pelvis = heading @ rotation_about_x(pose.pitch) @ rotation_about_z(-pose.roll)
     yaw = rng.normal(0, 0.2)
-    bend = about_y(yaw / 2) @ about_x(pose.bend / 2) @ about_z(-pose.lean / 2)
+    bend = rotation_about_y(yaw / 2) @ rotation_about_x(pose.bend / 2) @ rotation_about_z(-pose.lean / 2)
     rotations[Limb.PELVIS], rotations[Limb.ABDOMEN] = pelvis, pelvis @ bend
     rotations[Limb.CHEST] = pelvis @ bend @ bend
-    head = about_y(rng.normal(0, 0.45)) @ about_x(rng.normal(0.05, 0.3)) @ about_z(rng.normal(0, 0.15))
+    head = (
+        rotation_about_y(rng.normal(0, 0.45))
+        @ rotation_about_x(rng.normal(0.05, 0.3))
+        @ rotation_about_z(rng.normal(0, 0.15))
+    )
     rotations[Limb.SKULL] = rotations[Limb.CHEST] @ head
 
 
 def _turn_leg(rotations: Float, heading: Float, leg: LegPose, side: int) -> None:
     """Rotates one leg; ``side`` 0 is the left."""
     sign = 1.0 - 2.0 * side
-    thigh = heading @ about_z(sign * leg.abduct) @ about_x(-leg.flex) @ about_y(sign * leg.twist)
-    shank = thigh @ about_x(leg.knee)
+    thigh = (
+        heading
+        @ rotation_about_z(sign * leg.abduct)
+        @ rotation_about_x(-leg.flex)
+        @ rotation_about_y(sign * leg.twist)
+    )
+    shank = thigh @ rotation_about_x(leg.knee)
     rotations[Limb.THIGH_LEFT + side], rotations[Limb.SHANK_LEFT + side] = thigh, shank
-    rotations[Limb.FOOT_LEFT + side] = shank @ about_x(-float(np.clip(leg.ankle, -0.9, 0.7)))
+    rotations[Limb.FOOT_LEFT + side] = shank @ rotation_about_x(-float(np.clip(leg.ankle, -0.9, 0.7)))
 
 
 _SOLE = np.array([[0.0, -0.08, -0.06], [0.0, -0.08, 0.15], [0.0, -0.06, 0.19]])
 """Heel, ball and toe-cap of a sole for a person of 1.75 m, metres, foot's frame."""
 
 
-def _lowest(figure: Figure, scale: float) -> float:
+def _lowest_height(figure: Figure, scale: float) -> float:
     """Returns the height of the lowest point of soles, knees, hands and seat, metres."""
     low = []
     for limb in (Limb.FOOT_LEFT, Limb.FOOT_RIGHT):

@@ -14,7 +14,7 @@ from numpy.random import Generator
 
 from enliven.arrays import Float
 from enliven.person import Limb
-from enliven_synthesis.body import Performer, reach
+from enliven_synthesis.body import Performer, solve_arm
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,9 @@ _ELBOW_SPREAD = 0.3
 """Standard deviation of the elbow's direction along each axis."""
 
 
-def close_wrists(performer: Performer, rng: Generator, hold: str | None = None, ahead: float = 0.0) -> Float:
+def draw_close_wrists(
+    performer: Performer, rng: Generator, hold: str | None = None, ahead: float = 0.0
+) -> Float:
     """Returns (2, 6) positions of both wrists, metres, and directions of both elbows, chest's frame.
 
     The axes are those of the arm's own side: outward, up, ahead. The left arm is first.
@@ -83,10 +85,10 @@ def close_wrists(performer: Performer, rng: Generator, hold: str | None = None, 
         hold: a name of :data:`CLOSE_HOLDS`; None draws one at random, or a pose between two of them.
         ahead: additional distance of both wrists from the trunk, metres, for a person of 1.75 m.
     """
-    wrists = _of(hold or _drawn(rng), rng)
+    wrists = _hold_wrists(hold or _draw_hold(rng), rng)
     if hold is None and rng.random() > _PURE_HOLD_FRACTION:
         part = rng.random()
-        wrists = (1.0 - part) * wrists + part * _of(_drawn(rng), rng)
+        wrists = (1.0 - part) * wrists + part * _hold_wrists(_draw_hold(rng), rng)
     wrists[:, :3] += rng.normal(0.0, _WRIST_SPREAD_M, (2, 3))
     wrists[:, 1] += rng.normal(0.0, _HEIGHT_SPREAD_M)
     wrists[:, 2] += ahead
@@ -97,21 +99,22 @@ def close_wrists(performer: Performer, rng: Generator, hold: str | None = None, 
 
 
 def reach_close(performer: Performer, rotations: Float, wrist: Float, side: int) -> tuple[Float, float]:
-    """Returns (3, 3) upper-arm rotation and the elbow's bend, radians, for one row of :func:`close_wrists`.
+    """Returns (3, 3) upper-arm rotation and the elbow's bend, radians, for one row of
+    :func:`draw_close_wrists`.
 
     Args:
         rotations: (16, 3, 3) world_from_limb.
         side: 0 the left arm, 1 the right one.
     """
     mirror = np.array([1.0 - 2.0 * side, 1.0, 1.0])
-    return reach(performer, rotations[Limb.CHEST], wrist[:3] * mirror, wrist[3:] * mirror, side)
+    return solve_arm(performer, rotations[Limb.CHEST], wrist[:3] * mirror, wrist[3:] * mirror, side)
 
 
-def _drawn(rng: Generator) -> str:
+def _draw_hold(rng: Generator) -> str:
     return CLOSE_HOLDS[int(rng.integers(len(CLOSE_HOLDS)))]
 
 
-def _of(hold: str, rng: Generator) -> Float:
+def _hold_wrists(hold: str, rng: Generator) -> Float:
     """Returns (2, 6) wrist positions and elbow directions of a hold. In half of the draws the arms are
     exchanged."""
     both = np.array([[*wrist.place, *wrist.elbow] for wrist in _HOLDS[hold]])

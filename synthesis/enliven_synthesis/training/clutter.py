@@ -13,7 +13,7 @@ from numpy.random import Generator
 from scipy import ndimage
 
 from enliven.arrays import Bool, Float
-from enliven_synthesis.body import about_x, about_y, about_z
+from enliven_synthesis.body import rotation_about_x, rotation_about_y, rotation_about_z
 
 _LEG_RADIUS_M = 0.025
 """Half the thickness of a table leg of ordinary furniture, metres."""
@@ -67,7 +67,7 @@ def random_clutter(place: Float, rng: Generator) -> list[ClutterSolid]:
         place: (2,) position x and z, metres.
     """
     solids = (_stack, _pillar, _table, _rack)[int(rng.integers(4))](rng)
-    heading, middle = about_y(rng.uniform(-np.pi, np.pi)), np.array([place[0], 0.0, place[1]])
+    heading, middle = rotation_about_y(rng.uniform(-np.pi, np.pi)), np.array([place[0], 0.0, place[1]])
     return [ClutterSolid(heading @ s.centre + middle, s.half, heading @ s.turn, s.round) for s in solids]
 
 
@@ -78,12 +78,16 @@ def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> C
 
 def _stack(rng: Generator) -> list[ClutterSolid]:
     """Returns boxes and ellipsoids on top of and next to each other."""
-    wide, tall, solids = rng.uniform(0.1, 0.5), rng.uniform(0.3, 2.0), []
+    width, height, solids = rng.uniform(0.1, 0.5), rng.uniform(0.3, 2.0), []
     for n in range(int(rng.integers(1, 7))):
         half = rng.uniform(0.04, 0.4, 3)
-        turn = about_y(rng.uniform(-1.6, 1.6)) @ about_x(rng.normal(0, 0.3)) @ about_z(rng.normal(0, 0.3))
-        up = half[1] if n == 0 else rng.uniform(0.0, tall)
-        centre = np.array([rng.uniform(-wide, wide), up, rng.uniform(-wide, wide)])
+        turn = (
+            rotation_about_y(rng.uniform(-1.6, 1.6))
+            @ rotation_about_x(rng.normal(0, 0.3))
+            @ rotation_about_z(rng.normal(0, 0.3))
+        )
+        up = half[1] if n == 0 else rng.uniform(0.0, height)
+        centre = np.array([rng.uniform(-width, width), up, rng.uniform(-width, width)])
         solids.append(ClutterSolid(centre, half, turn, bool(rng.random() < 0.4)))
     return solids
 
@@ -117,7 +121,7 @@ def _rack(rng: Generator) -> list[ClutterSolid]:
     pole = rng.uniform(0.01, 0.05)
     solids = [_box((-pole, 0.0, -pole), (pole, tall, pole))]
     for _ in range(int(rng.integers(0, 6))):
-        turn = about_y(rng.uniform(-np.pi, np.pi)) @ about_z(rng.uniform(-1.2, 1.2))
+        turn = rotation_about_y(rng.uniform(-np.pi, np.pi)) @ rotation_about_z(rng.uniform(-1.2, 1.2))
         half = np.array([rng.uniform(0.1, 0.45), rng.uniform(0.01, 0.06), rng.uniform(0.01, 0.06)])
         solids.append(ClutterSolid(np.array([0.0, rng.uniform(0.1, tall), 0.0]), half, turn))
     if rng.random() < 0.6:
@@ -126,7 +130,7 @@ def _rack(rng: Generator) -> list[ClutterSolid]:
     return solids
 
 
-def piece_of_wall(shape: tuple[int, int], middle: Float, size: Float, rng: Generator) -> Bool:
+def random_wall_piece(shape: tuple[int, int], middle: Float, size: Float, rng: Generator) -> Bool:
     """Returns (h, w) pixels within a random outline: a piece of a wall that is missing from the background
     model.
 

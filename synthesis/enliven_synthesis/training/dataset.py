@@ -16,12 +16,12 @@ from enliven_edge.tracking.estimator import CHANNELS, COLUMNS, MIRRORED, NOBODY,
 from enliven_synthesis.training.rendering import PersonRenderer
 from enliven_synthesis.training.samples import LABEL_COLUMNS, LABEL_ROWS, training_sample
 
-SHARD = 2000
+SHARD_SAMPLES = 2000
 """Number of samples rendered from one random generator. It makes the samples independent of the number of
 processes."""
 _RANDOM_STREAM = 77
 """Number that separates the random generators of samples from others with the same seed."""
-_COMPLETE = "complete.txt"
+_COMPLETION_FILE = "complete.txt"
 """Name of the file that is written last. Without it the data set is incomplete and is not used."""
 _ARRAYS = {
     "image": (np.float16, (CHANNELS, ROWS, COLUMNS)),
@@ -31,7 +31,7 @@ _ARRAYS = {
     "cell": (np.float32, ()),
 }
 """Each array of the data set, with the type and the shape of one sample."""
-OTHER_SIDE = np.array([*MIRRORED, *([NOBODY] * (256 - PARTS))], np.uint8)
+MIRRORED_LABELS = np.array([*MIRRORED, *([NOBODY] * (256 - PARTS))], np.uint8)
 """(256,) The label of the mirrored body part for each label."""
 
 
@@ -72,9 +72,9 @@ class Dataset:
         Raises:
             InputError: if the data set is missing, its rendering was interrupted, or it is damaged.
         """
-        if not (folder / _COMPLETE).exists():
+        if not (folder / _COMPLETION_FILE).exists():
             raise InputError(
-                "the album was not rendered completely",
+                "the data set was not rendered completely",
                 where=str(folder),
                 mend="Remove the folder to render it again, or name another one.",
             )
@@ -89,9 +89,9 @@ class Dataset:
 
     def batch(self, which: AnyArray) -> Batch:
         """Returns the samples with the given numbers (N,), which must be ascending."""
-        drawn = {name: np.array(array[np.sort(which)]) for name, array in self.arrays.items()}
-        image = drawn["image"].astype(np.float32)
-        return Batch(image, drawn["parts"], drawn["joints"], drawn["facing"], drawn["cell"])
+        samples = {name: np.array(array[np.sort(which)]) for name, array in self.arrays.items()}
+        image = samples["image"].astype(np.float32)
+        return Batch(image, samples["parts"], samples["joints"], samples["facing"], samples["cell"])
 
 
 def render_dataset(
@@ -107,13 +107,18 @@ def render_dataset(
     for name, (kind, shape) in _ARRAYS.items():
         np.lib.format.open_memmap(folder / f"{name}.npy", "w+", kind, (count, *shape))
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        firsts = range(0, count, SHARD)
-        left = {pool.submit(_render_shard, folder, n, min(n + SHARD, count), frontal, seed) for n in firsts}
+        firsts = range(0, count, SHARD_SAMPLES)
+        left = {
+            pool.submit(_render_shard, folder, n, min(n + SHARD_SAMPLES, count), frontal, seed)
+            for n in firsts
+        }
         while left:
             done, left = wait(left, return_when=FIRST_COMPLETED)
             for shard in done:
                 rendered(shard.result())
-    (folder / _COMPLETE).write_text(f"{count} lessons, seed {seed}, {frontal} of them facing the sensor\n")
+    (folder / _COMPLETION_FILE).write_text(
+        f"{count} lessons, seed {seed}, {frontal} of them facing the sensor\n"
+    )
     return Dataset(folder)
 
 

@@ -13,7 +13,7 @@ _TRUNK_MIDDLE = 0.04
 """Height above the spine joint of the border between belly and chest, metres, for a person of 1.75 m."""
 
 
-def _part_of_limb() -> Int:
+def _parts_by_limb() -> Int:
     """Returns (16,) the body part of every limb; -1 for the limbs of the trunk."""
     parts = np.full(len(Limb), -1)
     parts[Limb.SKULL] = BodyPart.HEAD
@@ -21,9 +21,9 @@ def _part_of_limb() -> Int:
     return parts
 
 
-_LIMB = np.array([piece.limb for piece in PIECES])
+_LIMB_OF_PIECE = np.array([piece.limb for piece in PIECES])
 """(P,) The limb of every piece of the body."""
-_PART = _part_of_limb()[_LIMB]
+_PART_OF_PIECE = _parts_by_limb()[_LIMB_OF_PIECE]
 """(P,) The body part of every piece; -1 for pieces of the trunk."""
 
 
@@ -36,7 +36,7 @@ def label_pixels(pieces: UInt8, points: Float, figure: Figure, scale: float) -> 
         figure: the person's figure.
         scale: the person's stature relative to the reference.
     """
-    labels: AnyArray = _PART[pieces].copy()
+    labels: AnyArray = _PART_OF_PIECE[pieces].copy()
     trunk = labels < 0
     spine = figure.frames[Limb.ABDOMEN]
     local = (points[trunk] - spine[:, 3]) @ spine[:, :3]

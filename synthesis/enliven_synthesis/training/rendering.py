@@ -19,7 +19,7 @@ from enliven_edge.tracking.estimator import NOBODY
 from enliven_synthesis.body import PIECES, BodyAnatomy, Figure, Performer, Proportions
 from enliven_synthesis.sensor import DepthNoise, DepthRenderer, load_profile
 from enliven_synthesis.training.body_poses import random_figure
-from enliven_synthesis.training.clutter import piece_of_wall, random_clutter
+from enliven_synthesis.training.clutter import random_clutter, random_wall_piece
 from enliven_synthesis.training.labelling import label_pixels
 
 SENSORS = ("kinect1", "kinect2", "oak-d", "oak-d-lite", "realsense-d415", "tof")
@@ -29,7 +29,8 @@ WIDTH = 200
 _PIECE_NUMBERS = np.arange(len(PIECES), dtype=np.int64)
 """(P,) Numbers of the pieces. The renderer writes them instead of materials."""
 _WALL_FRACTION = 0.35
-"""Fraction of the clutter that is pieces of a wall. The rest is furniture and similar objects."""
+"""Fraction of the clutter images that show a piece of a wall. The others show furniture and similar
+objects."""
 _SUNK_FEET_FRACTION = 0.08
 """Fraction of images in which feet or shanks are lost because the background model's floor is too high."""
 _STRAY_DISTANCE_M = 0.12
@@ -93,12 +94,12 @@ class PersonRenderer:
         """Renders clutter in place of a person, with at least 60 visible pixels."""
         while True:
             _, figure, sensor, pose = self._placed(rng, None, None, 0.0)
-            rendered = _partly_hidden(self.render_clutter_at(figure, sensor, pose, rng), rng)
+            rendered = _hide_part(self.render_clutter_at(figure, sensor, pose, rng), rng)
             if np.count_nonzero(rendered.z) >= 60:
                 return rendered
 
     def _try(self, rng: Generator, family: str | None, arms: str | None, frontal: float) -> RenderedPerson:
-        return _partly_hidden(self.render_figure(*self._placed(rng, family, arms, frontal), rng), rng)
+        return _hide_part(self.render_figure(*self._placed(rng, family, arms, frontal), rng), rng)
 
     def _placed(
         self, rng: Generator, family: str | None, arms: str | None, frontal: float
@@ -138,21 +139,21 @@ class PersonRenderer:
         depth = _background(ray, pose, instead, rng)
         if rng.random() < _WALL_FRACTION:
             inverse = np.linalg.inv(pose)
-            here = instead.joints @ inverse[:3, :3].T + inverse[:3, 3]
+            local_joints = instead.joints @ inverse[:3, :3].T + inverse[:3, 3]
             fx, fy, cx, cy = self._lens(sensor)
-            z = np.maximum(here[:, 2], 0.2)
-            rows, columns = fy * here[:, 1] / z + cy, fx * here[:, 0] / z + cx
+            z = np.maximum(local_joints[:, 2], 0.2)
+            rows, columns = fy * local_joints[:, 1] / z + cy, fx * local_joints[:, 0] / z + cx
             size = np.array([np.ptp(rows), np.ptp(columns)]) * rng.uniform(0.4, 1.4, 2)
-            thing = piece_of_wall(depth.shape, np.array([rows.mean(), columns.mean()]), size, rng)
-            thing &= np.isfinite(depth)
+            mask = random_wall_piece(depth.shape, np.array([rows.mean(), columns.mean()]), size, rng)
+            mask &= np.isfinite(depth)
         else:
             direction = ray[..., :1] * pose[:3, 0] + ray[..., 1:] * pose[:3, 1] + pose[:3, 2]
             place = instead.joints[0, [0, 2]] + rng.normal(0.0, 0.15, 2)
             entries = [solid.entry(pose[:3, 3], direction) for solid in random_clutter(place, rng)]
             nearest = np.minimum.reduce(entries)
-            thing = nearest < depth
+            mask = nearest < depth
             depth = np.minimum(depth, nearest)
-        return self._measured(depth, np.zeros(depth.shape, np.uint8), thing, sensor, pose, rng)
+        return self._measured(depth, np.zeros(depth.shape, np.uint8), mask, sensor, pose, rng)
 
     def _lens(self, sensor: int) -> Float:
         """Returns (4,) fx, fy, cx, cy of a sensor."""
@@ -168,13 +169,13 @@ class PersonRenderer:
         z = noise.corrupt(depth, stuff, int(rng.integers(2**31))).astype(np.float64) * 1e-3
         height = (pose[1, 0] * ray[..., 0] + pose[1, 1] * ray[..., 1] + pose[1, 2]) * z + pose[1, 3]
         stray = (np.abs(z - depth) > _STRAY_DISTANCE_M) & (rng.random(z.shape) < 0.8)
-        seen = mask & (z > 0) & ~stray & (height > _floor_band(rng))
+        seen = mask & (z > 0) & ~stray & (height > _draw_floor_band(rng))
         person, nothing = np.where(seen, z, 0.0), np.full(z.shape, NOBODY, np.uint8)
         lens = self._lens(sensor)
         return RenderedPerson(person.astype(np.float32), z.astype(np.float32), nothing, lens, pose, None)
 
 
-def _floor_band(rng: Generator) -> float:
+def _draw_floor_band(rng: Generator) -> float:
     """Returns the height above the floor, metres, below which the tracker assigns no pixels to the person.
 
     It is larger if the background was learnt while the person stood there.
@@ -184,14 +185,14 @@ def _floor_band(rng: Generator) -> float:
     )
 
 
-def _partly_hidden(made: RenderedPerson, rng: Generator) -> RenderedPerson:
+def _hide_part(rendered: RenderedPerson, rng: Generator) -> RenderedPerson:
     """Hides a part of the person in some of the images (occlusion)."""
-    hidden = _hidden(made.z > 0, rng)
+    hidden = _draw_occlusion(rendered.z > 0, rng)
     return dataclasses.replace(
-        made,
-        z=np.where(hidden, 0.0, made.z),
-        around=np.where(hidden, _hider(made.z, rng), made.around).astype(np.float32),
-        label=np.where(hidden, NOBODY, made.label).astype(np.uint8),
+        rendered,
+        z=np.where(hidden, 0.0, rendered.z),
+        around=np.where(hidden, _draw_occluder_depth(rendered.z, rng), rendered.around).astype(np.float32),
+        label=np.where(hidden, NOBODY, rendered.label).astype(np.uint8),
     )
 
 
@@ -214,17 +215,17 @@ def _camera_pose(figure: Figure, camera: Intrinsics, near: float, far: float, rn
     middle = 0.5 * (low + high)
     if rng.random() < 0.25:  # a close-up of the upper body
         distance = rng.uniform(near, max(near + 0.3, 1.4))
-        aim = figure.joints[int(rng.choice([0, 1, 2, 3]))] + rng.normal(0, 0.1, 3)
+        target = figure.joints[int(rng.choice([0, 1, 2, 3]))] + rng.normal(0, 0.1, 3)
     else:
         whole = 0.62 * (high[1] - low[1] + 0.3) * camera.fy / (0.5 * camera.height)
         nearest = max(near, 0.6 * whole)
         distance = nearest + (max(far, nearest + 0.3) - nearest) * rng.random() ** 1.3
-        aim = middle + rng.normal(0, 1.0, 3) * [0.12 * distance, 0.06 * distance, 0.0]
+        target = middle + rng.normal(0, 1.0, 3) * [0.12 * distance, 0.06 * distance, 0.0]
     height = rng.uniform(0.4, 2.3)
-    height = aim[1] + np.clip(height - aim[1], -0.75 * distance, 0.75 * distance)
-    flat = np.sqrt(max(distance**2 - (height - aim[1]) ** 2, 0.1))
-    eye = np.array([aim[0], max(height, 0.25), aim[2] + flat])
-    forward = aim - eye
+    height = target[1] + np.clip(height - target[1], -0.75 * distance, 0.75 * distance)
+    flat = np.sqrt(max(distance**2 - (height - target[1]) ** 2, 0.1))
+    eye = np.array([target[0], max(height, 0.25), target[2] + flat])
+    forward = target - eye
     forward /= np.linalg.norm(forward)
     roll = rng.normal(0, 0.04)
     right = np.cross(forward, [0.0, 1.0, 0.0])
@@ -247,13 +248,13 @@ def _background(ray: Float, pose: Float, figure: Figure, rng: Generator) -> Floa
     return np.asarray(np.minimum(to_wall, to_floor))
 
 
-def _hider(z: Float32, rng: Generator) -> float:
+def _draw_occluder_depth(z: Float32, rng: Generator) -> float:
     """Returns the depth of the object that occludes a person, metres; 0 if it is not measured."""
     seen = z[z > 0]
     return 0.0 if len(seen) == 0 or rng.random() < 0.3 else float(seen.min()) * rng.uniform(0.5, 0.95)
 
 
-def _hidden(seen: Bool, rng: Generator) -> Bool:
+def _draw_occlusion(seen: Bool, rng: Generator) -> Bool:
     """Returns (h, w) the occluded pixels: in one image of five by an object, in some by missing depth."""
     hidden = np.zeros(seen.shape, bool)
     rows, columns = np.nonzero(seen)
@@ -261,16 +262,16 @@ def _hidden(seen: Bool, rng: Generator) -> Bool:
         return hidden
     if rng.random() < 0.2:
         top, left = rng.integers(rows.min(), rows.max() + 1), rng.integers(columns.min(), columns.max() + 1)
-        tall, wide = np.ptp(rows) + 1, np.ptp(columns) + 1
+        height, width = np.ptp(rows) + 1, np.ptp(columns) + 1
         kind = rng.random()
         if kind < 0.4:  # A table hides everything below its edge.
-            hidden[max(top, rows.min() + tall // 3) :] = True
+            hidden[max(top, rows.min() + height // 3) :] = True
         elif kind < 0.7:  # Another person or a pillar hides everything on one side.
             side = rng.random() < 0.5
-            hidden[:, : left - wide // 4] = side
-            hidden[:, left + wide // 4 :] = not side
+            hidden[:, : left - width // 4] = side
+            hidden[:, left + width // 4 :] = not side
         else:
-            hidden[top : top + tall // 4 + 1, left : left + wide // 3 + 1] = True
+            hidden[top : top + height // 4 + 1, left : left + width // 3 + 1] = True
     if rng.random() < 0.12:
         hidden |= rng.random(seen.shape) < rng.uniform(0.05, 0.4)
     return hidden

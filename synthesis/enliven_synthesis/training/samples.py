@@ -20,9 +20,9 @@ from enliven_synthesis.training.rendering import PersonRenderer, RenderedPerson
 
 LABEL_ROWS, LABEL_COLUMNS = ROWS // 2, COLUMNS // 2
 """Rows and columns of the part labels: half the crop's resolution, the network's output resolution."""
-_MISPLACED = np.array([0.05, 0.05, 0.06, 0.06])
-"""Standard deviations of a crop's errors, similar to a tracker's: three of its position, in metres, and one
-of the logarithm of its size."""
+_CROP_DEVIATIONS = np.array([0.05, 0.05, 0.06, 0.06])
+"""Standard deviations of a crop's errors, similar to a tracker's: three for its position, in metres, and one
+for the logarithm of its size."""
 _FLOOR_ERROR_M = 0.02
 """Standard deviation of the error of the floor's height, metres, similar to a tracker's."""
 _JUMP_FRACTION = 0.1
@@ -50,10 +50,10 @@ to the wall, the depth has no step there."""
 _WALL_DISTANCES_M = (0.0, 0.6)
 """Distance of such a wall behind the person's middle, metres (minimum, maximum)."""
 _WALL_SLOPE = 0.006
-"""Standard deviation of the slope of such a wall, metres per pixel. About 30 degrees."""
+"""Standard deviation of the slope of such a wall, metres per pixel. This is about 30 degrees."""
 _WALL_REST_FRACTION = 0.3
-"""Fraction of the samples without a person that show the rest of a wall next to a person. A person's outline
-cuts this piece out, so it has the side and the height of a person."""
+"""Fraction of the samples without a person that show a piece of a wall next to a person. It is bounded by the
+person's outline, so it has the outline and the height of a person."""
 _STRAIGHT_EDGE_FRACTION = 0.6
 """Fraction of these pieces that end at a straight edge, such as a door's, on the other side."""
 _MIN_WALL_PIXELS = 60
@@ -84,33 +84,33 @@ class TrainingSample:
 def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) -> TrainingSample:
     """Renders a random sample; ``frontal`` is the fraction of people that face the sensor."""
     clutter = rng.random() < _CLUTTER_FRACTION
-    beside = clutter and rng.random() < _WALL_REST_FRACTION
-    if beside or not clutter:
+    is_wall_rest = clutter and rng.random() < _WALL_REST_FRACTION
+    if is_wall_rest or not clutter:
         rendered = renderer.render_person(rng, frontal=frontal)
     else:
         rendered = renderer.render_clutter(rng)
     mask = rendered.z > 0
     z = np.where(mask, rendered.z, rendered.around)
-    if beside:
-        z, mask = _left_beside(z, mask, rng)
+    if is_wall_rest:
+        z, mask = _add_wall_alone(z, mask, rng)
     elif not clutter and rng.random() < _LOST_LIMB_FRACTION:
-        mask &= ~_lost_limb(rendered, rng)
-    if mask.sum() < (_MIN_WALL_PIXELS if beside else 1):
+        mask &= ~_draw_lost_limb(rendered, rng)
+    if mask.sum() < (_MIN_WALL_PIXELS if is_wall_rest else 1):
         return training_sample(renderer, rng, frontal)
     if rng.random() < _FOREIGN_PIECE_FRACTION:
-        z, mask = _taken_in(z, mask, rng)
-    if not beside and rng.random() < _WALL_PIECE_FRACTION:
-        z, mask = _with_wall(z, mask, rng)
+        z, mask = _add_foreign_piece(z, mask, rng)
+    if not is_wall_rest and rng.random() < _WALL_PIECE_FRACTION:
+        z, mask = _add_wall(z, mask, rng)
     if rng.random() < _SHREDDED_FRACTION:
-        shreds = _shreds(mask, rng)
+        shreds = _draw_discs(mask, rng)
         z, mask = np.where(shreds, z, 0.0).astype(np.float32), mask & shreds
     raised = rng.normal(0.0, _FLOOR_ERROR_M)
     if rng.random() < _JUMP_FRACTION:
         raised += rng.uniform(0.0, _MAX_JUMP_HEIGHT_M)
-    shift = rng.normal(0.0, 1.0, 4) * _MISPLACED
+    shift = rng.normal(0.0, 1.0, 4) * _CROP_DEVIATIONS
     pose = rendered.world_from_camera
     crop = crop_person(z.astype(np.float64), mask, rendered.camera, pose, shift, raised)
-    if rendered.figure is None or beside:
+    if rendered.figure is None or is_wall_rest:
         nothing = np.full((LABEL_ROWS, LABEL_COLUMNS), NOBODY, np.uint8)
         return TrainingSample(crop.image, crop.cell, np.zeros((20, 3), np.float32), np.nan, nothing)
     inverse = np.linalg.inv(pose)
@@ -119,19 +119,19 @@ def training_sample(renderer: PersonRenderer, rng: Generator, frontal: float) ->
     return TrainingSample(
         crop.image,
         crop.cell,
-        in_crop(crop, joints).astype(np.float32),
+        crop_coordinates(crop, joints).astype(np.float32),
         facing_in_plan(chest[:, 0], chest[:, 3], pose[:3, 3]),
-        _labels(crop, rendered, mask),
+        _label_crop(crop, rendered, mask),
     )
 
 
-def _lost_limb(rendered: RenderedPerson, rng: Generator) -> Bool:
+def _draw_lost_limb(rendered: RenderedPerson, rng: Generator) -> Bool:
     """Returns (h, w) the pixels of a random part of the body."""
     part = int(_LOST[int(rng.integers(len(_LOST)))])
     return np.asarray(rendered.label == (part if part == BodyPart.HEAD else part + int(rng.integers(2))))
 
 
-def _shreds(mask: Bool, rng: Generator) -> Bool:
+def _draw_discs(mask: Bool, rng: Generator) -> Bool:
     """Returns (h, w) small random discs on the person."""
     rows, columns = np.nonzero(mask)
     reach = max(1.0, 0.04 * float(np.hypot(np.ptp(rows), np.ptp(columns))) * rng.uniform(0.6, 1.6))
@@ -142,27 +142,27 @@ def _shreds(mask: Bool, rng: Generator) -> Bool:
     return out
 
 
-def _taken_in(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
+def _add_foreign_piece(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     """Adds a slanted piece of another object to the depth and to the person's mask, both (h, w)."""
     rows, columns = np.nonzero(mask)
     i = int(rng.integers(len(rows)))
     sides = (int(np.ptp(rows)) + 5, int(np.ptp(columns)) + 5)
-    tall, wide = (int(rng.integers(3, max(4, side // 4))) for side in sides)
-    top = max(0, rows[i] - int(rng.integers(tall)))
-    left = max(0, columns[i] - int(rng.integers(wide)))
+    height, width = (int(rng.integers(3, max(4, side // 4))) for side in sides)
+    top = max(0, rows[i] - int(rng.integers(height)))
+    left = max(0, columns[i] - int(rng.integers(width)))
     piece = np.zeros(mask.shape, bool)
-    piece[top : top + tall, left : left + wide] = True
+    piece[top : top + height, left : left + width] = True
     if rng.random() < 0.7:
         piece &= ~mask
     down, right = np.nonzero(piece)
-    out, taken = z.copy(), mask | piece
+    out, new_mask = z.copy(), mask | piece
     slope = rng.normal(0.0, 0.01, 2)
-    here = float(z[rows[i], columns[i]]) + rng.normal(0.0, 0.1)
-    out[piece] = np.maximum(0.3, here + slope[0] * (down - top) + slope[1] * (right - left))
-    return out, taken
+    depth = float(z[rows[i], columns[i]]) + rng.normal(0.0, 0.1)
+    out[piece] = np.maximum(0.3, depth + slope[0] * (down - top) + slope[1] * (right - left))
+    return out, new_mask
 
 
-def _with_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
+def _add_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     """Adds the wall next to the person to the depth and to the person's mask, both (h, w)."""
     rows, columns = np.nonzero(mask)
     i = int(rng.integers(len(rows)))
@@ -179,20 +179,20 @@ def _with_wall(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     return out, mask | piece
 
 
-def _left_beside(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
+def _add_wall_alone(z: Float32, mask: Bool, rng: Generator) -> tuple[Float32, Bool]:
     """Adds the wall next to the person to the depth, (h, w). Returns it with a mask of that wall alone."""
-    out, taken = _with_wall(z, mask, rng)
-    piece = taken & ~mask
+    out, new_mask = _add_wall(z, mask, rng)
+    piece = new_mask & ~mask
     if piece.any() and rng.random() < _STRAIGHT_EDGE_FRACTION:
         v, u = np.indices(mask.shape)
-        lean = rng.normal(0.0, 0.05)  # Slope of the edge, in columns per row.
-        at = u + lean * (v - 0.5 * len(mask))
+        slope = rng.normal(0.0, 0.05)  # Slope of the edge, in columns per row.
+        at = u + slope * (v - 0.5 * len(mask))
         beyond = at > rng.uniform(*np.quantile(at[piece], (0.2, 0.8)))
         piece &= beyond if rng.random() < 0.5 else ~beyond
     return out, piece
 
 
-def _labels(crop: Crop, rendered: RenderedPerson, mask: Bool) -> UInt8:
+def _label_crop(crop: Crop, rendered: RenderedPerson, mask: Bool) -> UInt8:
     """Returns (40, 32) the body part at the centre of every block of 2 x 2 cells."""
     i, j = np.mgrid[:LABEL_ROWS, :LABEL_COLUMNS]
     flat = np.stack([(j + 0.5 - LABEL_COLUMNS / 2), (i + 0.5 - LABEL_ROWS / 2)], -1) * (2 * crop.cell)
@@ -206,7 +206,7 @@ def _labels(crop: Crop, rendered: RenderedPerson, mask: Bool) -> UInt8:
     return out
 
 
-def in_crop(crop: Crop, points: Float) -> Float:
+def crop_coordinates(crop: Crop, points: Float) -> Float:
     """Returns (N, 3) crop coordinates of (N, 3) points in the camera's frame (x right, y down, z ahead)."""
     flat = (points[:, :2] / points[:, 2:] @ crop.axes.T - crop.centre) * crop.depth
     return np.concatenate([flat, points[:, 2:] - crop.depth], 1)

@@ -17,13 +17,13 @@ from enliven.meshes.mesh import Mesh, fit_height, refine
 from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven.possession.placement import turn_about_y
-from enliven.possession.standing_placement import best_stand
+from enliven.possession.placement import rotation_about_y
+from enliven.possession.standing_placement import fit_figures
 from enliven.rotation import rotate, swing
 from enliven_edge.importing.kinect_texts import level_from_tilted
 from enliven_synthesis.body.performer import Performer
-from enliven_synthesis.motion.choreographies import choreography
-from enliven_synthesis.motion.exercises import exercise, exercise_names
+from enliven_synthesis.motion.choreographies import get_choreography
+from enliven_synthesis.motion.exercises import exercise_names, get_exercise
 
 _SCALES = (0.7, 0.8, 0.9, 1.0, 1.1)
 _STEP_NS = 33_333_333
@@ -80,7 +80,7 @@ def held_still(body: Body, seconds: float) -> list[BodyFrame]:
 def danced(moves: str, fps: float = 30.0) -> list[BodyFrame]:
     """Returns a motion of the project's own performer, with every joint visible."""
     performer = Performer()
-    plan = exercise(moves) if moves in exercise_names() else choreography(moves)
+    plan = get_exercise(moves) if moves in exercise_names() else get_choreography(moves)
     frames = []
     for n in range(int(plan.duration * fps)):
         joints = performer.pose(plan.posture(n / fps)).joints
@@ -107,11 +107,13 @@ def shared_by(path: Path, bodies: list[Body]) -> Mesh:
     candidates = []
     for scale in _SCALES:
         mesh = fit_height(plain, 1.75 * scale)
-        yaw, offset, score = best_stand(mesh, figures)
+        yaw, offset, score = fit_figures(mesh, figures)
         candidates.append((score, scale, yaw, offset))
     _, scale, yaw, offset = max(candidates, key=lambda f: f[0])
     mesh = refine(fit_height(plain, 1.75 * scale), 0.04)
-    return Mesh((mesh.vertices - offset) @ turn_about_y(yaw) + middle, mesh.faces, mesh.name, mesh.colours)
+    return Mesh(
+        (mesh.vertices - offset) @ rotation_about_y(yaw) + middle, mesh.faces, mesh.name, mesh.colours
+    )
 
 
 def _direction(joints: Float, joint: int) -> Float:

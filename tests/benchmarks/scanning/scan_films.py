@@ -40,9 +40,9 @@ from enliven.scanning import (
     ScanState,
     ScanStep,
     VolumeSettings,
+    extract_surface,
+    find_focus,
     find_ground,
-    focus_of,
-    surface_of,
     upright_frame,
 )
 from enliven.scanning.objects import MovedScanner
@@ -56,7 +56,7 @@ from enliven_synthesis.sensor import (
     HandheldScan,
     MovedObjectPath,
     MovedObjectScan,
-    laid_on_its_back,
+    lie_on_back_pose,
     load_profile,
 )
 from enliven_viewer.film.sheet import Tile, write_sheet
@@ -126,7 +126,7 @@ def laid() -> Film:
         target=(0.0, 0.85, 0.15), radius=1.5, height=(0.7, 1.9), turns=2.2, seconds=32.0,
         later=(0.0, 0.4, 0.15), turning=laying, nod=0.35,
     )  # fmt: skip
-    poses = [np.eye(4), laid_on_its_back(chair, (0.0, 0.15))]
+    poses = [np.eye(4), lie_on_back_pose(chair, (0.0, 0.15))]
     way = MovedObjectPath(poses, [laying], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
     take = MovedObjectScan(chair, way, load_profile("kinect1"), path, width=320, colour=True)
     frames = (take.frame(index) for index in range(0, take.frames, 2))
@@ -199,13 +199,13 @@ class Growth:
             return self._mesh.picture
         if isinstance(scanner, PersonScanner):
             # The largest level plane of a person would be the shoulders.
-            self.stage_from_scan[1, 3] = -surface_of(scanner.volumes[1]).bounds[0, 1]
+            self.stage_from_scan[1, 3] = -extract_surface(scanner.volumes[1]).bounds[0, 1]
             return self._mesh.picture
         try:
-            ground = find_ground(surface_of(scanner.volumes[1]), settings=scanner.settings.cut_out)
+            ground = find_ground(extract_surface(scanner.volumes[1]), settings=scanner.settings.cut_out)
         except InputError:
             return self._mesh.picture
-        self.stage_from_scan = upright_frame(ground, focus_of([pose for _, pose in scanner.poses]))
+        self.stage_from_scan = upright_frame(ground, find_focus([pose for _, pose in scanner.poses]))
         return self._mesh.picture
 
     @property
@@ -246,7 +246,7 @@ class Filming:
         growth, shown, rests = Growth(), None, 1
         for number, frame in enumerate(film.frames):
             outcome = scanner.add(frame)
-            step = outcome if isinstance(outcome, ScanStep) else outcome.told
+            step = outcome if isinstance(outcome, ScanStep) else outcome.scan_step
             own = scanner if isinstance(scanner, Scanner) else scanner.rests[-1].scanner
             if isinstance(scanner, MovedScanner) and len(scanner.rests) > rests:
                 rests, stood = len(scanner.rests), growth.stage_from_scan

@@ -17,7 +17,7 @@ from enliven.person.joints import Joint
 from enliven.person.limbs import Limb
 from enliven.rotation import from_matrix, from_rotation_vector, multiply
 from enliven_synthesis.body.performer import Performer
-from enliven_synthesis.motion.exercises import exercise
+from enliven_synthesis.motion.exercises import get_exercise
 
 sys.path.insert(0, str(Path(__file__).parent))
 from tracking_cache import Moment
@@ -31,7 +31,7 @@ SIDES = [0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7, 16, 17, 18, 19, 12, 13, 14, 15]
 @cache
 def joints_of(count: int, aside: float = 0.0, name: str = "overhead") -> np.ndarray:
     """Returns (F, 20, 3) a performer's true joints."""
-    moves = exercise(name)
+    moves = get_exercise(name)
     return np.stack([PERFORMER.pose(moves.posture(n / RATE)).joints for n in range(count)]) + np.array(
         [aside, 0, 0]
     )
@@ -190,7 +190,7 @@ def test_scores_of_sequences_add_up() -> None:
 @pytest.mark.parametrize("by", [0.0, 0.4, -1.2])
 def test_turn_errors_are_measured_about_the_right_axis(by: float) -> None:
     """A turned head and a twisted hand give degrees; a hand that points elsewhere does not."""
-    figure = PERFORMER.pose(exercise("still").posture(1.0))
+    figure = PERFORMER.pose(get_exercise("still").posture(1.0))
     turns = figure.frames[:, :, :3]
     orientations = np.tile([1.0, 0.0, 0.0, 0.0], (20, 1))
     for parts in TURNS.values():

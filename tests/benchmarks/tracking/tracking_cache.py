@@ -72,16 +72,16 @@ def delivered(sequence: Sequence) -> list[tuple[DepthFrame, Moment]]:
     frames = rendered(sequence)
     match sequence.trouble:
         case "dropped":
-            frames = stream_faults.dropped(frames)
+            frames = stream_faults.drop_frames(frames)
         case "slowed":
-            frames = stream_faults.slowed(frames, 5.0)
+            frames = stream_faults.slow_frames(frames, 5.0)
         case "out_of_order":
-            frames = stream_faults.out_of_order(frames)
+            frames = stream_faults.reorder_frames(frames)
         case "frozen":
-            frames = stream_faults.frozen(frames, 1.3, 2.4)
+            frames = stream_faults.freeze_frames(frames, 1.3, 2.4)
         case "holed":
-            frames = stream_faults.holed(frames, 0.4)
-    return stream_faults.covered(frames, *sequence.covered) if sequence.covered else frames
+            frames = stream_faults.remove_depth(frames, 0.4)
+    return stream_faults.cover_lens(frames, *sequence.covered) if sequence.covered else frames
 
 
 def _render(sequence: Sequence, path: Path) -> None:

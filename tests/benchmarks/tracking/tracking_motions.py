@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven_synthesis.body import ArmPose, FootPose, PerformerPosture
 from enliven_synthesis.motion.dance import HOME_Z, Choreography
-from enliven_synthesis.motion.exercises import mixed_fields
+from enliven_synthesis.motion.exercises import interpolate_fields
 from enliven_synthesis.motion.tracks import ease
 
 NAMES = ("half turns", "bent turns", "kneeling kick", "sitting", "hidden leg")
@@ -171,7 +171,9 @@ def _keyed(name: str, vary: Seed, *keys: tuple[float, PerformerPosture]) -> Chor
 
     def posture(time: float) -> PerformerPosture:
         k = max(0, min(int(np.searchsorted(times, time, side="right")) - 1, len(times) - 2))
-        return mixed_fields(postures[k], postures[k + 1], ease((time - times[k]) / (times[k + 1] - times[k])))
+        return interpolate_fields(
+            postures[k], postures[k + 1], ease((time - times[k]) / (times[k + 1] - times[k]))
+        )
 
     def planted(side: int, time: float) -> bool:
         now = posture(time)

@@ -18,7 +18,7 @@ from enliven.formats.motion.capture import Capture
 from enliven.formats.motion.expmap import read_expmap
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.motion.close_limbs import CloseLimbs
-from enliven_synthesis.motion.exercises import exercise
+from enliven_synthesis.motion.exercises import get_exercise
 from enliven_synthesis.motion.mocap import CapturedMotion
 from enliven_synthesis.motion.motion import DanceMotion, HeldMotion, Motion, MotionSegment, MotionSequence
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
@@ -60,7 +60,7 @@ class Move:
         if self.source == "seated":
             return SittingDown(performer, self.seed)
         if self.source == "exercise":
-            danced = DanceMotion(performer, exercise(self.name, self.seed))
+            danced = DanceMotion(performer, get_exercise(self.name, self.seed))
             return danced if self.held is None else HeldMotion(danced, self.held)
         return CapturedMotion(performer, _capture(self.source), self.start, self.stop)
 

@@ -21,11 +21,11 @@ from enliven_synthesis.body import (
     FootPose,
     Performer,
     PerformerPosture,
-    about_x,
-    about_y,
-    about_z,
+    rotation_about_x,
+    rotation_about_y,
+    rotation_about_z,
 )
-from enliven_synthesis.motion.motion import placed
+from enliven_synthesis.motion.motion import place_figure
 from enliven_synthesis.motion.tracks import ease
 
 _SEAT = 0.165
@@ -111,7 +111,7 @@ class SittingDown:
         back = (1.0 - part) * self._back[k] + part * self._back[k + 1]
         figure = self._performer.figure(rotations, np.zeros(3))
         pelvis = np.array([0.0, -lowest_point(self._performer, figure), back])
-        return placed(self._performer.figure(rotations, pelvis), (0.0, 0.0), 0.0)
+        return place_figure(self._performer.figure(rotations, pelvis), (0.0, 0.0), 0.0)
 
 
 def lowest_point(performer: Performer, figure: Figure) -> float:
@@ -168,16 +168,19 @@ def _rotations(pitch: float, bend: float, legs: SettledLegs, arm: ArmPose) -> Fl
         arm: pose of both arms.
     """
     rotations = np.tile(np.eye(3), (len(Limb), 1, 1))
-    rotations[Limb.PELVIS], rotations[Limb.ABDOMEN] = about_x(pitch), about_x(pitch + bend / 3.0)
-    rotations[Limb.CHEST] = rotations[Limb.SKULL] = about_x(pitch + bend)
+    rotations[Limb.PELVIS], rotations[Limb.ABDOMEN] = (
+        rotation_about_x(pitch),
+        rotation_about_x(pitch + bend / 3.0),
+    )
+    rotations[Limb.CHEST] = rotations[Limb.SKULL] = rotation_about_x(pitch + bend)
     for side, (flex, leg) in enumerate(legs):
         sign = 1.0 - 2.0 * side
-        thigh = about_y(sign * leg.abduct) @ about_x(-flex)
-        rotations[Limb.THIGH_LEFT + side], shank = thigh, thigh @ about_x(leg.knee)
+        thigh = rotation_about_y(sign * leg.abduct) @ rotation_about_x(-flex)
+        rotations[Limb.THIGH_LEFT + side], shank = thigh, thigh @ rotation_about_x(leg.knee)
         rotations[Limb.SHANK_LEFT + side] = shank
-        rotations[Limb.FOOT_LEFT + side] = shank @ about_x(-leg.toes)
-        upper = rotations[Limb.CHEST] @ about_z(sign * arm.abduct) @ about_x(-arm.flex)
-        upper = upper @ about_y(-sign * arm.twist)
-        rotations[Limb.UPPER_ARM_LEFT + side], fore = upper, upper @ about_x(-arm.elbow)
+        rotations[Limb.FOOT_LEFT + side] = shank @ rotation_about_x(-leg.toes)
+        upper = rotations[Limb.CHEST] @ rotation_about_z(sign * arm.abduct) @ rotation_about_x(-arm.flex)
+        upper = upper @ rotation_about_y(-sign * arm.twist)
+        rotations[Limb.UPPER_ARM_LEFT + side], fore = upper, upper @ rotation_about_x(-arm.elbow)
         rotations[Limb.FOREARM_LEFT + side] = rotations[Limb.HAND_LEFT + side] = fore
     return rotations

@@ -20,7 +20,7 @@ from enliven_edge.tracking.estimator.crop import (
     Crop,
     crop_person,
 )
-from enliven_synthesis.training.samples import in_crop
+from enliven_synthesis.training.samples import crop_coordinates
 
 SEEDS = st.integers(0, 100_000)
 QUARTERS = (0.25, 0.75)
@@ -100,7 +100,7 @@ def test_crop_and_camera_frames_are_inverse(seed):
     crop = crop_person(*scene(seed))
     points = np.random.default_rng(seed).normal([0, 0, 2], [1, 1, 0.5], (30, 3))
     points = points[points[:, 2] > 0.2]
-    np.testing.assert_allclose(crop.to_camera(in_crop(crop, points)), points, atol=1e-9)
+    np.testing.assert_allclose(crop.to_camera(crop_coordinates(crop, points)), points, atol=1e-9)
 
 
 @given(SEEDS)
@@ -110,7 +110,7 @@ def test_a_ray_meets_the_cell_that_its_points_are_in(seed):
     crop = crop_person(*scene(seed))
     dice = np.random.default_rng(seed)
     points = dice.normal([0, 0, 2], [1, 1, 0.2], (30, 3))
-    flat = in_crop(crop, points * dice.uniform(0.5, 2.0, (30, 1)))[:, :2]
+    flat = crop_coordinates(crop, points * dice.uniform(0.5, 2.0, (30, 1)))[:, :2]
     np.testing.assert_allclose(crop.cells(points[:, :2] / points[:, 2:]), flat / crop.cell, atol=1e-9)
 
 

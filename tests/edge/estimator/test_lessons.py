@@ -58,7 +58,7 @@ def render(folder, processes: int, count: int = 10) -> list[int]:
     progress, too."""
     progress: list[int] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dataset, "SHARD", 3)
+        patch.setattr(dataset, "SHARD_SAMPLES", 3)
         patch.setattr(dataset.os, "cpu_count", lambda: processes)
         render_dataset(folder, count, 0.5, 3, progress.append)
     return progress
@@ -142,7 +142,7 @@ def test_a_batch_is_in_rising_order(folder):
 
 
 def test_inconsistent_album_arrays_are_refused(tmp_path):
-    (tmp_path / dataset._COMPLETE).write_text("2 lessons")
+    (tmp_path / dataset._COMPLETION_FILE).write_text("2 lessons")
     head = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000,), }".ljust(117) + "\n"
     for name in dataset._ARRAYS:
         (tmp_path / f"{name}.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + head.encode())
@@ -158,7 +158,7 @@ def test_included_wall_is_next_to_the_person_and_keeps_their_depth():
         mask = rendered.z > 0
         if not mask.any():
             continue
-        z, included = samples._with_wall(rendered.z, mask, dice)
+        z, included = samples._add_wall(rendered.z, mask, dice)
         wall = included & ~mask
         assert (included | ~mask).all()
         np.testing.assert_array_equal(z[~wall], rendered.z[~wall])
@@ -172,7 +172,7 @@ def test_wall_left_next_to_a_person_is_labelled_nobody(monkeypatch):
     rendered = studio.render_person(dice, frontal=0.5)
     mask = rendered.z > 0
     for _ in range(20):
-        z, leftover = samples._left_beside(rendered.z, mask, dice)
+        z, leftover = samples._add_wall_alone(rendered.z, mask, dice)
         assert not (leftover & mask).any()
         np.testing.assert_array_equal(z[mask], rendered.z[mask])
     monkeypatch.setattr(samples, "_CLUTTER_FRACTION", 1.0)

@@ -36,7 +36,7 @@ def album(tmp_path_factory) -> Dataset:
 @pytest.fixture
 def few_kept_back(monkeypatch):
     """Makes the validation set small, so that the album and the training can be small too."""
-    monkeypatch.setattr(training, "KEPT_BACK", BACK)
+    monkeypatch.setattr(training, "VALIDATION_SAMPLES", BACK)
     monkeypatch.setattr(training, "_WARM_UP_STEPS", 3)
 
 
@@ -141,7 +141,7 @@ def test_lessons_that_are_kept_back_are_not_learnt(album, few_kept_back, monkeyp
 def test_network_scores_are_fractions(album, monkeypatch, tmp_path):
     """Measured on the validation lessons, 250 at a time; a small album repeats its lessons."""
     batch = Dataset.batch
-    monkeypatch.setattr(training, "KEPT_BACK", 250)
+    monkeypatch.setattr(training, "VALIDATION_SAMPLES", 250)
     monkeypatch.setattr(Dataset, "batch", lambda self, which: batch(self, which % COUNT))
     export(PoseNetwork(), tmp_path / "made.onnx")
     scores = measure(tmp_path / "made.onnx", album)

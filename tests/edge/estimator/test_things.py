@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from people_for_estimator import turned_at_random
 
 from enliven_edge.tracking.estimator.labels import NOBODY
-from enliven_synthesis.training.clutter import ClutterSolid, piece_of_wall, random_clutter
+from enliven_synthesis.training.clutter import ClutterSolid, random_clutter, random_wall_piece
 from enliven_synthesis.training.rendering import PersonRenderer
 from enliven_synthesis.training.samples import _CLUTTER_FRACTION, training_sample
 
@@ -103,7 +103,7 @@ def test_a_piece_of_a_wall_is_mostly_about_where_and_as_large_as_asked_for():
     for seed in range(60):
         dice = np.random.default_rng(seed)
         middle, size = dice.uniform([40, 50], [110, 150]), dice.uniform(20, 80, 2)
-        piece = piece_of_wall((150, 200), middle, size, dice)
+        piece = random_wall_piece((150, 200), middle, size, dice)
         assert piece.dtype == bool and piece.shape == (150, 200)
         has_middle.append(piece[tuple(middle.astype(int))])
         off = np.median(np.argwhere(piece), axis=0) - middle

@@ -16,7 +16,7 @@ from enliven_synthesis.training.dataset import Dataset, render_dataset
 from enliven_synthesis.training.pose_network import training
 from enliven_synthesis.training.pose_network.network import PoseNetwork
 from enliven_synthesis.training.pose_network.training import TrainingSettings, export, train
-from enliven_synthesis.training.pose_network.weight_import import between, restored
+from enliven_synthesis.training.pose_network.weight_import import interpolate_networks, restore_network
 
 ROUNDING = 2e-4
 """Metres and logits: different summation orders in single precision through twenty layers."""
@@ -50,17 +50,19 @@ def test_an_exported_network_comes_back(dataset, tmp_path):
     path = tmp_path / "whole.onnx"
     export(network, path)
     batch = dataset.batch(np.arange(6))
-    for exported, other in zip(outputs(path, batch), outputs(restored(path, dataset, 0), batch), strict=True):
+    for exported, other in zip(
+        outputs(path, batch), outputs(restore_network(path, dataset, 0), batch), strict=True
+    ):
         np.testing.assert_allclose(exported, other, atol=ROUNDING, rtol=ROUNDING)
 
 
 def test_the_shipped_network_comes_back_and_learns_on(dataset, monkeypatch):
     """Its joints are unchanged; a training step changes the loss less than one from random weights."""
     batch = dataset.batch(np.arange(24))
-    network = restored(ESTIMATOR, dataset, 0)
+    network = restore_network(ESTIMATOR, dataset, 0)
     apart = np.linalg.norm(outputs(network, batch)[0] - outputs(ESTIMATOR, batch)[0], axis=2)
     assert np.median(apart) < IN_EIGHT_BITS
-    monkeypatch.setattr(training, "KEPT_BACK", 4)
+    monkeypatch.setattr(training, "VALIDATION_SAMPLES", 4)
     losses = []
     monkeypatch.setattr(
         training, "_loss", lambda out, of, known=training._loss: losses.append(known(out, of)) or losses[-1]
@@ -74,10 +76,10 @@ def test_between_two_networks_lie_the_two_and_all_on_the_way(dataset):
     network, other = (PoseNetwork().eval() for _ in range(2))
     batch = dataset.batch(np.arange(3))
     for share, end in ((0.0, network), (1.0, other)):
-        blended = outputs(between(network, other, share), batch)
+        blended = outputs(interpolate_networks(network, other, share), batch)
         for actual, expected in zip(blended, outputs(end, batch), strict=True):
             np.testing.assert_allclose(actual, expected, atol=ROUNDING, rtol=ROUNDING)
-    blended = between(network, other, 0.25)
+    blended = interpolate_networks(network, other, 0.25)
     for (name, first), last in zip(network.named_parameters(), other.parameters(), strict=True):
         part = blended.get_parameter(name).detach()
         torch.testing.assert_close(part, 0.75 * first.detach() + 0.25 * last.detach())
@@ -89,7 +91,7 @@ def test_another_file_is_refused(dataset, tmp_path, text):
     path = tmp_path / "other.onnx"
     path.write_bytes(text)
     with pytest.raises(InputError, match=r"other\.onnx") as refused:
-        restored(path, dataset, 0)
+        restore_network(path, dataset, 0)
     assert "train-estimator" in str(refused.value)
 
 
@@ -97,4 +99,4 @@ def test_a_network_of_other_layers_is_refused(dataset, tmp_path):
     path = tmp_path / "wide.onnx"
     export(PoseNetwork((8, 16, 24, 32)), path)
     with pytest.raises(InputError, match="layers"):
-        restored(path, dataset, 0)
+        restore_network(path, dataset, 0)

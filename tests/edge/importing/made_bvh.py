@@ -8,8 +8,8 @@ import numpy as np
 
 from enliven.person.joints import PARENTS, Joint
 from enliven_synthesis.body.performer import Performer, Proportions
-from enliven_synthesis.motion.choreographies import choreography
-from enliven_synthesis.motion.exercises import exercise
+from enliven_synthesis.motion.choreographies import get_choreography
+from enliven_synthesis.motion.exercises import get_exercise
 
 STEP = 1.0 / 25.0
 SIDED = ("Shoulder", "Elbow", "Wrist", "Hand", "Hip", "Knee", "Ankle", "Toes")
@@ -20,7 +20,7 @@ _ORDER = [Joint(j) for j in (*range(4), *range(4, 8), *range(12, 16), *range(8, 
 def danced(name: str = "overhead", height: float = 1.75, seconds: float = 3.0) -> np.ndarray:
     """Returns the (F, 20, 3) joints of the project's performer, metres."""
     performer = Performer(Proportions(height))
-    moves = choreography(name) if name == "chair" else exercise(name)
+    moves = get_choreography(name) if name == "chair" else get_exercise(name)
     times = np.arange(0.0, min(moves.duration, seconds), STEP)
     return np.stack([performer.pose(moves.posture(t)).joints for t in times])
 

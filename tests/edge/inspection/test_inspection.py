@@ -28,12 +28,12 @@ from enliven_edge.inspection.picture import (
 )  # fmt: skip
 from enliven_edge.tracking.tracker import Tracker
 from enliven_synthesis.body.performer import Performer
-from enliven_synthesis.motion.choreographies import choreography
+from enliven_synthesis.motion.choreographies import get_choreography
 from enliven_synthesis.sensor.synthetic import SyntheticSensor
 
 CAMERA = Intrinsics(320, 240, 290.0, 290.0, 159.5, 119.5)
 MOUNT = world_from_level_camera(1.1, 0.05)
-JOINTS = Performer().pose(choreography("idle").posture(0.0)).joints
+JOINTS = Performer().pose(get_choreography("idle").posture(0.0)).joints
 
 
 def test_near_depth_is_bright_and_missing_depth_is_dark() -> None:

@@ -14,14 +14,14 @@ from patience import PATIENCE
 
 from enliven.wire import requests, topics
 from enliven.wire.envelope import pack_control, unpack_control
-from enliven.wire.zmtp import GREETING, framed
+from enliven.wire.zmtp import GREETING, make_frame
 from enliven_edge.network.publisher import Publisher
 
 PLACES, CROWD = 20, 200
 """Places of the server, and connections that compete for them."""
-READY = framed(b"\x05READY\x0bSocket-Type" + struct.pack(">I", 6) + b"DEALER", 4)
-PING = framed(pack_control(requests.Request(1, requests.Ping("rude", 1))))
-ORDER = framed(pack_control(requests.Request(1, requests.Possess("chair", mode="join"))))
+READY = make_frame(b"\x05READY\x0bSocket-Type" + struct.pack(">I", 6) + b"DEALER", 4)
+PING = make_frame(pack_control(requests.Request(1, requests.Ping("rude", 1))))
+ORDER = make_frame(pack_control(requests.Request(1, requests.Possess("chair", mode="join"))))
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven.examples.performer import performed
 from enliven.person.body import Body
 from enliven.person.joints import MIRROR, PARENTS, Joint
-from enliven.possession.placement import turn_about_y
+from enliven.possession.placement import rotation_about_y
 from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.retargeting import Retargeting
@@ -56,7 +56,7 @@ def other_skeleton() -> Skeleton:
         add(f"{side}Leg", f"{side}UpLeg", (0.0, -0.42, 0.0))
         add(f"{side}Foot", f"{side}Leg", (0.0, -0.42, 0.0))
         add(f"{side}Toe", f"{side}Foot", (0.0, -0.08, 0.14))
-    turned = np.array(at) @ turn_about_y(np.pi / 2).T
+    turned = np.array(at) @ rotation_about_y(np.pi / 2).T
     return Skeleton(tuple(names), np.array(parents, np.int32), turned)
 
 

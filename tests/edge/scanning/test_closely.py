@@ -3,7 +3,7 @@
 from scanned_things import THINGS
 
 from enliven.scanning import Scanner
-from enliven.scanning.rigid import apart
+from enliven.scanning.rigid import pose_difference
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 
 PATH = HandheldPath(target=(0.0, 0.3, 0.0), radius=1.0, height=(0.3, 1.1), turns=1.1, seconds=15.0)
@@ -19,11 +19,11 @@ def test_close_alignment_finds_pose_hidden_by_floor_noise():
         scanner.place(take.frame(index), take.pose(index))
     tracker, unsure = scanner.tracker, scanner.settings.tracking.unsure
     for index in IMAGES:
-        view = scanner.prepared(take.frame(index))
+        view = scanner.prepare_view(take.frame(index))
         first = tracker.align(view, take.pose(BEFORE[-1]))
         close = tracker.align_closely(view, first.world_from_camera)
-        off = [apart(placed.world_from_camera, take.pose(index))[0] for placed in (first, close)]
+        off = [pose_difference(placed.world_from_camera, take.pose(index))[0] for placed in (first, close)]
         assert first.deviation > unsure, "what the thing tells is taken for noise"
         assert off[1] < 0.006 < off[0] and close.deviation < unsure
-    wrong = tracker.align_closely(scanner.prepared(take.frame(ELSEWHERE)), take.pose(BEFORE[-1]))
+    wrong = tracker.align_closely(scanner.prepare_view(take.frame(ELSEWHERE)), take.pose(BEFORE[-1]))
     assert wrong.deviation > 1.0, "what is not found is not said to be"

@@ -9,9 +9,9 @@ from scipy.spatial import cKDTree
 from enliven import rotation
 from enliven.samples import load_sample
 from enliven.scanning import Scanner, ScanSettings, ScanState, VolumeSettings
-from enliven.scanning.loop_closure import FrameHistory, settled
-from enliven.scanning.rigid import apart, inverse, moved
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile, looking_at
+from enliven.scanning.loop_closure import FrameHistory, optimize_poses
+from enliven.scanning.rigid import invert_pose, move_pose, pose_difference
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile, look_at_pose
 from enliven_synthesis.sensor.scene import Box
 
 FRAMES = 90
@@ -29,7 +29,7 @@ class Round(HandheldPath):
         angle, unrest = 2 * np.pi * self.turns * time / self.seconds, self._unrest(time)
         eye = np.array([self.radius * np.sin(angle), 1.2, self.radius * np.cos(angle)])
         eye += self.sway * unrest[:3]
-        pose = looking_at(eye, eye + np.array([np.sin(angle + 0.6), -0.25, np.cos(angle + 0.6)]))
+        pose = look_at_pose(eye, eye + np.array([np.sin(angle + 0.6), -0.25, np.cos(angle + 0.6)]))
         shake = rotation.to_matrix(rotation.from_rotation_vector(self.shake * unrest[3:]))
         pose[:3, :3] = pose[:3, :3] @ shake
         return pose
@@ -61,7 +61,9 @@ def drifted(frames, truth, drift=DRIFT, settings=SETTINGS):
     """Returns a scanner that fused the frames at drifting poses."""
     scanner = Scanner(settings)
     for n, (frame, pose) in enumerate(zip(frames, truth, strict=True)):
-        scanner._fuse_image(frame, scanner.prepared(frame), moved(pose, drift * n / len(frames)), None, None)
+        scanner._fuse_image(
+            frame, scanner.prepare_view(frame), move_pose(pose, drift * n / len(frames)), None, None
+        )
     return scanner
 
 
@@ -104,7 +106,7 @@ def test_a_way_that_comes_back_is_closed_and_fused_again(frames, closed):
     assert off(scanner, frames[1]) < 0.6 * before and doubled(scanner.surface()) < 0.2 * twice
     # The first pose is unchanged, and the last one agrees with the first round.
     np.testing.assert_allclose(scanner.poses[0][1], frames[1][0], atol=1e-9)
-    assert apart(scanner.poses[-1][1], frames[1][-1])[0] < 0.03
+    assert pose_difference(scanner.poses[-1][1], frames[1][-1])[0] < 0.03
     assert 0 < len(scanner.keyframes) <= keyframes + 2
     # A closed loop stays unchanged, and scanning continues from there.
     volumes = scanner.volumes
@@ -115,13 +117,13 @@ def test_a_way_that_comes_back_is_closed_and_fused_again(frames, closed):
 def test_every_loop_that_is_believed_is_true(frames, closed):
     closing = closed[1]
     anchors = [piece.anchor for piece in closing.pieces]
-    _, belief = settled([closing.poses[n] for n in anchors], closing.links)
+    _, belief = optimize_poses([closing.poses[n] for n in anchors], closing.links)
     pairs = zip(closing.links, belief, strict=True)
     believed = [link for link, trust in pairs if not link.sure and trust > 0.5]
     assert len(believed) >= 4
     for link in believed:
-        seen = inverse(frames[1][anchors[link.first]]) @ frames[1][anchors[link.second]]
-        move, turn = apart(seen, link.first_from_second)
+        seen = invert_pose(frames[1][anchors[link.first]]) @ frames[1][anchors[link.second]]
+        move, turn = pose_difference(seen, link.first_from_second)
         assert move < 0.04 and turn < 0.02
 
 

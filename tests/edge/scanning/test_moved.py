@@ -18,15 +18,15 @@ from enliven.meshes import Mesh
 from enliven.samples import load_sample
 from enliven.scanning import ScanSettings, ScanState, VolumeSettings
 from enliven.scanning.decimation import distances
-from enliven.scanning.objects import MovedScanner, ObjectState, sampled
-from enliven.scanning.rigid import apart, inverse
+from enliven.scanning.objects import MovedScanner, ObjectState, sample_surface
+from enliven.scanning.rigid import invert_pose, pose_difference
 from enliven_edge.commands.scan import scan
 from enliven_edge.scanning import describe_objects
 from enliven_synthesis.sensor import (
     HandheldPath,
     MovedObjectPath,
     MovedObjectScan,
-    laid_on_its_back,
+    lie_on_back_pose,
     load_profile,
 )
 from enliven_viewer.studio.scan import advice_of
@@ -36,7 +36,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from scan_window import Begun, Window
 
 CHAIR = load_sample("chair")
-BACK = laid_on_its_back(CHAIR, (0.0, 0.15))
+BACK = lie_on_back_pose(CHAIR, (0.0, 0.15))
 MOVE = 8.0, 10.0
 """Seconds in which the chair is laid on its back."""
 WAY = MovedObjectPath([np.eye(4), BACK], [MOVE], grips=[(-0.2, 1.5, -0.05), (0.25, 0.6, 0.2)])
@@ -92,7 +92,7 @@ def scanned(tmp_path_factory):
         stood = grown.vertices @ place[:3, :3].T + place[:3, 3]
         scan.done()
         edge.until(lambda: "chair" in window.editor.project.characters, "the character")
-    truth = [inverse(take.thing_pose(index)) @ take.pose(index) for index in indices]
+    truth = [invert_pose(take.thing_pose(index)) @ take.pose(index) for index in indices]
     mesh = window.editor.project.characters["chair"].mesh
     return Scanned(steps, truth, [index / 30.0 for index in indices], messages, scanner, stood, mesh)
 
@@ -110,7 +110,7 @@ def test_object_is_lost_while_carried_and_found_at_rest(scanned):
 
 def test_reported_object_pose_is_accurate(scanned):
     off = [
-        apart(step.object_from_camera, true)
+        pose_difference(step.object_from_camera, true)
         for step, true in zip(scanned.steps, scanned.truth, strict=True)
         if step.object_from_camera is not None
     ]
@@ -152,7 +152,7 @@ def test_incremental_surface_has_the_objects_final_pose(scanned):
 def test_summary_reports_places_and_losses_of_the_object(scanned):
     summary = " ".join(describe_objects(scanned.scanner))
     assert f"It was found in {len(scanned.scanner.rests)} places" in summary
-    lost = [step.told.state is ScanState.LOST for step in scanned.steps]
+    lost = [step.scan_step.state is ScanState.LOST for step in scanned.steps]
     assert lost == [step.state is ObjectState.LOST for step in scanned.steps] and any(lost)
 
 
@@ -167,7 +167,7 @@ def test_incompatible_options_are_refused(other, tmp_path):
 
 def complete(mesh, points):
     """Returns the fraction of the true points (N, 3) that have surface within a voxel."""
-    return float((cKDTree(sampled(mesh, 400_000).points).query(points)[0] < 0.008).mean())
+    return float((cKDTree(sample_surface(mesh, 400_000).points).query(points)[0] < 0.008).mean())
 
 
 def placed(mesh):
@@ -177,11 +177,13 @@ def placed(mesh):
 
 def laid_onto_the_truth(mesh):
     """Aligns the mesh with the true chair by the remaining rigid transform."""
-    from enliven.scanning.objects.registration import laid
-    from enliven.scanning.objects.surface_points import nearest_grid
+    from enliven.scanning.objects.registration import align_from_starts
+    from enliven.scanning.objects.surface_points import make_nearest_grid
 
-    grid = nearest_grid(sampled(CHAIR, 60_000), 0.006, 0.1)
-    poses, shares = laid(grid, sampled(mesh, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003))
+    grid = make_nearest_grid(sample_surface(CHAIR, 60_000), 0.006, 0.1)
+    poses, shares = align_from_starts(
+        grid, sample_surface(mesh, 8000), np.eye(4)[None], 25, 0.01, (0.05, 0.003)
+    )
     assert shares[0] > 0.8
     pose = poses[0]
     assert np.linalg.norm(rotation.to_rotation_vector(rotation.from_matrix(pose[:3, :3]))) < 0.05
@@ -192,11 +194,11 @@ def laid_onto_the_truth(mesh):
 def test_both_halves_are_one_surface_with_its_undersides(scanned):
     whole = laid_onto_the_truth(placed(scanned.made))
     alone = laid_onto_the_truth(placed(scanned.scanner.rests[0].scanner.thing()))
-    truth = sampled(CHAIR, 40_000)
+    truth = sample_surface(CHAIR, 40_000)
     under = truth.points[(truth.normals[:, 1] < -0.7) & (truth.points[:, 1] > 0.05)]
     assert complete(whole, under) > complete(alone, under) + 0.15
     assert complete(whole, truth.points) > complete(alone, truth.points)
-    error = distances(CHAIR, sampled(whole, 20_000).points)
+    error = distances(CHAIR, sample_surface(whole, 20_000).points)
     # Voxels are twice the default size, and images half as wide.
     assert error.mean() < 0.003 and np.quantile(error, 0.95) < 0.009
     # A second layer, or a hand: at most a hundredth of the surface may be that far off.

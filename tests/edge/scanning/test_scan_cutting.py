@@ -84,7 +84,7 @@ def test_object_added_between_two_scans_is_extracted(folder, tmp_path):
     size = mesh.bounds[1] - mesh.bounds[0]
     assert mesh.bounds[0, 1] == pytest.approx(0.0, abs=1e-6)
     assert size[1] == pytest.approx(0.5, abs=0.02) and 0.3 < size[0] < 0.56 and 0.3 < size[2] < 0.56
-    with pytest.raises(InputError, match="no new object stands there"):
+    with pytest.raises(InputError, match="no new object was found"):
         empty = folder / "empty.mcap"
         run("--recording", empty, "--before", empty, "-o", tmp_path / "no.glb", "--voxel", 16)
     with pytest.raises(InputError, match="--whole and --before"):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from chair_on_turntable import HELD, ROOM, STILL, THING, WAY
 
-from enliven.scanning.objects import MovedScanner, ObjectState, following
-from enliven.scanning.rigid import apart, inverse
+from enliven.scanning.objects import MovedScanner, ObjectState, object_tracking_settings
+from enliven.scanning.rigid import invert_pose, pose_difference
 from enliven.scanning.settings import ScanSettings, VolumeSettings
 from enliven_edge.scanning import describe_objects
 from enliven_synthesis.sensor import HandTurnedPath, MovedObjectScan, TurntablePath, load_profile
@@ -22,16 +22,20 @@ def test_spun_object_is_tracked_and_room_stays_still():
     take = MovedObjectScan(THING, WAY, load_profile("kinect1"), STILL, room=ROOM, width=320)
     frames = [take.frame(index) for index in range(IMAGES)]
     frames[0] = replace(frames[0], world_from_camera=take.pose(0))
-    scanner = MovedScanner(following(ScanSettings()))
+    scanner = MovedScanner(object_tracking_settings(ScanSettings()))
     steps = [scanner.add(frame) for frame in frames]
     assert all(step.state is ObjectState.RESTING for step in steps[:40]), "it stands at first"
     assert all(step.state is ObjectState.FOLLOWED for step in steps[TURNING:])
     turned = range(TURNING, IMAGES)
-    pose = [inverse(take.thing_pose(index)) @ take.pose(index) for index in turned]
-    off = np.array([apart(steps[n].object_from_camera, true) for n, true in zip(turned, pose, strict=True)])
+    pose = [invert_pose(take.thing_pose(index)) @ take.pose(index) for index in turned]
+    off = np.array(
+        [pose_difference(steps[n].object_from_camera, true) for n, true in zip(turned, pose, strict=True)]
+    )
     # Metres and radians; this camera's depth is off by 4 mm there.
     assert np.median(off[:, 0]) < 0.015 and off[:, 0].max() < 0.06 and off[:, 1].max() < 0.06
-    room = [apart(steps[index].scan.world_from_camera, take.pose(index))[0] for index in range(IMAGES)]
+    room = [
+        pose_difference(steps[index].scan.world_from_camera, take.pose(index))[0] for index in range(IMAGES)
+    ]
     # Surfaces that may start moving are ignored in camera tracking, so the camera does not follow them.
     assert max(room) < 0.015, "the room does not turn with it"
     assert not any("objects stand there" in sentence for sentence in describe_objects(scanner)), (
@@ -43,14 +47,14 @@ def test_spun_object_is_tracked_and_room_stays_still():
 def test_object_picked_up_by_two_hands_is_tracked():
     """It stands for a second and a half, is picked up within the next second, and is then turned."""
     take = MovedObjectScan(THING, HandTurnedPath(), load_profile("kinect1"), HELD, room=ROOM, width=320)
-    scanner, off = MovedScanner(following(ScanSettings())), list[float]()
+    scanner, off = MovedScanner(object_tracking_settings(ScanSettings())), list[float]()
     for index in range(0, 130, 2):
         frame = take.frame(index)
         step = scanner.add(frame if index else replace(frame, world_from_camera=take.pose(0)))
         if index >= 80:
             assert step.state is ObjectState.FOLLOWED
-            true = inverse(take.thing_pose(index)) @ take.pose(index)
-            off.append(apart(step.object_from_camera, true)[0])
+            true = invert_pose(take.thing_pose(index)) @ take.pose(index)
+            off.append(pose_difference(step.object_from_camera, true)[0])
     assert np.median(off) < 0.03 and max(off) < 0.06
     assert scanner.followed >= len(off)
 
@@ -59,7 +63,7 @@ def test_unmoved_object_is_reported_with_advice():
     take = MovedObjectScan(
         THING, TurntablePath(begins=99.0), load_profile("kinect1"), STILL, room=ROOM, width=160
     )
-    scanner = MovedScanner(following(ScanSettings(volume=VolumeSettings(voxel=0.008))))
+    scanner = MovedScanner(object_tracking_settings(ScanSettings(volume=VolumeSettings(voxel=0.008))))
     steps = [scanner.add(take.frame(index)) for index in range(4)]
     assert all(step.state is ObjectState.RESTING for step in steps)
     assert scanner.settings.volume.voxel == 0.004, "coarser voxels know too little of a thing to follow it"

@@ -13,7 +13,7 @@ from scenes import SETTINGS, fused_sphere, looking, prepared, sphere_depth
 
 from enliven.meshes import Mesh
 from enliven.samples import load_sample
-from enliven.scanning import GroundPlane, TsdfVolume, piece_of, piece_sums, surface_of
+from enliven.scanning import GroundPlane, TsdfVolume, extract_piece, extract_surface, sum_pieces
 from enliven.wire import pack_stream, unpack_stream
 from enliven_edge.scanning import Checkpoints, SurfacePreview, find_next_view
 from enliven_edge.scanning.surface_preview import message_from_piece
@@ -30,9 +30,9 @@ def sphere():
 
 
 def pieces(volume):
-    sums = piece_sums(volume)
+    sums = sum_pieces(volume)
     return [
-        piece_of(volume, tuple(map(int, sums.places[k])), sums.blocks[sums.piece == k])
+        extract_piece(volume, tuple(map(int, sums.places[k])), sums.blocks[sums.piece == k])
         for k in range(len(sums.places))
     ]
 
@@ -47,7 +47,7 @@ def test_the_pieces_together_are_the_sphere_without_gaps(sphere):
     faces = np.concatenate([chunk.faces + n for chunk, n in zip(chunks, counts, strict=False)])
     merged = Mesh(vertices, faces.astype(np.int32))
     # Cells are twice as large, so that more of them touch unobserved space.
-    assert 0.75 < merged.area / surface_of(sphere, 0.05).area < 1.02
+    assert 0.75 < merged.area / extract_surface(sphere, 0.05).area < 1.02
     assert (np.einsum("fi,fi->f", merged.face_normals(), merged.vertices[faces].mean(1)) > 0).mean() > 0.99
     # After welding it is closed along its seams: each edge there has exactly one opposite edge.
     _, place = np.unique(np.round(vertices * 1e5).astype(int), axis=0, return_inverse=True)
@@ -129,7 +129,7 @@ def half_seen():
     for angle in (-0.4, -0.2, 0.0, 0.2, 0.4):
         pose = looking(np.pi + angle)
         volume.integrate(prepared(sphere_depth((0, 0, 0), RADIUS, pose)), pose)
-    return surface_of(volume)
+    return extract_surface(volume)
 
 
 def test_the_next_view_is_of_the_side_that_was_not_seen():

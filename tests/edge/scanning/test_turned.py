@@ -18,14 +18,14 @@ from enliven.scanning import (
     ScanSettings,
     ScanState,
     VolumeSettings,
-    alone_within,
     largest_part,
+    settings_within,
 )
 from enliven.scanning.decimation import distances
-from enliven.scanning.objects import sampled
-from enliven.scanning.objects.registration import laid
-from enliven.scanning.objects.surface_points import nearest_grid
-from enliven.scanning.rigid import inverse
+from enliven.scanning.objects import sample_surface
+from enliven.scanning.objects.registration import align_from_starts
+from enliven.scanning.objects.surface_points import make_nearest_grid
+from enliven.scanning.rigid import invert_pose
 from enliven_edge.commands.scan import scan
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, HandTurnedPath, MovedObjectScan, load_profile
 from enliven_synthesis.sensor.scene import Box
@@ -93,17 +93,19 @@ WITHIN = 1.8
 @pytest.mark.slow
 def test_object_turned_in_two_hands_is_scanned_without_hands():
     take = MovedObjectScan(SMALL, HELD_UP, load_profile("kinect1"), LEVEL, room=ROOM, width=640)
-    scanner, steps = Scanner(alone_within(VolumeSettings(voxel=0.006), WITHIN)), []
+    scanner, steps = Scanner(settings_within(VolumeSettings(voxel=0.006), WITHIN)), []
     for index in range(0, 240, 3):
         frame = take.frame(index)
-        true = inverse(take.thing_pose(index)) @ take.pose(index)
+        true = invert_pose(take.thing_pose(index)) @ take.pose(index)
         steps.append(scanner.add(frame if index else replace(frame, world_from_camera=true)))
     states = [step.state for step in steps]
     assert states.count(ScanState.SCANNING) > 0.95 * len(states)
     mesh = largest_part(scanner.surface())
     # A hand covers the object in a part of the images; other images see the free space where it was.
-    grid = nearest_grid(sampled(SMALL, 30_000), 0.01, 0.1)
-    ((pose,), _) = laid(grid, sampled(mesh, 4000), np.eye(4)[None], 25, 0.01, (0.05, 0.003))
-    error = distances(SMALL, sampled(mesh, 6000).points @ pose[:3, :3].T + pose[:3, 3])
+    grid = make_nearest_grid(sample_surface(SMALL, 30_000), 0.01, 0.1)
+    ((pose,), _) = align_from_starts(
+        grid, sample_surface(mesh, 4000), np.eye(4)[None], 25, 0.01, (0.05, 0.003)
+    )
+    error = distances(SMALL, sample_surface(mesh, 6000).points @ pose[:3, :3].T + pose[:3, 3])
     assert error.mean() < 0.004 and (error > 0.015).mean() < 0.03, "hardly a trace of the first holds"
     assert mesh.area > 0.6 * SMALL.area, "more than what one side shows"

@@ -12,7 +12,7 @@ from known_bodies import BODIES, limbs_found, t_woman
 from enliven.deformation.graph import DeformationGraph
 from enliven.person.body import Body
 from enliven.person.joints import Joint
-from enliven.possession import ActorSettings, prepared, turn_about_y
+from enliven.possession import ActorSettings, prepare_mesh, rotation_about_y
 from enliven.possession.likeness import find_body_in_mesh
 from enliven.possession.placement import yaw_between
 from enliven.possession.standing_placement import standing_figure
@@ -69,11 +69,11 @@ def at_origin(known) -> np.ndarray:
 
 def test_performers_back_is_in_the_meshs_back(known):
     """The trunk is within 4 cm of the performer's, and faces the same way."""
-    modelled, _ = prepared(known.mesh, ActorSettings(stand="modelled"))
-    fitted, _ = prepared(known.mesh, ActorSettings(stand="fitted"))
+    modelled, _ = prepare_mesh(known.mesh, ActorSettings(stand="modelled"))
+    fitted, _ = prepare_mesh(known.mesh, ActorSettings(stand="fitted"))
     first = slice(len(known.mesh.vertices))
     before, after = modelled.vertices[first], fitted.vertices[first]
-    turn = turn_about_y(yaw_between(before - before.mean(0), after - after.mean(0)))
+    turn = rotation_about_y(yaw_between(before - before.mean(0), after - after.mean(0)))
     joints = at_origin(known) @ turn.T + after.mean(0) - before.mean(0) @ turn.T
     hips_and_shoulders = [Joint.HIP_LEFT, Joint.HIP_RIGHT, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT]
     apart = (joints - standing_figure())[hips_and_shoulders].mean(0)[[0, 2]]
@@ -85,8 +85,8 @@ def test_performers_back_is_in_the_meshs_back(known):
 def test_known_bones_follow_the_fitted_mesh():
     """Each bone is given as the centre of some vertices, so it is correct wherever the mesh stands."""
     turned = t_woman()
-    vertices = turned.mesh.vertices @ turn_about_y(0.7).T * 0.6 + [1.0, 0.3, -2.0]
-    joints = turned.joints @ turn_about_y(0.7).T * 0.6 + [1.0, 0.3, -2.0]
+    vertices = turned.mesh.vertices @ rotation_about_y(0.7).T * 0.6 + [1.0, 0.3, -2.0]
+    joints = turned.joints @ rotation_about_y(0.7).T * 0.6 + [1.0, 0.3, -2.0]
     groups = [np.argsort(np.linalg.norm(vertices - joint, axis=1))[:30] for joint in joints]
     middles = np.array([vertices[group].mean(0) for group in groups])
     settings = ActorSettings(how="mapped", stand="fitted")

@@ -17,7 +17,7 @@ from enliven.person.joints import Joint
 from enliven.possession import ActorSettings
 from enliven.possession.likeness import BodyInMesh
 from enliven.possession.limb_retargeting import LimbRetargeting
-from enliven.possession.placement import turn_about_y
+from enliven.possession.placement import rotation_about_y
 from enliven.possession.standing_placement import standing_figure
 from enliven_edge.stage.character_setup import create_actor, create_mesh_actor
 from enliven_edge.stage.stage import Stage
@@ -42,7 +42,7 @@ def facing(yaw: float, x: float = 0.0, lift: float = 0.0) -> Body:
     leg = [Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.FOOT_LEFT]
     hip = joints[Joint.HIP_LEFT].copy()
     joints[leg] = hip + (joints[leg] - hip) @ rotation(x=-lift).T
-    return Body(1, joints @ turn_about_y(yaw).T + [x, 0.0, -2.7], np.ones(20), stature=1.75)
+    return Body(1, joints @ rotation_about_y(yaw).T + [x, 0.0, -2.7], np.ones(20), stature=1.75)
 
 
 @given(SEEDS, NOISE_M, st.floats(-np.pi, np.pi), st.floats(0.0, 3.0))

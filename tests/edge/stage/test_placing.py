@@ -18,7 +18,7 @@ from enliven.person.joints import PARENTS, Joint
 from enliven.possession import ActorSettings, EmbeddedActor
 from enliven.possession.likeness import find_body_in_mesh
 from enliven.possession.limb_retargeting import LimbRetargeting
-from enliven.possession.placement import turn_about_y
+from enliven.possession.placement import rotation_about_y
 from enliven_edge.stage.character_setup import create_actor
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
@@ -161,7 +161,7 @@ def test_rigid_motion_is_transferred_to_the_mesh_next_to_it(chair, way, yaw, how
     for i in range(1, 45):
         part = min(i / 25, 1)
         pose = house.perform([person(x=way * part, yaw=yaw * part)], i * FRAME)[0]
-    turn = turn_about_y(yaw)
+    turn = rotation_about_y(yaw)
     turned = start.positions @ turn.T
     shift = (pose.positions - turned).mean(0)
     assert np.linalg.norm(pose.positions - turned - shift, axis=1).max() < 0.03

@@ -17,7 +17,7 @@ from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.person.parts import PARTS
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven.possession.placement import turn_about_y
+from enliven.possession.placement import rotation_about_y
 from enliven.possession.pose_blend import PoseBlend
 from enliven_edge.stage.initial_possession import InitialPossession
 from enliven_edge.stage.stage import Stage
@@ -182,8 +182,8 @@ def test_easing_keeps_its_documented_speed_bound(seed, yaw, growth, pace):
     rng = np.random.default_rng(seed)
     positions = rng.normal(size=(20, 3))
     linear = np.tile(np.eye(3), (20, 1, 1))
-    moved = growth * positions @ turn_about_y(yaw).T + rng.normal(size=3) + 0.2 * rng.normal(size=(20, 3))
-    turned = growth * turn_about_y(yaw) @ linear
+    moved = growth * positions @ rotation_about_y(yaw).T + rng.normal(size=3) + 0.2 * rng.normal(size=(20, 3))
+    turned = growth * rotation_about_y(yaw) @ linear
     easing = PoseBlend(FADE, pace)
     last = easing(linear, positions, 0)[1]
     easing.restart_fade()
@@ -195,7 +195,7 @@ def test_easing_keeps_its_documented_speed_bound(seed, yaw, growth, pace):
         assert np.linalg.norm(now - last, axis=1).max() < bound
         last = now
     np.testing.assert_allclose(last, moved)
-    assert not easing.under_way
+    assert not easing.is_active
 
 
 def test_attachment_during_a_fade_continues_from_the_shown_pose(chair):

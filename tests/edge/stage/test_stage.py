@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.person.body import Body
 from enliven.person.joints import Joint
 from enliven.possession import ActorSettings, EmbeddedActor
-from enliven.possession.placement import Placement, facing, meeting
+from enliven.possession.placement import Placement, body_yaw, placement_at_performer
 from enliven_edge.stage.stage import Stage
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
@@ -234,10 +234,10 @@ def test_placement_there_and_back(yaw, scale, seed):
 @given(st.floats(-3.1, 3.1))
 @settings(max_examples=30, deadline=None)
 def test_facing_is_the_yaw_of_the_person(yaw):
-    assert facing(person(yaw=yaw)) == pytest.approx(yaw, abs=1e-6)
+    assert body_yaw(person(yaw=yaw)) == pytest.approx(yaw, abs=1e-6)
 
 
 def test_the_mesh_is_as_tall_as_the_performer():
     body = person()
-    assert meeting(body, 0.9, 1.0).scale * 0.9 == pytest.approx(body.height)
+    assert placement_at_performer(body, 0.9, 1.0).scale * 0.9 == pytest.approx(body.height)
     assert body.height == pytest.approx(1.75, abs=0.07)

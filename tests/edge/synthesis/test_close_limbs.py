@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from enliven.errors import InputError
 from enliven.person.joints import BONES, Joint
-from enliven_synthesis.body import Performer, Proportions, reach
+from enliven_synthesis.body import Performer, Proportions, solve_arm
 from enliven_synthesis.motion.close_limbs import CloseLimbs, close_limb_names
 
 FASTEST = 9.0
@@ -54,7 +54,7 @@ def test_seeds_differ_and_an_unknown_name_is_refused() -> None:
 @settings(max_examples=60, deadline=None)
 def test_wrist_reaches_its_target_or_the_arms_limit(wanted, side) -> None:
     performer = Performer()
-    upper, bend = reach(performer, np.eye(3), np.array(wanted), np.array([0.3, -0.8, -0.5]), side)
+    upper, bend = solve_arm(performer, np.eye(3), np.array(wanted), np.array([0.3, -0.8, -0.5]), side)
     shoulder = performer.shoulder * [1.0 - 2.0 * side, 1.0, 1.0]
     elbow = shoulder - performer.upper_arm * upper[:, 1]
     fore = upper @ [0.0, -np.cos(bend), np.sin(bend)]

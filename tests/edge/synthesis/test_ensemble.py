@@ -13,9 +13,15 @@ from tolerances import assert_alike
 from enliven.person.joints import Joint
 from enliven_synthesis.body.body_sdf import BodyAnatomy
 from enliven_synthesis.body.performer import Performer, Proportions
-from enliven_synthesis.body.visibility import THICKNESS
-from enliven_synthesis.motion.exercises import exercise
-from enliven_synthesis.motion.motion import DanceMotion, HeldMotion, MotionSegment, MotionSequence, placed
+from enliven_synthesis.body.visibility import MAX_COVER_M
+from enliven_synthesis.motion.exercises import get_exercise
+from enliven_synthesis.motion.motion import (
+    DanceMotion,
+    HeldMotion,
+    MotionSegment,
+    MotionSequence,
+    place_figure,
+)
 from enliven_synthesis.sensor.ensemble import Appearance, Ensemble
 from enliven_synthesis.sensor.profile import load_profile
 from enliven_synthesis.sensor.scene import Box
@@ -29,14 +35,14 @@ DESK = Box((-0.8, 0.0, -2.0), (0.8, 0.75, -1.9))
 
 def appearance(name: str, build: Proportions | None = None, **more) -> Appearance:
     performer = Performer(build)
-    return Appearance(performer, DanceMotion(performer, exercise(name)), **more)
+    return Appearance(performer, DanceMotion(performer, get_exercise(name)), **more)
 
 
 def hidden_by_ray(scene: Ensemble, figures, p: int, joint: int, boxes) -> bool:
     """Returns True if a ray to the joint hits a box, another body, or the own body well before the joint."""
     target = scene.camera_from_world[:3, :3] @ figures[p].joints[joint] + scene.camera_from_world[:3, 3]
     performer = scene.cast[p].performer
-    thick = THICKNESS[joint] * performer.scale * max(1.0, performer.proportions.girth)
+    thick = MAX_COVER_M[joint] * performer.scale * max(1.0, performer.proportions.girth)
     steps = np.arange(0.3, target[2] - thick, 0.004)
     points = target[None] / target[2] * steps[:, None]
     for figure, other in zip(figures, scene.cast, strict=True):
@@ -81,7 +87,7 @@ def test_performer_behind_another_is_occluded() -> None:
 
 def test_the_back_does_not_hide_the_chest_but_hides_folded_hands() -> None:
     performer = Performer()
-    held = HeldMotion(DanceMotion(performer, exercise("crossed")), 1.7, 0.0)
+    held = HeldMotion(DanceMotion(performer, get_exercise("crossed")), 1.7, 0.0)
     front = Ensemble(TOF, (Appearance(performer, held),), noise=False).frame(0)[1].visible[0]
     back = Ensemble(TOF, (Appearance(performer, held, yaw=np.pi),), noise=False).frame(0)[1].visible[0]
     for joint in (Joint.HEAD, Joint.SHOULDER_LEFT, Joint.HIP_LEFT, Joint.KNEE_LEFT, Joint.KNEE_RIGHT):
@@ -121,7 +127,7 @@ def test_the_same_number_gives_the_same_frame() -> None:
 
 def test_feet_stand_until_they_step() -> None:
     performer = Performer()
-    moves = exercise("stroll")
+    moves = get_exercise("stroll")
     scene = Ensemble(TOF, (Appearance(performer, DanceMotion(performer, moves), (0.0, -4.0)),), noise=False)
     agree = []
     for n in range(0, 120, 3):
@@ -132,15 +138,19 @@ def test_feet_stand_until_they_step() -> None:
 
 def test_a_chain_goes_on_where_it_is_told() -> None:
     performer = Performer()
-    still = DanceMotion(performer, exercise("still"))
+    still = DanceMotion(performer, get_exercise("still"))
     chain = MotionSequence(
         performer,
         (MotionSegment(0.0, still, (1.0, -3.0)), MotionSegment(2.0, still, (1.0, -3.0), 1.0)),
         blend=1.0,
     )
     assert chain.duration == pytest.approx(2.0 + still.duration)
-    np.testing.assert_allclose(chain.figure(0.5).joints, placed(still.figure(0.5), (1.0, -3.0), 0.0).joints)
-    np.testing.assert_allclose(chain.figure(2.5).joints, placed(still.figure(0.5), (1.0, -3.0), 1.0).joints)
+    np.testing.assert_allclose(
+        chain.figure(0.5).joints, place_figure(still.figure(0.5), (1.0, -3.0), 0.0).joints
+    )
+    np.testing.assert_allclose(
+        chain.figure(2.5).joints, place_figure(still.figure(0.5), (1.0, -3.0), 1.0).joints
+    )
     times = np.arange(0.9, 2.1, 1 / 60)
     joints = np.stack([chain.figure(t).joints for t in times])
     assert np.abs(np.diff(joints, axis=0)).max() < 0.06

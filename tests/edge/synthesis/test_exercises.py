@@ -9,12 +9,12 @@ from tolerances import assert_alike
 from enliven.errors import InputError
 from enliven.person.joints import BONES, Joint
 from enliven_synthesis.body.performer import Performer, Proportions
-from enliven_synthesis.motion.exercises import exercise, exercise_names
+from enliven_synthesis.motion.exercises import exercise_names, get_exercise
 
 
 def danced(name: str, seed: int, build: Proportions | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Returns (F, 20, 3) joints and (F, 2, 3) soles at 60 frames per second."""
-    performer, moves = Performer(build), exercise(name, seed)
+    performer, moves = Performer(build), get_exercise(name, seed)
     figures = [performer.pose(moves.posture(t)) for t in np.arange(0.0, moves.duration, 1 / 60)]
     return np.stack([f.joints for f in figures]), np.stack([performer.soles(f) for f in figures])
 
@@ -60,4 +60,4 @@ def test_a_seed_is_another_performance_and_always_the_same() -> None:
 
 def test_an_unknown_exercise_lists_the_known() -> None:
     with pytest.raises(InputError, match="still, overhead"):
-        exercise("handstand")
+        get_exercise("handstand")

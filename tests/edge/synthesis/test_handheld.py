@@ -5,7 +5,7 @@ import numpy as np
 from enliven.camera import Intrinsics
 from enliven.meshes import Mesh
 from enliven.scanning import draw_mesh
-from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile, looking_at
+from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile, look_at_pose
 from enliven_synthesis.sensor.scene import Box, cast_room
 
 CAMERA = Intrinsics(160, 120, 150.0, 150.0, 79.5, 59.5)
@@ -23,7 +23,7 @@ def box_mesh(box: Box) -> Mesh:
 def test_a_drawn_box_is_the_cast_one():
     box = Box((-0.3, 0.0, -0.2), (0.25, 0.5, 0.3))
     for eye in ([1.2, 0.9, 1.0], [-0.7, 0.2, 1.4], [0.1, 2.0, 0.2]):
-        pose = looking_at(np.array(eye), np.array([0.0, 0.2, 0.0]))
+        pose = look_at_pose(np.array(eye), np.array([0.0, 0.2, 0.0]))
         cast, _ = cast_room(CAMERA, pose, (box,))
         drawn = draw_mesh(box_mesh(box), CAMERA, pose)
         both = np.isfinite(cast) & np.isfinite(drawn.depth)

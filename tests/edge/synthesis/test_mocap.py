@@ -12,8 +12,8 @@ from enliven.formats.motion.capture import Capture
 from enliven.person.joints import Joint
 from enliven.takes.capture_roles import find_roles
 from enliven_synthesis.body.performer import Performer, Proportions
-from enliven_synthesis.motion.choreographies import choreography
-from enliven_synthesis.motion.exercises import exercise
+from enliven_synthesis.motion.choreographies import get_choreography
+from enliven_synthesis.motion.exercises import get_exercise
 from enliven_synthesis.motion.mocap import CapturedMotion
 
 # Names for: hips, spine, chest, neck, head, then collar, shoulder, elbow, wrist, hand, hip, knee, ankle, toe.
@@ -53,7 +53,7 @@ def captured_from(
     joints.
     """
     performer = Performer(build)
-    moves = exercise(name) if name != "chair" else choreography(name)
+    moves = get_exercise(name) if name != "chair" else get_choreography(name)
     figures = [performer.pose(moves.posture(t)) for t in np.arange(0, min(moves.duration, 6.0), STEP)]
     joints = np.stack([f.joints for f in figures])
     heads = np.stack([f.frames[3, :, :3] for f in figures])

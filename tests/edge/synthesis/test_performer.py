@@ -14,18 +14,18 @@ from enliven.errors import InputError
 from enliven.person.joints import BONES, Joint
 from enliven_synthesis.body.performer import Performer, Proportions
 from enliven_synthesis.body.posture import ArmPose, FootPose, PerformerPosture
-from enliven_synthesis.body.rotations import GRID
-from enliven_synthesis.motion.choreographies import choreography, choreography_names
+from enliven_synthesis.body.rotations import GRID_STEP
+from enliven_synthesis.motion.choreographies import choreography_names, get_choreography
 from enliven_synthesis.motion.tracks import Track, ease, pulse
 
 RATE = 30.0
-STEPS = 2 * GRID
+STEPS = 2 * GRID_STEP
 """Allowed difference from the reference, metres: one may round up where the other rounds down."""
 
 
 def _joints(name: str, performer: Performer | None = None) -> np.ndarray:
     """Returns the (F, 20, 3) joints of a whole choreography."""
-    performer, moves = performer or Performer(), choreography(name)
+    performer, moves = performer or Performer(), get_choreography(name)
     times = np.arange(0.0, moves.duration + 1e-9, 1.0 / RATE)
     return np.stack([performer.pose(moves.posture(float(t))).joints for t in times])
 
@@ -116,7 +116,7 @@ def test_joints_stay_within_what_a_person_can_do(name: str) -> None:
 
 @pytest.mark.parametrize("name", choreography_names())
 def test_planted_feet_do_not_slide_and_no_foot_sinks(name: str) -> None:
-    moves, joints = choreography(name), _joints(name)
+    moves, joints = get_choreography(name), _joints(name)
     for side, ball in enumerate((Joint.FOOT_LEFT, Joint.FOOT_RIGHT)):
         planted = np.array([moves.planted(side, n / RATE) for n in range(len(joints))])
         pairs = planted[1:] & planted[:-1]
@@ -181,7 +181,7 @@ def test_performer_has_the_requested_height(height: float) -> None:
 
 def test_an_unknown_choreography_lists_the_known() -> None:
     with pytest.raises(InputError, match="chair, walk, wave, idle"):
-        choreography("tango")
+        get_choreography("tango")
 
 
 @settings(deadline=None, max_examples=50)

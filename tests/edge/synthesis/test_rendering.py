@@ -11,7 +11,7 @@ from enliven.camera import Intrinsics, project, rays, world_from_level_camera
 from enliven.person.joints import BONES, Joint
 from enliven_synthesis.body.body_sdf import BETWEEN, BLEND, DARK, PIECES, TAPER, BodyAnatomy, BodySdf
 from enliven_synthesis.body.performer import Performer, Proportions
-from enliven_synthesis.motion.choreographies import choreography
+from enliven_synthesis.motion.choreographies import get_choreography
 from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import MIRROR, Box, cast_room
 
@@ -49,7 +49,7 @@ def _drawn(
     name: str, time: float, build: Proportions | None = None
 ) -> tuple[BodySdf, np.ndarray, np.ndarray, np.ndarray]:
     performer = Performer(build)
-    figure = performer.pose(choreography(name).posture(time))
+    figure = performer.pose(get_choreography(name).posture(time))
     sdf = BodyAnatomy(performer).place(figure, CAMERA_FROM_WORLD)
     depth, material = np.full((122, 162), np.inf), np.zeros((122, 162), np.uint8)
     DepthRenderer(CAMERA).draw(sdf, depth, material)
@@ -115,7 +115,7 @@ def test_both_sides_have_the_same_pieces() -> None:
 
 def test_a_still_room_hides_the_performer() -> None:
     performer = Performer()
-    figure = performer.pose(choreography("idle").posture(0.0))
+    figure = performer.pose(get_choreography("idle").posture(0.0))
     sdf = BodyAnatomy(performer).place(figure, CAMERA_FROM_WORLD)
     depth, material = np.full((122, 162), 1.5), np.zeros((122, 162), np.uint8)
     DepthRenderer(CAMERA).draw(sdf, depth, material)

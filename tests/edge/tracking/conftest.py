@@ -12,7 +12,7 @@ from enliven.camera import Intrinsics, world_from_level_camera
 from enliven.frames import DepthFrame
 from enliven_synthesis.body.body_sdf import BodyAnatomy
 from enliven_synthesis.body.performer import Figure, Performer, Proportions
-from enliven_synthesis.motion.choreographies import choreography
+from enliven_synthesis.motion.choreographies import get_choreography
 from enliven_synthesis.sensor.render import DepthRenderer
 from enliven_synthesis.sensor.scene import ROOM, Box, cast_room
 
@@ -39,7 +39,7 @@ class Player:
     def __post_init__(self):
         self.performer = Performer(self.build)
         self.anatomy = BodyAnatomy(self.performer)
-        self.choreography = choreography(self.does)
+        self.choreography = get_choreography(self.does)
 
     def figure(self, time: float) -> Figure | None:
         """Returns the player's figure at a moment."""

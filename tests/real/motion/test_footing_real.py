@@ -16,7 +16,7 @@ from enliven.formats.gltf import read_gltf
 from enliven.mapping import automatic, quality_of, retarget
 from enliven.mapping.ground import floor_of, surfaces
 from enliven.modeling.edits import lock_feet
-from enliven.motion.contact.pin import held_pins, unpin
+from enliven.motion.contact.pin import resolve_pins, unpin
 from enliven.motion.layers.evaluate import Player
 from enliven.takes import read_take
 
@@ -56,7 +56,7 @@ def test_a_real_walk_stands_as_its_clip_says(walk: str) -> None:
     always = lock_feet(project, name, every, "always")
     player = Player(always, name)
     joints, before, after = player.sample(times)[1], 0.0, 0.0
-    for pin in held_pins(always.shape(name)):
+    for pin in resolve_pins(always.shape(name)):
         ankle = pin.chain[-1]
         contact = player.contacts()[always.shape(name).skeleton.names[ankle]]
         for start, end in zip(contact.starts, contact.ends, strict=True):
@@ -70,7 +70,7 @@ def test_a_real_walk_stands_as_its_clip_says(walk: str) -> None:
     sunk = project.with_characters(project.shape(name).with_changes(place=[0.0, -0.05, 0.0]))
     ground = lock_feet(sunk, name, every, "ground")
     joints = Player(ground, name).sample(times)[1]
-    for pin in held_pins(ground.shape(name)):
+    for pin in resolve_pins(ground.shape(name)):
         assert joints[:, pin.below, 1].min() > pin.sole - 1e-5
 
 

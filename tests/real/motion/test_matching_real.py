@@ -13,7 +13,7 @@ from enliven.matching.views import ScreenView
 from enliven.person.joints import Joint
 from enliven.recording import Recording
 from enliven.rotation import conjugate, multiply, to_rotation_vector
-from enliven.takes.positions import turns_of
+from enliven.takes.positions import rotations_from_positions
 from enliven.wire.matches import message_to_board
 from enliven.wire.streams import MatchesMessage, PoseMessage
 from enliven_edge.importing.base import ImportOptions
@@ -91,7 +91,7 @@ def test_the_leg_turns_as_the_arm_does():
         (pose,) = stage.perform(frame.bodies, frame.time_ns)
         assert np.isfinite(pose.linear).all() and np.isfinite(pose.positions).all()
         rest = pose if rest is None else rest
-        turns = turns_of(hold.take.skeleton, hold.joints[None])[0]
+        turns = rotations_from_positions(hold.take.skeleton, hold.joints[None])[0]
         for source, target in hold.pairs:
             arm = to_rotation_vector(multiply(conjugate(turns[Joint.SHOULDER_CENTER]), turns[source[-1]]))
             linear = pose.linear[target[-1]].astype(float)

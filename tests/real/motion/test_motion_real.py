@@ -16,10 +16,10 @@ from enliven.formats.motion.bvh import read_bvh
 from enliven.formats.motion.expmap import read_expmap
 from enliven.motion.contact.pin import pin_feet
 from enliven.motion.layers.evaluate import Player
-from enliven.motion.layers.retarget import bind_chain, extended, set_travel
+from enliven.motion.layers.retarget import bind_chain, extend_to_leaf, set_travel
 from enliven.person.joints import Joint
 from enliven.rotation import IDENTITY, conjugate, multiply, rotate
-from enliven.takes.capture_clip import BODY_NAMES, between_times, clip_of_bodies, clip_of_capture
+from enliven.takes.capture_clip import BODY_NAMES, clip_of_bodies, clip_of_capture, trim_clip
 from enliven_edge.importing.base import ImportOptions
 from enliven_edge.importing.registry import find_files, find_reader
 
@@ -36,7 +36,7 @@ WALKS = [
 
 def clip_of(path: Path) -> Clip:
     capture = read_bvh(path) if path.suffix == ".bvh" else read_expmap(path)
-    return between_times(clip_of_capture(capture, "take"), 0.0, 6.0)
+    return trim_clip(clip_of_capture(capture, "take"), 0.0, 6.0)
 
 
 def joints_of(clip: Clip) -> np.ndarray:
@@ -110,7 +110,7 @@ def test_a_person_on_its_own_skeleton_is_itself(path: Path) -> None:
     for start in range(len(skeleton)):
         for child in skeleton.children[start]:
             if child in free:
-                chain = (start, *extended(skeleton, child))
+                chain = (start, *extend_to_leaf(skeleton, child))
                 project = bind_chain(project, "twin", chain, "take", chain)
                 free -= set(chain)
     assert not free
@@ -146,7 +146,7 @@ def test_a_walk_on_shorter_legs_stands_on_its_feet(path: Path) -> None:
     project = bind_chain(Project().with_takes(clip).with_characters(shape), "short", (0,), "take", (0,))
     for hip, _, ankle in legs:
         chain = skeleton.path(0, hip) if hip else (0,)
-        chain = (*chain[:-1], *skeleton.path(hip, ankle), *extended(skeleton, ankle)[1:])
+        chain = (*chain[:-1], *skeleton.path(hip, ankle), *extend_to_leaf(skeleton, ankle)[1:])
         project = bind_chain(project, "short", chain, "take", chain, basis=IDENTITY)
     project = set_travel(project, "short", "take", scale=1.0)
     pinned = Player(pin_feet(project, "short", [leg[2] for leg in legs]), "short")
@@ -189,6 +189,6 @@ def test_a_walk_before_a_kinect_drives_a_tentacle(name: str) -> None:
     limb = clip.skeleton.path(Joint.HIP_LEFT, Joint.FOOT_LEFT)
     project = Project().with_takes(clip).with_characters(still_shape("tentacle", tentacle(9)))
     project = bind_chain(project, "tentacle", range(9), "take", limb)
-    part = between_times(clip, 1.0, 3.0)
+    part = trim_clip(clip, 1.0, 3.0)
     moved = Player(project, "tentacle").sample(1.0 + np.arange(len(part.turns)) * clip.step)[1]
     assert np.isfinite(moved).all() and np.ptp(moved[:, -1], axis=0).max() > 0.05

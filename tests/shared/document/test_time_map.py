@@ -63,7 +63,7 @@ def test_the_compiled_form_plays_the_same(layers, times, length):
     frames = round(length * 16) + 1
     skeleton = Skeleton(("a", "b"), [-1, 0], [[0, 0, 0], [1.0, 0, 0]])
     clip = Clip("take", skeleton, np.tile([1.0, 0, 0, 0], (frames, 2, 1)), np.zeros((frames, 3)), 1 / 16)
-    played = Clocks.of(layers, [clip] * len(layers)).played(np.array(times))
+    played = Clocks.of(layers, [clip] * len(layers)).frames_at(np.array(times))
     for t, time in enumerate(times):
         for k, layer in enumerate(layers):
             moment = layer.moment(time, length)

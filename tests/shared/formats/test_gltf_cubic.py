@@ -22,7 +22,7 @@ from enliven.formats.project import read_project, write_project
 from enliven.formats.rig import playing
 from enliven.modeling.edits import move_character
 from enliven.motion.layers import Player
-from enliven.takes import exportables_of
+from enliven.takes import find_exportables
 
 
 def turn(random: np.random.Generator, most: float) -> np.ndarray:
@@ -98,7 +98,7 @@ def test_cubic_keys_are_written_as_the_file_has_them(tmp_path_factory, seed, sta
     path = curved(seed, start).write(folder / "a.glb")
     slow = SlowGltf(path)
     first, last = length_of(slow)
-    again = written(folder, exportables_of(path).found[0].sample(0.0, None, None, False, True))
+    again = written(folder, find_exportables(path).items[0].sample(0.0, None, None, False, True))
     for kind in ("rotation", "translation"):
         cubic = [after for how, after in keys_of(again, kind) if how == "CUBICSPLINE"]
         for (_, before), after in zip(keys_of(slow, kind), cubic, strict=True):

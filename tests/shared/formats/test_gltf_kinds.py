@@ -25,7 +25,7 @@ from enliven.formats.project import read_project, write_project
 from enliven.formats.rig import playing
 from enliven.meshes import load_mesh, save_mesh
 from enliven.motion.layers import Player
-from enliven.takes import exportables_of
+from enliven.takes import find_exportables
 
 MOVING = [
     "waving",
@@ -78,7 +78,7 @@ def test_clip_moves_surface_like_reference_skinning(tmp_path, kind):
 @pytest.mark.parametrize("kind", MOVING)
 def test_an_exported_clip_moves_a_surface_as_the_format_says(tmp_path, kind):
     path = TWINS[kind]().write(tmp_path / "a.glb")
-    sampled = exportables_of(path).found[0].sample(0, None, None, False, True)
+    sampled = find_exportables(path).items[0].sample(0, None, None, False, True)
     (tmp_path / "b.glb").write_bytes(glb_of([sampled]))
     reread, slow = SlowGltf(tmp_path / "b.glb"), SlowGltf(path)
     for seconds in (0.0, 0.25, 0.5, 0.8, 1.0):
@@ -109,7 +109,7 @@ def test_a_mirroring_that_comes_and_goes_is_played_saved_and_written(tmp_path):
     path = twin.write(tmp_path / "a.glb")
     rig, slow = read_gltf(path), SlowGltf(path)
     (tmp_path / "b.glb").write_bytes(
-        glb_of([exportables_of(path).found[1].sample(0, None, None, False, True)])
+        glb_of([find_exportables(path).items[1].sample(0, None, None, False, True)])
     )
     again = SlowGltf(tmp_path / "b.glb")
     project, shape = playing(Project(), rig.shape, rig.clips[1])
@@ -285,7 +285,7 @@ def odd_keys() -> Twin:
 @pytest.mark.parametrize("number", range(3))
 def test_written_file_keeps_keys_and_jumps(tmp_path, number):
     path = odd_keys().write(tmp_path / "a.glb")
-    slow, exportable = SlowGltf(path), exportables_of(path).found[number]
+    slow, exportable = SlowGltf(path), find_exportables(path).items[number]
     (tmp_path / "b.glb").write_bytes(glb_of([exportable.sample(0.0, None, None, False, True)]))
     again, begin = SlowGltf(tmp_path / "b.glb"), 2.0 * (number == 2)
     keys = slow.accessor(slow.json["animations"][number]["samplers"][0]["input"])[:, 0] - begin
@@ -303,9 +303,9 @@ def test_written_file_keeps_keys_and_jumps(tmp_path, number):
 
 def test_jumps_survive_writing_and_reading(tmp_path):
     path = odd_keys().write(tmp_path / "a.glb")
-    first = exportables_of(path).found[1].sample(0.0, None, None, False, True)
+    first = find_exportables(path).items[1].sample(0.0, None, None, False, True)
     (tmp_path / "b.glb").write_bytes(glb_of([first]))
-    second = exportables_of(tmp_path / "b.glb").found[0].sample(0.0, None, None, False, True)
+    second = find_exportables(tmp_path / "b.glb").items[0].sample(0.0, None, None, False, True)
     (tmp_path / "c.glb").write_bytes(glb_of([second]))
     written, rewritten = SlowGltf(tmp_path / "b.glb"), SlowGltf(tmp_path / "c.glb")
     for seconds in (0.0, 0.299, 0.301, 0.769, 0.771, 1.2, 1.5):
@@ -329,7 +329,7 @@ def test_a_clip_with_its_own_keys_is_cut_and_scaled_with_them(tmp_path):
 @pytest.mark.parametrize("kind", sorted(TWINS))
 def test_written_files_of_all_kinds_are_valid(tmp_path, kind):
     path = TWINS[kind]().write(tmp_path / "a.glb")
-    checked_glb(glb_of([exportables_of(path).found[-1].sample(0, None, None, False, True)]))
+    checked_glb(glb_of([find_exportables(path).items[-1].sample(0, None, None, False, True)]))
     save_mesh(load_mesh(path).mesh, tmp_path / "b.glb")
     checked_glb((tmp_path / "b.glb").read_bytes())
 
@@ -435,7 +435,7 @@ def test_materials_of_all_extensions_survive(tmp_path):
     rig = read_gltf(twin.write(tmp_path / "a.glb"))
     assert not rig.notes
     (tmp_path / "b.glb").write_bytes(
-        glb_of([exportables_of(tmp_path / "a.glb").found[0].sample(0, 0, None, False, True)])
+        glb_of([find_exportables(tmp_path / "a.glb").items[0].sample(0, 0, None, False, True)])
     )
     again = read_gltf(tmp_path / "b.glb").shape.mesh.materials
     assert again.definitions == rig.shape.mesh.materials.definitions

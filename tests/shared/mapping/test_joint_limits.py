@@ -17,7 +17,7 @@ from enliven.mapping.joint_limits import joint_ranges
 from enliven.mapping.model_clips import own_clips
 from enliven.mapping.plan import Plan
 from enliven.mapping.plan_file import read_plan, write_plan
-from enliven.motion.kinematics.ranges import FREE_SWING, SOFT, UNKNOWN_SWING
+from enliven.motion.kinematics.ranges import FREE_SWING, MAX_UNKNOWN_SWING, SOFT_MARGIN
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import conjugate, from_rotation_vector, multiply, rotate, unit
 
@@ -75,7 +75,7 @@ def swings(local, name):
 
 @pytest.mark.parametrize(
     ("clips", "reach"),
-    [((), UNKNOWN_SWING), ((grazing(),), np.radians(20.0) + FREE_SWING)],
+    [((), MAX_UNKNOWN_SWING), ((grazing(),), np.radians(20.0) + FREE_SWING)],
     ids=["no clips", "a clip"],
 )
 def test_a_foreleg_swings_as_far_as_its_clips_and_a_margin_and_no_other_bone_changes(clips, reach):
@@ -83,9 +83,9 @@ def test_a_foreleg_swings_as_far_as_its_clips_and_a_margin_and_no_other_bone_cha
     wild = retarget(shape, clip, free(clip, shape, limits=False), clips=clips)
     calm = retarget(shape, clip, free(clip, shape), clips=clips)
     before, after = local_turns(wild), local_turns(calm)
-    assert max(swings(before, name).max() for name in FORELEGS) > np.degrees(reach + SOFT)
+    assert max(swings(before, name).max() for name in FORELEGS) > np.degrees(reach + SOFT_MARGIN)
     for name in FORELEGS:
-        assert swings(after, name).max() < np.degrees(reach + SOFT) + 0.1, name
+        assert swings(after, name).max() < np.degrees(reach + SOFT_MARGIN) + 0.1, name
     assert swings(after, "Left elbow").max() > np.degrees(reach), "it goes to its limit"
     assert wild.limited == () and set(calm.limited) == {"Left shoulder", "Right shoulder"}
     same = [j for j, name in enumerate(horse().names) if name not in ("Left elbow", "Right elbow")]
@@ -181,7 +181,9 @@ def test_a_take_of_one_pose_is_limited_too():
     still = clip.mapped(lambda track: track[19:20])
     result = retarget(shape, still, free(still, shape, rest="zero"), clips=(grazing(),))
     assert "Left shoulder" in result.limited
-    assert swings(local_turns(result, 2), "Left elbow").max() < 20.0 + np.degrees(FREE_SWING + SOFT) + 0.1
+    assert (
+        swings(local_turns(result, 2), "Left elbow").max() < 20.0 + np.degrees(FREE_SWING + SOFT_MARGIN) + 0.1
+    )
 
 
 def test_both_of_a_pair_have_the_range_that_clips_show_of_either():

@@ -110,10 +110,10 @@ def test_compiled_they_are_the_same(fast, weights, time, loop, back):
     clip = project.takes[layer.take]
     clocks, moment = Clocks.of([layer], [clip]), layer.moment(time, clip.duration)
     assume(min(abs(moment.second), abs(moment.second - clip.duration)) > 1e-6 or not loop)
-    played = clocks.played(np.array([time]))
+    played = clocks.frames_at(np.array([time]))
     assert played.frame[0, 0] * clip.step == pytest.approx(moment.second, abs=1e-9)
     assert played.rounds[0, 0] == moment.rounds
-    heard = played.weight[0, 0] * clocks.curves(np.array([time]))[0, 0]
+    heard = played.weight[0, 0] * clocks.weight_curves(np.array([time]))[0, 0]
     assert heard == pytest.approx(moment.weight, abs=1e-12)
 
 

@@ -28,7 +28,7 @@ from enliven.modeling.edits import (
 )
 from enliven.modeling.possessed import possess_another, solve_again, stale
 from enliven.modeling.puppet import make_puppet
-from enliven.possession import settings_of
+from enliven.possession import settings_from_possession
 
 WORLD, SOURCE = possessed_chair(frames=30)
 STOOL = replace(make_chair(0.09), name="stool")
@@ -156,7 +156,7 @@ def test_ends_that_an_artist_named_stay_where_they_are_on_the_mesh():
 def test_ends_and_stiff_spots_of_the_first_mesh_are_not_those_of_another():
     """They are places on that mesh."""
     take = take_of(20)
-    how = settings_of(WORLD.graph(SOURCE).parts[0].possession)
+    how = settings_from_possession(WORLD.graph(SOURCE).parts[0].possession)
     how = replace(how, place="meet")
     ends = tuple((0.1 * k, 0.2 * k, 0.3) for k in range(5))
     spots = replace(how, ends=ends, stiffness=((0.0, 0.4, 0.0, 0.5, 8.0),))

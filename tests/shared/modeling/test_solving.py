@@ -39,7 +39,7 @@ from enliven.modeling.edits import (
 from enliven.modeling.mesh import PlaneCut
 from enliven.modeling.possessed import possess_mesh, solve_again, stale, unsolved
 from enliven.modeling.possessed.solving import _rest_character
-from enliven.possession import EmbeddedActor, settings_of
+from enliven.possession import EmbeddedActor, settings_from_possession
 from enliven.possession.replaying import replay
 
 laws = settings(deadline=None, max_examples=5)
@@ -268,9 +268,9 @@ def test_progress_notes_and_refusals():
         with pytest.raises(InputError):
             replace(shape.parts[0], possession=replace(how, **wrong))
     with pytest.raises(InputError, match="JSON"):
-        settings_of(replace(how, settings="{"))
+        settings_from_possession(replace(how, settings="{"))
     with pytest.raises(InputError, match="unknown key"):
-        settings_of(replace(how, settings='{"fades": 1}'))
+        settings_from_possession(replace(how, settings='{"fades": 1}'))
 
 
 def test_painted_softness_affects_the_next_solve():

@@ -23,19 +23,19 @@ from enliven.modeling.edits.take_comping import (
 )
 from enliven.modeling.possessed.pose import graph_pose
 from enliven.motion.layers.evaluate import pose_of
-from enliven.takes.performed import with_performed
+from enliven.takes.performed import add_performance
 
 SIZES = (0.2, 0.5, 0.9)
 
 
 def three(count: int = 3) -> Project:
     """An arm with one layer that is heard always, and some alternatives over that."""
-    project, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.3}), "take 0"), BEGIN)
+    project, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.3}), "take 0"), BEGIN)
     for number, size in enumerate(SIZES[:count], 1):
         beside = "take 1" if number > 1 else ""
         silent = choose_take(project, "take 1", "") if beside else project
         done = performed(waving({2: size}), f"take {number}")
-        project, _ = with_performed(silent, done, BEGIN, beside=beside)
+        project, _ = add_performance(silent, done, BEGIN, beside=beside)
     return project
 
 
@@ -47,10 +47,10 @@ def test_last_alternative_plays_and_each_plays_alone() -> None:
     project = three()
     assert takes_beside(project, "take 1") == {"take 1": False, "take 2": False, "take 3": True}
     assert alternatives_of(project, "take 2") == "take 1" and alternatives_of(project, "take 0") == "take 0"
-    base, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.3}), "take 0"), BEGIN)
+    base, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.3}), "take 0"), BEGIN)
     for number, size in enumerate(SIZES, 1):
         chosen = choose_take(project, "take 1", f"take {number}")
-        alone, _ = with_performed(base, performed(waving({2: size})), BEGIN)
+        alone, _ = add_performance(base, performed(waving({2: size})), BEGIN)
         np.testing.assert_allclose(turn(chosen), turn(alone), atol=1e-9)
     np.testing.assert_allclose(turn(choose_take(project, "take 1", "")), turn(base), atol=1e-9)
 

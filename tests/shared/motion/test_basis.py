@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.motion.layers.basis import _unit_vector, _view_basis, basis_between
+from enliven.motion.layers.basis import _unit_vector, _view_basis, basis_from_views
 from enliven.rotation import canonical, from_rotation_vector, multiply, rotate
 
 laws = settings(deadline=None, max_examples=80)
@@ -57,8 +57,8 @@ def test_a_turn_of_both_with_their_view_turns_the_basis(source, target, view, up
     for bone in (source, target):
         assume(np.linalg.norm(np.cross(bone, view)) > 0.05)
     turn = from_rotation_vector(by)
-    plain = basis_between(source, target, view, up, flip=flip)
-    turned = basis_between(*(rotate(turn, v) for v in (source, target, view, up)), flip=flip)
+    plain = basis_from_views(source, target, view, up, flip=flip)
+    turned = basis_from_views(*(rotate(turn, v) for v in (source, target, view, up)), flip=flip)
     expected = multiply(multiply(turn, plain), turn * [1, -1, -1, -1])
     assume(abs(plain[0]) > 1e-6)
     np.testing.assert_allclose(turned, canonical(expected), atol=1e-7)
@@ -67,16 +67,16 @@ def test_a_turn_of_both_with_their_view_turns_the_basis(source, target, view, up
 @laws
 @given(vectors, vectors, vectors)
 def test_the_same_bone_needs_no_turn_and_flip_is_half_a_turn_about_it(first, view, up):
-    np.testing.assert_allclose(basis_between(first, first, view, up), [1, 0, 0, 0], atol=1e-9)
-    x = rotate(basis_between(first, first, view, up, flip=True), first)
+    np.testing.assert_allclose(basis_from_views(first, first, view, up), [1, 0, 0, 0], atol=1e-9)
+    x = rotate(basis_from_views(first, first, view, up, flip=True), first)
     np.testing.assert_allclose(x, first, atol=1e-9)
-    assert abs(basis_between(first, first, view, up, flip=True)[0]) < 1e-9
+    assert abs(basis_from_views(first, first, view, up, flip=True)[0]) < 1e-9
 
 
 @laws
 @given(vectors, vectors, vectors, vectors, st.booleans())
 def test_the_first_bone_of_the_source_lands_on_that_of_the_target(source, target, view, up, flip):
-    basis = basis_between(source, target, view, up, flip=flip)
+    basis = basis_from_views(source, target, view, up, flip=flip)
     turned = rotate(basis, source / np.linalg.norm(source))
     np.testing.assert_allclose(turned, target / np.linalg.norm(target), atol=1e-9)
 
@@ -86,13 +86,13 @@ def test_hanging_bones_that_lean_to_either_side_are_not_mirrored(tilt):
     # A bend to the right on the screen stays one, though up alone would turn one of the two bases over.
     source, target = np.array([0.05, -1.0, 0.0]), np.array([tilt, -1.0, 0.0])
     bend = from_rotation_vector([0.0, 0.0, 0.5])
-    basis = basis_between(source, target)
+    basis = basis_from_views(source, target)
     turned = multiply(multiply(basis, bend), basis * [1, -1, -1, -1])
     np.testing.assert_allclose(turned, bend, atol=1e-9)
 
 
 def test_a_bend_upward_of_a_right_arm_is_one_of_a_left_arm():
-    basis = basis_between([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0])
+    basis = basis_from_views([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0])
     bend = from_rotation_vector([0.0, 0.0, 0.5])
     turned = multiply(multiply(basis, bend), basis * [1, -1, -1, -1])
     assert rotate(bend, [1.0, 0, 0])[1] > 0.4 and rotate(turned, [-1.0, 0, 0])[1] > 0.4
@@ -101,6 +101,6 @@ def test_a_bend_upward_of_a_right_arm_is_one_of_a_left_arm():
 def test_zero_direction_is_refused():
     for bad in ([0.0, 0.0, 0.0], [np.nan, 0, 0], [1.0, 0.0]):
         with pytest.raises(InputError, match="not a direction"):
-            basis_between(bad, [0.0, 0.0, 1.0])
+            basis_from_views(bad, [0.0, 0.0, 1.0])
         with pytest.raises(InputError, match="not a direction"):
-            basis_between([1.0, 0, 0], [1.0, 0, 0], up=bad)
+            basis_from_views([1.0, 0, 0], [1.0, 0, 0], up=bad)

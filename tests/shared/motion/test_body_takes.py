@@ -10,7 +10,7 @@ from enliven.errors import InputError
 from enliven.frames import BodyFrame
 from enliven.person import Body
 from enliven.recording import Recorder
-from enliven.takes import body_take_of, body_take_of_frames
+from enliven.takes import body_take_from_file, body_take_from_frames
 
 people_in_view = st.lists(st.sets(st.integers(0, 4), max_size=3), min_size=1, max_size=8)
 
@@ -33,9 +33,9 @@ def test_frames_are_returned_unchanged(in_view, seed):
     begin = next((i for i, who in enumerate(in_view) if who), None)
     if begin is None:
         with pytest.raises(InputError, match="no performer"):
-            body_take_of_frames(frames, "empty")
+            body_take_from_frames(frames, "empty")
         return
-    take = body_take_of_frames([*frames, frames[-1]], "take")
+    take = body_take_from_frames([*frames, frames[-1]], "take")
     assert len(take.seconds) == len(frames) - begin
     for n, frame in enumerate(frames[begin:]):
         assert take.seconds[n] == pytest.approx(0.033 * n, abs=1e-9)
@@ -48,7 +48,7 @@ def test_frames_are_returned_unchanged(in_view, seed):
 def test_a_joint_that_is_no_number_is_unseen():
     (frame,) = frames_of([{1}], 0)
     frame.bodies[0].joints[7] = np.nan
-    (body,) = body_take_of_frames([frame], "take").bodies(0)
+    (body,) = body_take_from_frames([frame], "take").bodies(0)
     assert body.confidence[7] == 0.0 and np.isfinite(body.joints).all() and body.confidence[6] > 0.0
 
 
@@ -56,7 +56,7 @@ def test_a_recording_is_a_take(tmp_path):
     with Recorder(tmp_path / "show.mcap") as recorder:
         for frame in frames_of([set(), {3}, {3, 4}], 1):
             recorder.write_frame(frame)
-    take = body_take_of(tmp_path / "show.mcap")
+    take = body_take_from_file(tmp_path / "show.mcap")
     assert take.id == "show" and take.people.tolist() == [3, 4]
     assert take.present.tolist() == [[True, False], [True, True]]
 

@@ -18,11 +18,11 @@ from enliven.person.joints import PARENTS, Joint
 from enliven.rotation import from_rotation_vector, multiply, rotate, slerp, to_matrix
 from enliven.takes.capture_clip import (
     _evenly_sampled_clip,
-    between_times,
     clip_of_bodies,
     clip_of_capture,
+    trim_clip,
 )
-from enliven.takes.positions import turns_of
+from enliven.takes.positions import rotations_from_positions
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motion_strategies import EYE, angle, random_clip, random_skeleton, random_turn, seeds
@@ -125,7 +125,7 @@ def test_positions_alone_give_turns_that_put_the_joints_there(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 8)
     truth = joints_of(random_clip(rng, skeleton))
-    clip = Clip("take", skeleton, turns_of(skeleton, truth, None), truth[:, 0], 0.1)
+    clip = Clip("take", skeleton, rotations_from_positions(skeleton, truth, None), truth[:, 0], 0.1)
     np.testing.assert_allclose(joints_of(clip), truth, atol=1e-6)
 
 
@@ -136,7 +136,7 @@ def test_a_whole_that_turns_is_one_turn(seed):
     rng = np.random.default_rng(seed)
     skeleton = Skeleton(tuple(f"j{i}" for i in range(20)), np.array(PARENTS, np.int32), STANDING)
     by = random_turn(rng)
-    turns = turns_of(skeleton, rotate(by, STANDING)[None])
+    turns = rotations_from_positions(skeleton, rotate(by, STANDING)[None])
     assert angle(turns[0], np.tile(by, (20, 1))) < 1e-6
 
 
@@ -145,7 +145,7 @@ def test_shoulders_turn_the_chest():
     now, twist = STANDING.copy(), from_rotation_vector([0, 0.7, 0])
     above = [3, *range(4, 12)]
     now[above] = now[2] + rotate(twist, now[above] - now[2])
-    turns = turns_of(skeleton, now[None])[0]
+    turns = rotations_from_positions(skeleton, now[None])[0]
     assert angle(turns[2], twist) < 1e-9 and angle(turns[0], EYE) < 1e-9
 
 
@@ -228,6 +228,6 @@ def test_resampling_keeps_the_frames_and_puts_slerps_between(seed, part):
 def test_a_part_of_a_clip():
     rng = np.random.default_rng(0)
     clip = random_clip(rng, random_skeleton(rng, 3))
-    part = between_times(clip, 2 * clip.step, 5 * clip.step)
+    part = trim_clip(clip, 2 * clip.step, 5 * clip.step)
     assert alike(part.turns, clip.turns[2:6]) and alike(part.root, clip.root[2:6])
-    assert len(between_times(clip, 99.0, 100.0).turns) == 1
+    assert len(trim_clip(clip, 99.0, 100.0).turns) == 1

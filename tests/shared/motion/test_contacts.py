@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tolerances import alike
 
 from enliven.document.pin import ContactSettings
-from enliven.motion.contact.contacts import contacts_of, hold, runs_of, touching
+from enliven.motion.contact.contacts import find_contacts, find_runs, hold, touching
 
 laws = settings(deadline=None, max_examples=60)
 STEP = 1 / 60
@@ -31,7 +31,7 @@ def steps(phases, stride=0.5, lift=0.3):
 
 def test_planted_foot_stays_in_place():
     at, stood = steps([0.5, 0.4, 0.6, 0.4, 0.5])
-    contacts = contacts_of(at, STEP, 0.9, HOW)
+    contacts = find_contacts(at, STEP, 0.9, HOW)
     assert len(contacts.starts) == 3
     assert contacts.starts[0] == -np.inf and contacts.ends[-1] == np.inf
     np.testing.assert_allclose(contacts.places, [[0, 0.05, 0], [0, 0.05, 0.5], [0, 0.05, 1.0]], atol=1e-6)
@@ -42,19 +42,21 @@ def test_planted_foot_stays_in_place():
 @pytest.mark.parametrize("size", [0.1, 30.0])
 def test_a_spider_is_judged_as_a_giraffe_is(size):
     at, _ = steps([0.5, 0.4, 0.6, 0.4, 0.5])
-    ours, theirs = contacts_of(at * size, STEP, 0.9 * size, HOW), contacts_of(at, STEP, 0.9, HOW)
+    ours, theirs = find_contacts(at * size, STEP, 0.9 * size, HOW), find_contacts(at, STEP, 0.9, HOW)
     assert alike(ours.starts, theirs.starts) and alike(ours.ends, theirs.ends)
 
 
 def test_a_foot_in_the_air_or_sliding_does_not_stand():
     flying = np.stack([np.zeros(120), 1 + np.sin(np.arange(120) / 5), np.zeros(120)], 1)
     sliding = np.stack([np.zeros(120), np.zeros(120), np.arange(120) * STEP * 2.0], 1)
-    assert len(contacts_of(sliding, STEP, 0.9, HOW).starts) == 0
-    assert (contacts_of(flying, STEP, 0.9, HOW).ends - contacts_of(flying, STEP, 0.9, HOW).starts < 0.3).all()
+    assert len(find_contacts(sliding, STEP, 0.9, HOW).starts) == 0
+    assert (
+        find_contacts(flying, STEP, 0.9, HOW).ends - find_contacts(flying, STEP, 0.9, HOW).starts < 0.3
+    ).all()
 
 
 def test_single_frame_is_a_contact():
-    contacts = contacts_of(np.array([[1.0, 2.0, 3.0]]), 1.0, 0.9, HOW)
+    contacts = find_contacts(np.array([[1.0, 2.0, 3.0]]), 1.0, 0.9, HOW)
     assert contacts.starts[0] == -np.inf and np.array_equal(contacts.places, [[1, 2, 3]])
 
 
@@ -74,7 +76,7 @@ def test_hysteresis_is_the_definition(foot, release):
     down = np.empty(len(height), np.bool_)
     touching(height, speed, 0.3, 0.3, release, down)
     assert down.tolist() == plain_touching(height, speed, 0.3, 0.3, release)
-    assert [b for a, e in runs_of(down) for b in range(a, e + 1)] == np.flatnonzero(down).tolist()
+    assert [b for a, e in find_runs(down) for b in range(a, e + 1)] == np.flatnonzero(down).tolist()
 
 
 def held(times, starts, ends, places, blend=0.2):

@@ -46,7 +46,7 @@ def plain_pose(project, shape, seconds):
         if layer.muted:
             return EYE
         clip = project.takes[layer.take]
-        frames = Clocks.of([layer], [clip]).played(np.array([seconds]))[0][:, 0]
+        frames = Clocks.of([layer], [clip]).frames_at(np.array([seconds]))[0][:, 0]
         line = Polyline.of(clip, layer.chain)
         return sample(line, [s], frames, layer.weight, layer.basis, layer.mirrored)[0, 0]
 
@@ -182,8 +182,10 @@ def test_a_part_weight_is_on_the_way_from_rest_to_the_whole(seed, weight):
     project = Project().with_takes(clip).with_characters(still_shape("shape", skeleton))
     project = bind_chain(project, "shape", (0, 1), "take", (0, 1), basis=EYE)
     times = np.arange(9) * clip.step
-    whole = Player(project, "shape").own(times)[:, 1]
-    part = Player(set_layer(project, "shape", "take", weight=weight), "shape").own(times)[:, 1]
+    whole = Player(project, "shape").animation_rotations(times)[:, 1]
+    part = Player(set_layer(project, "shape", "take", weight=weight), "shape").animation_rotations(times)[
+        :, 1
+    ]
     for a, b in zip(part, whole, strict=True):
         assert angle(a, EYE) == pytest.approx(weight * angle(b, EYE), abs=1e-7)
 
@@ -221,7 +223,7 @@ def test_layers_on_one_another_telescope(seed):
             project, "shape", chain, "take", chain, basis=basis, layer_id=str(i), offset=0.1 * i
         )
         layer = project.shape("shape").layer(str(i))
-        frames = Clocks.of([layer], [clip]).played(np.asarray(times, float))[0][:, 0]
+        frames = Clocks.of([layer], [clip]).frames_at(np.asarray(times, float))[0][:, 0]
         q = sample(Polyline.of(clip, chain), [1.0], frames, 1.0, basis)[:, 0]
         expected = multiply(expected, q)
     turns, _ = Player(project, "shape").sample(times)

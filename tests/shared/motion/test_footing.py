@@ -17,7 +17,7 @@ from enliven.errors import InputError
 from enliven.formats.project import project_of
 from enliven.formats.project.file import project_bytes
 from enliven.modeling.edits import change_layers, lock_feet
-from enliven.motion.contact.pin import held_pins, pin_feet
+from enliven.motion.contact.pin import pin_feet, resolve_pins
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.footing import foot_modes
 
@@ -42,7 +42,7 @@ def ankles(project):
 @given(slides)
 def test_never_changes_nothing(slide):
     player = Player(world(slide, "never"), "walker")
-    for held, free in zip(player.sample(TIMES), player.free(TIMES), strict=True):
+    for held, free in zip(player.sample(TIMES), player.sample_unpinned(TIMES), strict=True):
         np.testing.assert_allclose(held, free, atol=1e-9)
 
 
@@ -68,8 +68,8 @@ def test_always_lets_no_foot_slide_while_it_stands(slide, low):
 def test_grounding_lets_no_foot_below_the_floor_and_leaves_those_above(slide, low):
     project = world(slide, "ground", low)
     player = Player(project, "walker")
-    held, free = player.sample(TIMES)[1], player.free(TIMES)[1]
-    for pin in held_pins(project.shape("walker")):
+    held, free = player.sample(TIMES)[1], player.sample_unpinned(TIMES)[1]
+    for pin in resolve_pins(project.shape("walker")):
         lowest = free[:, pin.below, 1].min(1)
         assert held[:, pin.below, 1].min() >= pin.sole - 1e-6
         above = lowest >= pin.sole
@@ -107,7 +107,7 @@ def test_each_clip_has_its_own_way(slide, first, second):
     shape = project.shape("walker")
     project = project.with_characters(shape.with_changes(spans=spans, layers=(*shape.layers, *late)))
     shape = project.shape("walker")
-    modes = foot_modes(project, shape, held_pins(shape))
+    modes = foot_modes(project, shape, resolve_pins(shape))
     assert modes is not None
     modes_at = modes(np.array([0.5, 1.0, 2.0, 2.5]))
     assert (modes_at[:, :2] == FEET.index(first)).all() and (modes_at[:, 2:] == FEET.index(second)).all()
@@ -117,7 +117,7 @@ def test_each_clip_has_its_own_way(slide, first, second):
 def test_without_a_word_feet_stand_as_they_did():
     project = world(0.2, "auto")
     shape = project.shape("walker")
-    assert foot_modes(project, shape, held_pins(shape)) is None
+    assert foot_modes(project, shape, resolve_pins(shape)) is None
 
 
 def test_feet_are_found_and_unknown_modes_are_refused():

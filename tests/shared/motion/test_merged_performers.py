@@ -10,7 +10,7 @@ from swaying import swaying
 
 from enliven.document.project import Project
 from enliven.frames import BodyFrame
-from enliven.takes.performed import PerformedMotion, with_performed
+from enliven.takes.performed import PerformedMotion, add_performance
 from enliven.takes.performers import merge_performers
 from enliven.wire import HoldMessage
 
@@ -34,7 +34,7 @@ def held(who: int, seconds: float = 0.0, mode: str = "alone", former: int = -1) 
 
 def recorded(seen: list[BodyFrame], *events: HoldMessage) -> dict[str, float]:
     performed = PerformedMotion("take 1", 0, frames=seen, events=list(events))
-    project, names = with_performed(Project(), performed, 0)
+    project, names = add_performance(Project(), performed, 0)
     assert set(names) == set(project.takes)
     return {name: take.duration for name, take in project.takes.items()}
 

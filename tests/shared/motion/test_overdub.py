@@ -30,9 +30,9 @@ from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.motion.layers.evaluate import pose_of
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven.takes.overdub import LiveOverdub, OverdubTransfer
-from enliven.takes.performed import PerformedMotion, with_performed
-from enliven.takes.punch_in import FADE, PunchIn
-from enliven.takes.shared_motion import shared_motion
+from enliven.takes.performed import PerformedMotion, add_performance
+from enliven.takes.punch_in import FADE_S, PunchIn
+from enliven.takes.shared_motion import find_shared_motion
 
 FRAMES = 40
 
@@ -62,7 +62,7 @@ def lifted(shape: GraphShape, size: float = 0.3, frames: int = FRAMES) -> Perfor
 
 def test_overdub_changes_only_attached_parts(chair: Project) -> None:
     before = chair.graph("chair")
-    merged, names = with_performed(chair, lifted(before), BEGIN)
+    merged, names = add_performance(chair, lifted(before), BEGIN)
     after = merged.graph("chair")
     assert names == ("chair",) and after.parts == before.parts and len(after.over) == 1
     low = before.positions[:, 1] < np.quantile(before.positions[:, 1], 0.65)
@@ -77,7 +77,7 @@ def test_overdub_changes_only_attached_parts(chair: Project) -> None:
 
 def test_live_display_matches_later_playback(chair: Project) -> None:
     done = lifted(chair.graph("chair"))
-    merged, _ = with_performed(chair, done, BEGIN)
+    merged, _ = add_performance(chair, done, BEGIN)
     live = LiveOverdub(chair, "chair", done.characters["chair", 2])
     for frame in (5, 15, 25):
         base = pose_of_character(chair, "chair", frame * STEP * 1e-9)
@@ -110,7 +110,7 @@ def test_the_shared_motion_is_that_of_the_least_distances(seed: int, astray: int
     turn = to_matrix(from_rotation_vector(random.normal(size=3)))
     places = rest @ turn.T + random.normal(size=3)
     places[:astray] += random.normal(size=(astray, 3))
-    turns, moves = shared_motion(places[None], rest)
+    turns, moves = find_shared_motion(places[None], rest)
 
     def distances(free: np.ndarray) -> float:
         slow = to_matrix(from_rotation_vector(free[:3])) @ turns[0]
@@ -129,7 +129,7 @@ def test_the_shared_motion_is_that_of_its_twin_in_numpy(seed: int, astray: int) 
     turn = to_matrix(from_rotation_vector(random.normal(size=3)))
     places = rest @ turn.T + random.normal(size=3) + 0.01 * random.normal(size=(2, 60, 3))
     places[:, :astray] += random.normal(size=(astray, 3))
-    turns, moves = shared_motion(places, rest)
+    turns, moves = find_shared_motion(places, rest)
     for frame in range(2):
         slow_turn, slow_move = shared_by_numpy(places[frame], rest)
         # Twelve rounds carry the rounding of a singular value decomposition and of Jacobi's turns apart.
@@ -156,7 +156,7 @@ def seen(project: Project, name: str, second: float) -> np.ndarray:
 @given(st.floats(0.2, 0.9))
 @settings(max_examples=5)
 def test_global_edits_keep_overdub(chair: Project, second: float) -> None:
-    merged, _ = with_performed(chair, lifted(chair.graph("chair")), BEGIN)
+    merged, _ = add_performance(chair, lifted(chair.graph("chair")), BEGIN)
     before = seen(merged, "chair", second)
     moved = move_character(merged, "chair", [1.0, 0.5, 0.0])
     np.testing.assert_allclose(seen(moved, "chair", second), before + np.array([1.0, 0.5, 0.0]), atol=1e-9)
@@ -173,7 +173,7 @@ def test_global_edits_keep_overdub(chair: Project, second: float) -> None:
 
 
 def test_cut_and_merge_keep_overdub(chair: Project) -> None:
-    overdubbed, _ = with_performed(chair, lifted(chair.graph("chair")), BEGIN)
+    overdubbed, _ = add_performance(chair, lifted(chair.graph("chair")), BEGIN)
     middle = seen(overdubbed, "chair", 0.6).mean(0)
     cut, (near, far) = cut_character(overdubbed, "chair", PlaneCut(middle, np.array([0.0, 1.0, 0.0])), 0.6)
     for name in (near, far):
@@ -196,12 +196,12 @@ SPANS = st.tuples(st.floats(0.0, 1.5), st.floats(0.3, 1.0))
 @settings(max_examples=30)
 def test_punch_in_changes_layer_only_within_its_span(span, hold: bool, loop: bool) -> None:
     own = waving({1: 0.7})
-    project, _ = with_performed(Project().with_characters(ARM), performed(own), BEGIN - 500_000_000)
+    project, _ = add_performance(Project().with_characters(ARM), performed(own), BEGIN - 500_000_000)
     layer = replace(project.shape("arm").layers[0], hold=hold, loop=loop)
     length, punch = project.length_of(layer), PunchIn(span[0], sum(span), 3.0)
     left = punch(project, layer)
     outside = [t for t in np.linspace(0.0, 3.0, 61) if not punch.begin - 2e-3 <= t <= punch.end + 2e-3]
-    inside = np.linspace(punch.begin + FADE, punch.end - FADE, 5)[1:4]
+    inside = np.linspace(punch.begin + FADE_S, punch.end - FADE_S, 5)[1:4]
     for time in outside:
         was = layer.moment(time, length)
         now = None if left is None else left.moment(time, length)
@@ -212,30 +212,30 @@ def test_punch_in_changes_layer_only_within_its_span(span, hold: bool, loop: boo
 
 
 def test_a_recording_in_the_place_of_another_replaces_its_span_and_no_more(chair: Project) -> None:
-    longer, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.5, 2: 0.5})), BEGIN)
+    longer, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.5, 2: 0.5})), BEGIN)
     short = performed(waving({1: 0.9})[:8], "take 2")
     begin = BEGIN - 100_000_000
-    merged, _ = with_performed(longer, short, begin, replaces=True)
+    merged, _ = add_performance(longer, short, begin, replaces=True)
     for second in (0.02, 0.09, 0.345, 0.36):
         before, after = (pose_of(each, "arm", second).turns for each in (longer, merged))
         np.testing.assert_allclose(after, before, atol=1e-6)
-    alone, _ = with_performed(Project().with_characters(ARM), short, begin)
+    alone, _ = add_performance(Project().with_characters(ARM), short, begin)
     middle = 0.1 + 3.5 * STEP * 1e-9
     bone = [pose_of(each, "arm", middle).turns[1] for each in (merged, alone)]
     np.testing.assert_allclose(bone[0], bone[1], atol=1e-6)
     assert same(merged.takes["take 1 on arm"], longer.takes["take 1 on arm"])
 
     done = lifted(chair.graph("chair"), frames=12)
-    punched, _ = with_performed(chair, done, BEGIN - 300_000_000, replaces=True)
+    punched, _ = add_performance(chair, done, BEGIN - 300_000_000, replaces=True)
     for second in (0.1, 0.29, 0.7, 0.95):
         np.testing.assert_allclose(seen(punched, "chair", second), seen(chair, "chair", second), atol=1e-6)
     assert np.abs(seen(punched, "chair", 0.48) - seen(chair, "chair", 0.48)).max() > 0.01
-    replaced, _ = with_performed(chair, lifted(chair.graph("chair")), BEGIN, replaces=True)
+    replaced, _ = add_performance(chair, lifted(chair.graph("chair")), BEGIN, replaces=True)
     assert replaced.graph("chair").over == (), "what replaces everything is a performance of its own"
 
 
 def test_clips_that_were_blended_are_punched_too() -> None:
-    project, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.7})), BEGIN)
+    project, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.7})), BEGIN)
     layer = project.shape("arm").layers[0]
     blended = replace(layer, segments=(Segment(0.0, 2.0), Segment(1.2, 3.0, 0.1)))
     left = PunchIn(1.4, 2.5, 4.0)(project, blended)
@@ -245,4 +245,4 @@ def test_clips_that_were_blended_are_punched_too() -> None:
         assert left.moment(time, length).second == pytest.approx(
             blended.moment(time, length).second, abs=1e-6
         )
-    assert left.moment(1.4 + 2 * FADE, 0.4).weight == 0.0
+    assert left.moment(1.4 + 2 * FADE_S, 0.4).weight == 0.0

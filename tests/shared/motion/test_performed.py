@@ -14,7 +14,7 @@ from enliven.frames import BodyFrame
 from enliven.motion.layers.evaluate import pose_from, pose_of
 from enliven.person.body import Body
 from enliven.takes.live_layer import LiveLayer
-from enliven.takes.performed import with_performed
+from enliven.takes.performed import add_performance
 from enliven.wire import HoldMessage
 
 BENDS = st.dictionaries(st.integers(1, BONES - 1), st.floats(0.2, 1.0), min_size=1, max_size=BONES - 1)
@@ -24,7 +24,9 @@ BENDS = st.dictionaries(st.integers(1, BONES - 1), st.floats(0.2, 1.0), min_size
 @settings(max_examples=25)
 def test_shape_plays_recording_from_its_start_time(bends, start: float) -> None:
     own = waving(bends)
-    merged, names = with_performed(Project().with_characters(ARM), performed(own), BEGIN - round(start * 1e9))
+    merged, names = add_performance(
+        Project().with_characters(ARM), performed(own), BEGIN - round(start * 1e9)
+    )
     shape = merged.shape("arm")
     assert names == ("arm",) and {layer.take for layer in shape.layers} == {"take 1 on arm"}
     played = {bone for bone, spans in enumerate(shape.spans) if any(span.refs for span in spans)}
@@ -40,13 +42,13 @@ def test_shape_plays_recording_from_its_start_time(bends, start: float) -> None:
 
 
 def test_a_second_recording_is_added_to_the_first_or_takes_its_place_and_the_take_stays() -> None:
-    first, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.5})), BEGIN)
-    second, _ = with_performed(first, performed(waving({2: 0.8}), "take 2"), BEGIN)
+    first, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.5})), BEGIN)
+    second, _ = add_performance(first, performed(waving({2: 0.8}), "take 2"), BEGIN)
     turn_before = pose_of(first, "arm", 0.2).turns[1]
     np.testing.assert_allclose(pose_of(second, "arm", 0.2).turns[1], turn_before, atol=1e-6)
     assert np.abs(pose_of(second, "arm", 0.2).turns[2] - pose_of(first, "arm", 0.2).turns[2]).max() > 0.05
-    replaced, _ = with_performed(first, performed(waving({1: 0.2}), "take 2"), BEGIN, replaces=True)
-    alone, _ = with_performed(Project().with_characters(ARM), performed(waving({1: 0.2})), BEGIN)
+    replaced, _ = add_performance(first, performed(waving({1: 0.2}), "take 2"), BEGIN, replaces=True)
+    alone, _ = add_performance(Project().with_characters(ARM), performed(waving({1: 0.2})), BEGIN)
     np.testing.assert_allclose(
         pose_of(replaced, "arm", 0.2).turns, pose_of(alone, "arm", 0.2).turns, atol=1e-6
     )
@@ -56,9 +58,9 @@ def test_a_second_recording_is_added_to_the_first_or_takes_its_place_and_the_tak
 @given(BENDS, BENDS, st.booleans())
 @settings(max_examples=15)
 def test_live_display_matches_later_playback(first, second, replaces: bool) -> None:
-    before, _ = with_performed(Project().with_characters(ARM), performed(waving(first)), BEGIN)
+    before, _ = add_performance(Project().with_characters(ARM), performed(waving(first)), BEGIN)
     live = performed(waving(second), "take 2", root=0.0)
-    after, _ = with_performed(before, live, BEGIN, replaces=replaces)
+    after, _ = add_performance(before, live, BEGIN, replaces=replaces)
     shown = LiveLayer(before, "arm", frozenset(second) if replaces else frozenset())
     for frame in (1, FRAMES // 2, FRAMES - 1):
         seconds, seen = frame * STEP * 1e-9, live.poses["arm", 3][frame]
@@ -74,7 +76,7 @@ def test_live_display_matches_later_playback(first, second, replaces: bool) -> N
 
 
 def test_moving_root_carries_shape_from_its_position() -> None:
-    merged, _ = with_performed(
+    merged, _ = add_performance(
         Project().with_characters(ARM), performed(waving({0: 0.4, 1: 0.4}), root=0.1), BEGIN
     )
     went = [pose_of(merged, "arm", frame * STEP * 1e-9).joints[0] for frame in (0, 5)]
@@ -90,8 +92,8 @@ def test_visible_performers_become_takes_and_still_parts_add_nothing() -> None:
         body = Body(4, joints + 0.01 * frame, np.ones(20))
         still.frames.append(BodyFrame([body], BEGIN + frame * STEP, "edge"))
     still.events.append(HoldMessage("arm", BEGIN, "alone", body=4, holders=[4]))
-    merged, names = with_performed(Project().with_characters(ARM), still, BEGIN)
+    merged, names = add_performance(Project().with_characters(ARM), still, BEGIN)
     assert names == ("take 1",) and merged.shape("arm").layers == ()
     assert merged.takes["take 1"].duration > 1.0
     early = replace(still, since_ns=BEGIN + 60 * STEP)
-    assert with_performed(Project(), early, BEGIN)[1] == ()
+    assert add_performance(Project(), early, BEGIN)[1] == ()

@@ -14,8 +14,8 @@ from enliven.document.project import Project
 from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.motion.contact.foot_lock import Window, window_of
-from enliven.motion.contact.pin import bend_of, held_pins, pin_feet, unpin
+from enliven.motion.contact.foot_lock import AnalysisWindow, find_analysis_window
+from enliven.motion.contact.pin import find_bend, pin_feet, resolve_pins, unpin
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain, set_travel
 from enliven.rotation import from_rotation_vector, rotate
@@ -128,7 +128,10 @@ def test_a_foot_that_may_sink_keeps_its_height_and_is_held_along_the_floor_only(
 def test_there_is_no_jump(rise):
     project = pin_feet(walking(walk()), "walker", FEET, settings=ContactSettings(rise=rise))
     fine = np.arange(0, 3.0, 1 / 600)
-    pinned, free = Player(project, "walker").sample(fine)[1], Player(project, "walker").free(fine)[1]
+    pinned, free = (
+        Player(project, "walker").sample(fine)[1],
+        Player(project, "walker").sample_unpinned(fine)[1],
+    )
     for joint in (0, 2, 3):
         steps = np.linalg.norm(np.diff(pinned[:, joint], axis=0), axis=1)
         # Within the blend the foot makes good what it slid; nothing is quicker than that.
@@ -214,14 +217,16 @@ def test_the_window_of_layers():
     project = walking(walk(31))
     (shape,) = project.shapes.values()
     layers = shape.layers
-    assert window_of([], {}) == Window(0.0, 0.0, False)
-    window = window_of(layers, project.takes)
+    assert find_analysis_window([], {}) == AnalysisWindow(0.0, 0.0, False)
+    window = find_analysis_window(layers, project.takes)
     assert (window.start, window.looped) == (0.0, False) and window.end == pytest.approx(1.0)
     late = set_layer(project, shape.id, "leg 5", offset=2.0, speed=0.5, loop=True)
-    window = window_of(late.shape(shape.id).layers, late.takes)
+    window = find_analysis_window(late.shape(shape.id).layers, late.takes)
     assert not window.looped and window.end == 120.0
-    np.testing.assert_array_equal(window.folded(np.array([-1.0, 500.0])), [-1.0, 500.0])
-    np.testing.assert_allclose(Window(1.0, 3.0, True).folded(np.array([0.5, 1.0, 3.5])), [2.5, 1.0, 1.5])
+    np.testing.assert_array_equal(window.fold_times(np.array([-1.0, 500.0])), [-1.0, 500.0])
+    np.testing.assert_allclose(
+        AnalysisWindow(1.0, 3.0, True).fold_times(np.array([0.5, 1.0, 3.5])), [2.5, 1.0, 1.5]
+    )
 
 
 def test_pins_come_and_go():
@@ -237,7 +242,7 @@ def test_pins_come_and_go():
     assert unpin(pinned, "walker").shape("walker").pins == ()
     # Where an edit took the joint away, the pin is left out.
     less = Skeleton(NAMES[:3], PARENTS[:3], REST[:3])
-    assert held_pins(still_shape("less", less).with_changes(pins=pinned.shape("walker").pins)) == []
+    assert resolve_pins(still_shape("less", less).with_changes(pins=pinned.shape("walker").pins)) == []
 
 
 @pytest.mark.parametrize(
@@ -256,12 +261,12 @@ def test_unpinnable_joint_is_refused(joints, start, said):
 
 
 def test_bending_joint_of_a_limb():
-    middle, side = bend_of(WALKER, (1, 2, 3))
+    middle, side = find_bend(WALKER, (1, 2, 3))
     assert middle == 1 and np.allclose(side, [0, 0, 0.02], atol=1e-3)
     straight = Skeleton(
         tuple("abcd"),
         np.array([-1, 0, 1, 2], np.int32),
         np.array([[0, 3.0, 0], [0, 2, 0], [0, 1, 0], [0, 0.5, 0]]),
     )
-    middle, side = bend_of(straight, (0, 1, 2, 3))
+    middle, side = find_bend(straight, (0, 1, 2, 3))
     assert middle == 1 and np.array_equal(side, [0, 0, 1])

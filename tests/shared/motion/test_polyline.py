@@ -12,7 +12,7 @@ from polylines import sample, turns
 from enliven.document.layers import Layer
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.motion.layers.polyline import Polyline, arc_of
+from enliven.motion.layers.polyline import Polyline, arc_lengths
 from enliven.motion.layers.timing import Clocks
 from enliven.rotation import conjugate, multiply, slerp
 
@@ -92,14 +92,14 @@ def test_neighbouring_knots_have_one_sign(seed):
 def test_a_bone_without_length_keeps_its_turn_to_itself():
     at = np.array([[0, 0, 0], [0, 1, 0], [0, 1, 0], [0, 2, 0]], float)
     skeleton = Skeleton(("a", "b", "c", "d"), np.array([-1, 0, 1, 2], np.int32), at)
-    arc = arc_of(skeleton, (0, 1, 2, 3))
+    arc = arc_lengths(skeleton, (0, 1, 2, 3))
     assert (np.diff(arc) > 0).all() and arc[-1] == 1.0
     clip = random_clip(np.random.default_rng(1), skeleton)
     q = sample(Polyline.of(clip, (0, 1, 2, 3)), arc, np.arange(9))
     for j in (1, 2, 3):
         relative = multiply(conjugate(clip.turns[:, 0]), clip.turns[:, j])
         assert angle(q[:, j], relative) < 1e-9
-    assert np.array_equal(arc_of(Skeleton(("a", "b"), [-1, 0], np.zeros((2, 3))), (0, 1)), [0.0, 1.0])
+    assert np.array_equal(arc_lengths(Skeleton(("a", "b"), [-1, 0], np.zeros((2, 3))), (0, 1)), [0.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -122,13 +122,13 @@ def test_a_bone_without_length_keeps_its_turn_to_itself():
 def test_the_time_of_a_layer(played, seconds, expected):
     clip = random_clip(np.random.default_rng(0), random_skeleton(np.random.default_rng(0), 3))
     clocks = Clocks.of([Layer("layer", "take", (0,), **played)], [clip])
-    assert clocks.played(np.array([seconds]))[0][0] == pytest.approx([expected], abs=1e-9)
+    assert clocks.frames_at(np.array([seconds]))[0][0] == pytest.approx([expected], abs=1e-9)
 
 
 def test_one_frame_is_played_for_ever():
     clip = random_clip(np.random.default_rng(0), random_skeleton(np.random.default_rng(0), 3), frames=1)
     layer = Layer("layer", "take", (0, 1), loop=True, speed=-3.0)
-    frames, _, _, rounds, _ = Clocks.of([layer], [clip]).played(np.array([-1.0, 0.0, 7.0]))
+    frames, _, _, rounds, _ = Clocks.of([layer], [clip]).frames_at(np.array([-1.0, 0.0, 7.0]))
     assert not frames.any() and not rounds.any()
     knots = turns(Polyline.of(clip, (0, 1)), [0.0])
     assert angle(knots[0, 1], multiply(conjugate(clip.turns[0, 0]), clip.turns[0, 1])) < 1e-9

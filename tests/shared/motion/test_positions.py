@@ -10,7 +10,7 @@ from tolerances import alike
 
 from enliven.document.skeleton import Skeleton
 from enliven.rotation import from_matrix, from_rotation_vector, multiply, rotate, swing
-from enliven.takes.positions import filled, rest_of, turns_of
+from enliven.takes.positions import fill_unseen, rest_from_positions, rotations_from_positions
 
 sys.path.insert(0, str(Path(__file__).parent))
 from motion_strategies import EYE, angle, random_skeleton, random_turn, seeds
@@ -58,7 +58,7 @@ def test_the_kernel_is_the_definition(seed, oriented):
     skeleton = random_skeleton(rng, 9)
     positions = skeleton.positions + rng.normal(size=(3, 9, 3)) * 0.3
     orientations = np.array([[random_turn(rng) for _ in range(9)] for _ in range(3)]) if oriented else None
-    ours = turns_of(skeleton, positions, orientations)
+    ours = rotations_from_positions(skeleton, positions, orientations)
     for f in range(3):
         assert (
             angle(
@@ -73,11 +73,11 @@ def test_coincident_joints_keep_parent_rotation():
     at = np.array([[0, 1.0, 0], [0, 2, 0], [0, 2, 0], [0, 3, 0]])
     skeleton = Skeleton(tuple("abcd"), np.array([-1, 0, 1, 2], np.int32), at)
     now = np.array([[0, 1.0, 0], [1, 1, 0], [1, 1, 0], [1, 1, 0]])
-    turns = turns_of(skeleton, now[None])[0]
+    turns = rotations_from_positions(skeleton, now[None])[0]
     assert angle(turns[1:], np.tile(turns[0], (3, 1))) < 1e-9
     np.testing.assert_allclose(rotate(turns[1], [0, 1, 0]), [1, 0, 0], atol=1e-12)
     alone = Skeleton(("a",), np.array([-1], np.int32), np.zeros((1, 3)))
-    assert alike(turns_of(alone, np.ones((2, 1, 3))), np.tile(EYE, (2, 1, 1)))
+    assert alike(rotations_from_positions(alone, np.ones((2, 1, 3))), np.tile(EYE, (2, 1, 1)))
 
 
 @laws
@@ -86,7 +86,7 @@ def test_bones_at_rest_are_as_long_as_they_mostly_are(seed):
     rng = np.random.default_rng(seed)
     skeleton = random_skeleton(rng, 7)
     frames = skeleton.positions + rng.normal(size=(9, 7, 3)) * 0.05
-    rest = rest_of(skeleton.parents, skeleton.positions, frames)
+    rest = rest_from_positions(skeleton.parents, skeleton.positions, frames)
     for j, parent in enumerate(skeleton.parents[1:], 1):
         link = rest[j] - rest[parent]
         wanted = np.median(np.linalg.norm(frames[:, j] - frames[:, parent], axis=1))
@@ -96,4 +96,4 @@ def test_bones_at_rest_are_as_long_as_they_mostly_are(seed):
 def test_never_visible_joints_keep_initial_rotation():
     positions = np.arange(24.0).reshape(4, 2, 3)
     seen = np.array([[True, False]] * 4)
-    np.testing.assert_array_equal(filled([-1, 0], positions, seen), positions)
+    np.testing.assert_array_equal(fill_unseen([-1, 0], positions, seen), positions)

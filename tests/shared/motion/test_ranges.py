@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 from enliven.motion.kinematics.ranges import (
     FREE_SWING,
     FREE_TWIST,
-    SOFT,
-    UNKNOWN_SWING,
-    UNKNOWN_TWIST,
-    joint_range,
+    MAX_UNKNOWN_SWING,
+    MAX_UNKNOWN_TWIST,
+    SOFT_MARGIN,
+    fit_joint_range,
     limit_turns,
     limit_turns_towards,
 )
@@ -29,7 +29,7 @@ def made(random, frames=12):
     """A bone, turns of it that are known, and its range."""
     bone = random.normal(size=3)
     turns = from_rotation_vector(random.normal(size=(frames, 3)) * random.uniform(0.0, 0.5, size=3))
-    return bone / np.linalg.norm(bone), turns, joint_range(bone, turns)
+    return bone / np.linalg.norm(bone), turns, fit_joint_range(bone, turns)
 
 
 def any_turns(random, count=200):
@@ -54,7 +54,7 @@ def gives_way(swing, twist):
     off = np.hypot(swing, twist)
     share = np.hypot(swing / FREE_SWING, twist / FREE_TWIST)
     free = off / max(share, 1e-300)
-    return 1.0 if share <= 1.0 else (free + SOFT * (1.0 - np.exp((free - off) / SOFT))) / off
+    return 1.0 if share <= 1.0 else (free + SOFT_MARGIN * (1.0 - np.exp((free - off) / SOFT_MARGIN))) / off
 
 
 def slow_limit(bone, known, turn):
@@ -95,7 +95,7 @@ def test_turns_within_the_range_are_returned_unchanged(seed):
     bone, samples, joint = made(random)
     np.testing.assert_array_equal(limit_turns(joint, samples), samples)
     small = from_rotation_vector(random.normal(size=(50, 3)) * 0.15)
-    np.testing.assert_array_equal(limit_turns(joint_range(bone), small), small)
+    np.testing.assert_array_equal(limit_turns(fit_joint_range(bone), small), small)
 
 
 @settings(max_examples=20, deadline=None)
@@ -106,13 +106,13 @@ def test_every_turn_ends_within_the_range_and_its_margin(seed):
     swings, twists = zip(*(parts(bone, part) for part in samples), strict=True)
     for rest, swing, twist in (
         (joint, max(map(np.linalg.norm, swings)) + FREE_SWING, max(map(abs, twists)) + FREE_TWIST),
-        (joint_range(bone), UNKNOWN_SWING, UNKNOWN_TWIST),
+        (fit_joint_range(bone), MAX_UNKNOWN_SWING, MAX_UNKNOWN_TWIST),
     ):
         limited = limit_turns(rest, any_turns(random))
         np.testing.assert_allclose(np.linalg.norm(limited, axis=1), 1.0, atol=1e-9)
         limits = [parts(bone, turn) for turn in limited]
-        assert max(np.linalg.norm(part[0]) for part in limits) < swing + SOFT + 1e-9
-        assert max(abs(part[1]) for part in limits) < twist + SOFT + 1e-9
+        assert max(np.linalg.norm(part[0]) for part in limits) < swing + SOFT_MARGIN + 1e-9
+        assert max(abs(part[1]) for part in limits) < twist + SOFT_MARGIN + 1e-9
 
 
 @settings(max_examples=30, deadline=None)
@@ -136,7 +136,7 @@ def test_small_changes_of_a_turn_change_the_result_by_little(seed):
 def test_a_larger_turn_stays_the_larger_one_until_it_nears_half_a_turn():
     angles = np.radians(np.arange(0.0, 135.0))
     for axis in ([1.0, 0.0, 0.0], [0.6, 0.0, 0.8], [0.0, 1.0, 0.0]):
-        limited = limit_turns(joint_range(DOWN), from_rotation_vector(angles[:, None] * axis))
+        limited = limit_turns(fit_joint_range(DOWN), from_rotation_vector(angles[:, None] * axis))
         sizes = np.linalg.norm(to_rotation_vector(limited), axis=1)
         assert (np.diff(sizes) > 0.0).all()
         assert (np.diff(sizes) <= np.diff(angles) + 1e-12).all()
@@ -145,7 +145,7 @@ def test_a_larger_turn_stays_the_larger_one_until_it_nears_half_a_turn():
 def test_an_arm_that_is_raised_through_half_a_turn_stays_at_its_limit():
     """It does not fall back while the performer's is overhead, nor jump as it passes the vertical."""
     angles = np.radians(np.concatenate([np.arange(0.0, 200.0), np.arange(200.0, 0.0, -1.0)]))
-    limited = limit_turns(joint_range(DOWN), from_rotation_vector(-angles[:, None] * [1.0, 0.0, 0.0]))
+    limited = limit_turns(fit_joint_range(DOWN), from_rotation_vector(-angles[:, None] * [1.0, 0.0, 0.0]))
     raised = np.linalg.norm(to_rotation_vector(limited), axis=1)[(angles > 1.6) & (angles < np.pi)]
     assert np.degrees(raised.min()) > 80.0
     assert degrees_apart(limited[1:], limited[:-1]).max() < 8.0
@@ -154,7 +154,7 @@ def test_an_arm_that_is_raised_through_half_a_turn_stays_at_its_limit():
 def test_a_bone_that_is_twisted_far_swings_less_far():
     """Its turn as a whole leaves the known ones by the free angle and the margin, not each part."""
     knee = from_rotation_vector(np.radians(np.linspace(0.0, 60.0, 7))[:, None] * [1.0, 0.0, 0.0])
-    joint = joint_range(DOWN, knee)
+    joint = fit_joint_range(DOWN, knee)
     swing = Rotation.from_rotvec([np.radians(85.0), 0.0, 0.0])
     swings = []
     for twist in (0.0, 60.0, 120.0):
@@ -171,15 +171,17 @@ def test_in_the_mirror_limits_are_alike(seed):
     random = np.random.default_rng(seed)
     bone, samples, joint = made(random)
     turns = any_turns(random)
-    mirrored_joint = joint_range(bone * [-1.0, 1.0, 1.0], samples * MIRROR)
+    mirrored_joint = fit_joint_range(bone * [-1.0, 1.0, 1.0], samples * MIRROR)
     mirrored_limits = limit_turns(mirrored_joint, turns * MIRROR)
     assert degrees_apart(mirrored_limits, limit_turns(joint, turns) * MIRROR).max() < 1e-5
 
 
 def test_the_bones_of_a_spine_share_the_limits_of_one():
     bend = np.array([np.radians(170.0) / 4.0, 0.0, 0.0])
-    turn = limit_turns(joint_range(DOWN, None, 0.25), from_rotation_vector(bend)[None])
-    assert UNKNOWN_SWING < 4.0 * np.linalg.norm(to_rotation_vector(turn)) < UNKNOWN_SWING + SOFT
+    turn = limit_turns(fit_joint_range(DOWN, None, 0.25), from_rotation_vector(bend)[None])
+    assert (
+        MAX_UNKNOWN_SWING < 4.0 * np.linalg.norm(to_rotation_vector(turn)) < MAX_UNKNOWN_SWING + SOFT_MARGIN
+    )
 
 
 @pytest.mark.parametrize("angle", [0.0, 40.0, 90.0])
@@ -187,6 +189,6 @@ def test_a_hinge_of_the_clips_bends_one_way_only(angle):
     """A knee that clips bend by up to 90 degrees still does; backwards it gives way by the free angle."""
     knee = from_rotation_vector(np.radians(np.linspace(0.0, 90.0, 10))[:, None] * [1.0, 0.0, 0.0])
     bent = from_rotation_vector(np.radians([[angle, 0.0, 0.0], [-100.0, 0.0, 0.0]]))
-    got = limit_turns(joint_range(DOWN, knee), bent)
+    got = limit_turns(fit_joint_range(DOWN, knee), bent)
     np.testing.assert_array_equal(got[0], bent[0])
     assert 45.0 < np.degrees(np.linalg.norm(to_rotation_vector(got[1]))) < 50.0

@@ -18,7 +18,7 @@ from enliven.errors import InputError
 from enliven.modeling.rigged.spans import joined_spans, split_spans
 from enliven.motion.layers.copying import copy_motion
 from enliven.motion.layers.evaluate import Player
-from enliven.motion.layers.retarget import bind_chain, branch, clear_chain, extended, set_travel
+from enliven.motion.layers.retarget import bind_chain, branch, clear_chain, extend_to_leaf, set_travel
 from enliven.rotation import canonical, conjugate, from_rotation_vector, multiply, rotate, to_rotation_vector
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -168,7 +168,13 @@ def test_another_layer_lies_on_the_spans_that_are_there(seed):
     for name in ("line", "cut"):
         project = bind_chain(project, name, range(4), "take", chain_to(clip.skeleton, 7))
     times = times_of(clip)
-    assert angle(Player(project, "line").own(times), Player(project, "cut").own(times)) < 1e-9
+    assert (
+        angle(
+            Player(project, "line").animation_rotations(times),
+            Player(project, "cut").animation_rotations(times),
+        )
+        < 1e-9
+    )
     refs = [span.refs[0] for span in project.shape("cut").spans[2]]
     whole = project.shape("line").spans[2][0].refs[0]
     assert refs[0].start == whole.start and refs[-1].end == whole.end
@@ -232,9 +238,9 @@ def test_a_delayed_copy_is_the_same_later(seed, delay):
 def test_the_longest_way_down():
     at = np.array([[0, 0, 0], [0, 1, 0], [0, 1.5, 0], [1, 1, 0], [3, 1, 0], [0, -5, 0]], float)
     tree = Skeleton(tuple("abcdef"), np.array([-1, 0, 1, 1, 3, 0], np.int32), at)
-    assert extended(tree, 1) == (1, 3, 4)
-    assert extended(tree, 0) == (0, 5)
-    assert extended(tree, 4) == (4,)
+    assert extend_to_leaf(tree, 1) == (1, 3, 4)
+    assert extend_to_leaf(tree, 0) == (0, 5)
+    assert extend_to_leaf(tree, 4) == (4,)
     assert branch(tree, 0, 1) == (0, 1, 3, 4)
     assert branch(tree, 0, 1, extend=False) == (0, 1)
 
@@ -298,14 +304,14 @@ def test_turns_are_spread_along_the_target_as_in_the_papers_figure_4():
     clip = Clip("take", line(3), turns[None], np.zeros((1, 3)), 0.1)
     project = Project().with_takes(clip).with_characters(still_shape("line", line(5)))
     project = bind_chain(project, "line", range(5), "take", range(3))
-    own = np.degrees(to_rotation_vector(Player(project, "line").own([0.0])[0]))
+    own = np.degrees(to_rotation_vector(Player(project, "line").animation_rotations([0.0])[0]))
     np.testing.assert_allclose(own[:, 2], [0, 15, 15, 20, 20], atol=1e-9)
     assert not own[:, :2].any()
     # Half of each bone's turn at half the weight; and from the other side, half of the target has it all.
-    half = Player(set_layer(project, "line", "take", weight=0.5), "line").own([0.0])[0]
+    half = Player(set_layer(project, "line", "take", weight=0.5), "line").animation_rotations([0.0])[0]
     np.testing.assert_allclose(np.degrees(to_rotation_vector(half))[:, 2], [0, 7.5, 7.5, 10, 10], atol=1e-9)
     short = bind_chain(clear_chain(project, "line", range(5)), "line", (2, 3, 4), "take", range(3))
-    own = np.degrees(to_rotation_vector(Player(short, "line").own([0.0])[0]))
+    own = np.degrees(to_rotation_vector(Player(short, "line").animation_rotations([0.0])[0]))
     np.testing.assert_allclose(own[:, 2], [0, 0, 0, 30, 40], atol=1e-9)
 
 

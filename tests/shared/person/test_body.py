@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from enliven.errors import InputError
 from enliven.person.body import Body
 from enliven.person.joints import MIRROR, Joint
-from enliven.person.parts import PARTS, parts_named
+from enliven.person.parts import PARTS, parse_parts
 
 
 def test_a_body_needs_no_more_than_joints_and_confidence():
@@ -33,7 +33,7 @@ def test_the_mirror_of_a_joint_is_on_the_other_side():
     ["left arm", "right arm", "both arms", "legs", "upper body", "hip and right arm", "head", "lower body"],
 )
 def test_the_parts_that_people_ask_for_are_there(name):
-    assert parts_named(name) == PARTS[name] != frozenset()
+    assert parse_parts(name) == PARTS[name] != frozenset()
 
 
 @given(
@@ -42,23 +42,23 @@ def test_the_parts_that_people_ask_for_are_there(name):
 )
 def test_parts_are_joined_by_plus_and_comma(names, between):
     expected = frozenset().union(*(PARTS[name] for name in names))
-    assert parts_named(between.join(names)) == expected
-    assert parts_named(between.join(names).upper()) == expected
-    assert parts_named(names) == expected
+    assert parse_parts(between.join(names)) == expected
+    assert parse_parts(between.join(names).upper()) == expected
+    assert parse_parts(names) == expected
 
 
 def test_combinations_of_the_issue():
-    assert parts_named("hip + right arm") == PARTS["hip and right arm"]
-    assert parts_named("left hand and right hand") == PARTS["hands"]
-    assert parts_named("  Left   Arm ") == PARTS["left arm"]
+    assert parse_parts("hip + right arm") == PARTS["hip and right arm"]
+    assert parse_parts("left hand and right hand") == PARTS["hands"]
+    assert parse_parts("  Left   Arm ") == PARTS["left arm"]
 
 
 @pytest.mark.parametrize("name", ["tail", "left arm + tail", "left arm and tail", "", "+", "left"])
 def test_an_unknown_part_names_the_known_ones(name):
     with pytest.raises(InputError, match="Known: all, left arm"):
-        parts_named(name)
+        parse_parts(name)
 
 
 def test_a_near_miss_is_guessed():
     with pytest.raises(InputError, match="Did you mean left arm"):
-        parts_named("lft arm + legs")
+        parse_parts("lft arm + legs")

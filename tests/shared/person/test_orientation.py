@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from enliven.person.body import Body
 from enliven.person.joints import Joint
-from enliven.person.orientation import mirrored
+from enliven.person.orientation import mirror_body
 from enliven.rotation import normalized, rotate, to_matrix
 
 
@@ -28,7 +28,7 @@ def a_plane(seed: int):
 @settings(max_examples=50, deadline=None)
 def test_mirrored_twice_is_the_body_itself(seed, plane):
     body, mirror = some_body(seed), a_plane(plane)
-    twice = mirrored(mirrored(body, *mirror), *mirror)
+    twice = mirror_body(mirror_body(body, *mirror), *mirror)
     np.testing.assert_allclose(twice.joints, body.joints, atol=1e-12)
     np.testing.assert_allclose(to_matrix(twice.orientations), to_matrix(body.orientations), atol=1e-12)
     np.testing.assert_array_equal(twice.confidence, body.confidence)
@@ -40,7 +40,7 @@ def test_mirrored_twice_is_the_body_itself(seed, plane):
 @settings(max_examples=50, deadline=None)
 def test_a_mirror_reflects_fronts_and_lengths_and_keeps_rotations_proper(seed, plane):
     body, (point, normal) = some_body(seed), a_plane(plane)
-    seen = mirrored(body, point, normal)
+    seen = mirror_body(body, point, normal)
     reflection = np.eye(3) - 2 * np.outer(normal, normal)
     matrices, expected = to_matrix(seen.orientations), to_matrix(body.orientations)
     np.testing.assert_allclose(np.linalg.det(matrices), 1.0, atol=1e-9)
@@ -56,8 +56,8 @@ def test_a_mirror_reflects_fronts_and_lengths_and_keeps_rotations_proper(seed, p
 
 def test_a_person_who_stands_before_the_mirror_looks_back_out_of_it():
     body = Body(1, np.zeros((20, 3)), np.ones(20), np.tile([1.0, 0, 0, 0], (20, 1)))
-    seen = mirrored(body, [0, 0, 1], [0, 0, 1])
+    seen = mirror_body(body, [0, 0, 1], [0, 0, 1])
     np.testing.assert_allclose(rotate(seen.orientations[0], [0, 0, 1]), [0, 0, -1], atol=1e-12)
     np.testing.assert_allclose(rotate(seen.orientations[0], [0, 1, 0]), [0, 1, 0], atol=1e-12)
-    aside = mirrored(body, [0, 0, 0], [1, 0, 0])
+    aside = mirror_body(body, [0, 0, 0], [1, 0, 0])
     np.testing.assert_allclose(to_matrix(aside.orientations), to_matrix(body.orientations), atol=1e-12)

@@ -13,7 +13,7 @@ from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 from enliven.person.joints import BONES, PARENTS, J, Joint
 from enliven.person.parts import PARTS
-from enliven.possession.attachment import AttachmentSettings, Growth, attach
+from enliven.possession.attachment import AttachmentSettings, ReachGrowth, attach
 from enliven.possession.bone_cylinders import bone_rotations, bone_samples
 from enliven.possession.nearest_nodes import nearest_facing
 
@@ -350,7 +350,7 @@ def test_the_nearest_nodes_are_those_that_a_look_at_all_would_find(seed, reach, 
 def test_each_limb_reaches_until_enough_of_it_holds(graph, enough, farthest):
     """As if each were attached alone, with reach after reach; arms, as far as the whole body needs."""
     grown = attach(
-        graph, standing(), SURE, settings=AttachmentSettings(reach=0.03), grow=Growth(enough, farthest)
+        graph, standing(), SURE, settings=AttachmentSettings(reach=0.03), grow=ReachGrowth(enough, farthest)
     )
     limbs = [range(4), range(4, 8), range(8, 12), range(12, 16), range(16, 20)]
     for number, limb in enumerate(limbs):
@@ -369,7 +369,7 @@ def test_each_limb_reaches_until_enough_of_it_holds(graph, enough, farthest):
 def test_named_arm_is_attached_at_any_distance(graph):
     joints = standing()
     joints[[Joint.WRIST_LEFT, Joint.HAND_LEFT, Joint.ELBOW_LEFT, Joint.SHOULDER_LEFT]] += [0.3, 0.0, 0.0]
-    grow = Growth(0.25, 5.0)
+    grow = ReachGrowth(0.25, 5.0)
     for parts in ("legs + left arm", "left arm"):
         held = attach(graph, joints, SURE, parts, AttachmentSettings(reach=0.03), grow=grow)
         assert set(held.bone) & {4, 5, 6, 7}

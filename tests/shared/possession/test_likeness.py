@@ -13,8 +13,8 @@ from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 from enliven.person.joints import Joint
 from enliven.possession.likeness import find_body_in_mesh
-from enliven.possession.likeness.any_mesh import extremities
-from enliven.possession.likeness.tree_of_limbs import ways_misfit
+from enliven.possession.likeness.any_mesh import find_extremities
+from enliven.possession.likeness.tree_of_limbs import tree_misfit
 
 
 def capsules(points, ends, radii):
@@ -66,7 +66,7 @@ def test_a_person_is_like_a_person_whichever_way_they_face(turn):
 
 def test_limbs_are_found_by_how_far_they_stand_out():
     _, graph = built(BIPED, GIRTH)
-    tips, lengths, ways = extremities(graph)
+    tips, lengths, ways = find_extremities(graph)
     at = graph.positions[tips]
     assert len(tips) == 5 and (lengths > 0.15).all() and ways.shape == (5, 96)
     for where in ((0, 1.7, 0), (0.5, 0.95, 0), (-0.5, 0.95, 0), (0.16, 0, 0.2), (-0.16, 0, 0.2)):
@@ -118,9 +118,9 @@ def test_ways_of_a_tree_of_limbs_give_its_lengths(seed):
     distances = [
         a[1] + b[1] + (trunk if a[0] != b[0] else 0.0) for i, a in enumerate(ends) for b in ends[i + 1 :]
     ]
-    cost, solved = ways_misfit(np.array([distances]))
+    cost, solved = tree_misfit(np.array([distances]))
     np.testing.assert_allclose(solved[0], lengths, rtol=1e-9)
     usual = [(head / arm / 0.5, 0.5), (leg / arm / 1.15, 0.4), (trunk / arm / 0.55, 0.5)]
     assert cost[0] == pytest.approx(sum((np.log(ratio) / spread) ** 2 for ratio, spread in usual))
-    worse, _ = ways_misfit(np.array([distances]) + dice.uniform(0.2, 0.5, 10) * dice.choice([-1, 1], 10))
+    worse, _ = tree_misfit(np.array([distances]) + dice.uniform(0.2, 0.5, 10) * dice.choice([-1, 1], 10))
     assert worse[0] > 0

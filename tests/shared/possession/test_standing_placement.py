@@ -10,8 +10,8 @@ from sample_meshes.chair import make_chair
 
 from enliven.meshes.mesh import Mesh
 from enliven.person.joints import PARENTS, Joint
-from enliven.possession.placement import turn_about_y
-from enliven.possession.standing_placement import _Nearness, best_stand, fit_standing_person, standing_figure
+from enliven.possession.placement import rotation_about_y
+from enliven.possession.standing_placement import _Nearness, fit_figures, fit_standing_person, standing_figure
 
 FRONT = np.array([0.0, 0.0, 1.0])
 
@@ -55,7 +55,7 @@ def chair() -> Mesh:
 
 
 def moved(mesh: Mesh, quarter: int, x: float, z: float, scale: float = 1.0) -> Mesh:
-    turned = scale * mesh.vertices @ turn_about_y(quarter * np.pi / 2).T + [x, 0.0, z]
+    turned = scale * mesh.vertices @ rotation_about_y(quarter * np.pi / 2).T + [x, 0.0, z]
     return Mesh(turned, mesh.faces, mesh.name, mesh.colours)
 
 
@@ -68,8 +68,8 @@ def test_the_chair_is_brought_back_to_where_it_was_made(chair, quarter, x, z, sc
 
 
 def test_performer_in_horse_has_matching_legs_and_heading(horse) -> None:
-    yaw, offset, _ = best_stand(horse, [standing_figure()])
-    np.testing.assert_allclose(turn_about_y(yaw) @ FRONT, [1.0, 0.0, 0.0], atol=1e-6)
+    yaw, offset, _ = fit_figures(horse, [standing_figure()])
+    np.testing.assert_allclose(rotation_about_y(yaw) @ FRONT, [1.0, 0.0, 0.0], atol=1e-6)
     assert abs(offset[2]) < 0.06
     assert min(abs(offset[0] - x) for x in (-0.64, 0.51)) < 0.12
 
@@ -79,9 +79,9 @@ def test_two_who_stand_apart_share_a_horse(horse) -> None:
     ahead, behind = standing_figure(), standing_figure()
     ahead[:, 2] += 0.57
     behind[:, 2] -= 0.58
-    yaw, offset, _ = best_stand(horse, [ahead, behind])
+    yaw, offset, _ = fit_figures(horse, [ahead, behind])
     # The same way, or the other way round: the pairs of legs are alike.
-    assert abs((turn_about_y(yaw) @ FRONT)[0]) == pytest.approx(1.0, abs=1e-6)
+    assert abs((rotation_about_y(yaw) @ FRONT)[0]) == pytest.approx(1.0, abs=1e-6)
     assert np.linalg.norm(offset - [-0.07, 0.0, 0.0]) < 0.12
 
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from enliven.formats.project.file import read_project
 from enliven.meshes.mesh import Mesh
 from enliven.samples import shipped
-from enliven.samples.shipped import STEP, cactus_project, load_sample
+from enliven.samples.shipped import COORDINATE_STEP_M, cactus_project, load_sample
 from enliven_viewer.studio.motions import library
 
 FILES = ("chair.npz", "lamp.npz", "cactus.enliven")
@@ -31,14 +31,14 @@ def assert_the_same_surface(shown: Mesh, made: Mesh) -> None:
     assert abs(len(shown.faces) - len(made.faces)) <= 16
     for first, second in ((shown, made), (made, shown)):
         away, at = cKDTree(second.vertices).query(first.vertices)
-        assert np.quantile(away, 0.999) <= 2 * STEP and away.max() < 0.01
+        assert np.quantile(away, 0.999) <= 2 * COORDINATE_STEP_M and away.max() < 0.01
         assert np.quantile(np.abs(first.colours.astype(int) - second.colours[at]), 0.999) <= 1
 
 
 @pytest.mark.parametrize("name", ["chair", "lamp"])
 def test_the_script_makes_the_meshes_that_ship(made, monkeypatch, name):
     shown = load_sample(name)
-    monkeypatch.setattr(shipped, "HERE", made)
+    monkeypatch.setattr(shipped, "SAMPLES_FOLDER", made)
     assert_the_same_surface(shown, load_sample(name))
 
 
@@ -55,7 +55,7 @@ def test_the_script_makes_the_puppet_that_ships(made):
 def test_a_shipped_mesh_is_within_a_step_of_the_made_one():
     from sample_meshes.lamp import make_lamp
 
-    np.testing.assert_allclose(load_sample("lamp").vertices, make_lamp().vertices, atol=STEP)
+    np.testing.assert_allclose(load_sample("lamp").vertices, make_lamp().vertices, atol=COORDINATE_STEP_M)
 
 
 def test_the_script_makes_the_motions_that_ship(tmp_path):
@@ -70,6 +70,6 @@ def test_the_script_makes_the_motions_that_ship(tmp_path):
 
 
 def test_the_files_are_small_and_whole():
-    assert sum((shipped.HERE / name).stat().st_size for name in FILES) < 300_000
+    assert sum((shipped.SAMPLES_FOLDER / name).stat().st_size for name in FILES) < 300_000
     for name in FILES:
-        assert zipfile.ZipFile(shipped.HERE / name).testzip() is None
+        assert zipfile.ZipFile(shipped.SAMPLES_FOLDER / name).testzip() is None

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from enliven import rotation
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.scanning import CutOutSettings, cut_out, find_ground, focus_of
-from enliven.scanning.holes import open_sides, rims_of
+from enliven.scanning import CutOutSettings, cut_out, find_focus, find_ground
+from enliven.scanning.holes import find_open_sides, find_rims
 
 
 def grid(x0, x1, z0, z1, y, step=0.02):
@@ -76,7 +76,7 @@ def test_object_is_upright_on_the_floor_for_any_scan_frame(lean, turn, high):
 def test_contact_area_of_object_is_closed():
     mesh = scene(noise=0.001)
     thing = cut_out(mesh, find_ground(mesh), np.array([0.0, 0.3, 0.0]))
-    assert not rims_of(thing)
+    assert not find_rims(thing)
     volume = trimesh.Trimesh(thing.vertices, thing.faces, process=False).volume
     assert volume == pytest.approx(0.3 * 0.6 * 0.3, rel=0.03)
 
@@ -88,9 +88,9 @@ def test_a_small_hole_is_closed_and_a_large_one_stays_open():
     high = np.flatnonzero(front & (middles[:, 1] > 0.3))
     small = faces[np.arange(len(faces)) != high[0]]
     whole = Mesh(vertices, small)
-    assert not rims_of(cut_out(whole, find_ground(whole), np.array([0.0, 0.3, 0.0])))
+    assert not find_rims(cut_out(whole, find_ground(whole), np.array([0.0, 0.3, 0.0])))
     torn = Mesh(vertices, faces[~(front & (middles[:, 1] > 0.2))])
-    left = rims_of(cut_out(torn, find_ground(torn), np.array([0.0, 0.3, 0.0])))
+    left = find_rims(cut_out(torn, find_ground(torn), np.array([0.0, 0.3, 0.0])))
     assert len(left) == 1 and len(left[0]) > 8
 
 
@@ -106,8 +106,8 @@ def test_target_is_the_intersection_of_optical_axes():
         pose[:3, 3] = target + np.array([np.sin(angle), 0.4, np.cos(angle)])
         pose[:3, 2] = rotation.unit(target - pose[:3, 3])
         poses.append(pose)
-    np.testing.assert_allclose(focus_of(poses), target, atol=1e-4)
-    np.testing.assert_allclose(focus_of(poses[:1]), poses[0][:3, 3] + poses[0][:3, 2], atol=1e-6)
+    np.testing.assert_allclose(find_focus(poses), target, atol=1e-4)
+    np.testing.assert_allclose(find_focus(poses[:1]), poses[0][:3, 3] + poses[0][:3, 2], atol=1e-6)
 
 
 def test_empty_cut_out_is_refused():
@@ -129,4 +129,4 @@ def test_open_side_has_no_opposite_face(count, corners):
     faces = np.array(corners, np.int32) % count
     there = {(int(face[k]), int(face[(k + 1) % 3])) for face in faces for k in range(3)}
     slow = [[(face[(k + 1) % 3], face[k]) not in there for k in range(3)] for face in faces.tolist()]
-    np.testing.assert_array_equal(open_sides(faces, count), slow)
+    np.testing.assert_array_equal(find_open_sides(faces, count), slow)

@@ -21,13 +21,13 @@ from enliven.scanning import (
     GroundPlane,
     KnownImage,
     cut_by_box,
-    cut_what_is_new,
+    cut_new_object,
     draw_mesh,
     find_ground,
     upright_frame,
 )
-from enliven.scanning.cutting import compared
-from enliven.scanning.holes import rims_of
+from enliven.scanning.cutting import compare_with_images
+from enliven.scanning.holes import find_rims
 
 FLOOR = GroundPlane(np.array([0.0, 1.0, 0.0]), 0.0, 4.0)
 LEVEL = np.eye(4)
@@ -93,7 +93,7 @@ def test_box_keeps_several_objects_without_floor_and_closes_below():
     mesh = scene()
     cut = cut_by_box(mesh, box((-0.4, 0.0, -0.4), (1.0, 0.9, 0.9)))
     assert cut.parts == 2 and parts_of(cut.mesh) == 2
-    assert not rims_of(cut.mesh), "both have soles"
+    assert not find_rims(cut.mesh), "both have soles"
     assert (cut.mesh.colours == (200, 120, 40)).all()
     # From 2 cm under the floor on, the floor is meant, too.
     floor = cut_by_box(mesh, box((-0.4, -0.03, -0.4), (1.0, 0.9, 0.9)))
@@ -102,9 +102,9 @@ def test_box_keeps_several_objects_without_floor_and_closes_below():
 
 def test_box_cut_is_closed_only_below():
     cut = cut_by_box(scene(), box((-0.4, 0.3, -0.4), (0.4, 0.9, 0.4)))
-    assert not rims_of(cut.mesh) and cut.mesh.bounds[1, 1] == pytest.approx(0.299, abs=1e-6)
+    assert not find_rims(cut.mesh) and cut.mesh.bounds[1, 1] == pytest.approx(0.299, abs=1e-6)
     half = cut_by_box(scene(), box((-0.4, 0.0, -0.4), (0.0, 0.9, 0.4)))
-    (rim,) = rims_of(half.mesh)
+    (rim,) = find_rims(half.mesh)
     assert (half.mesh.vertices[rim][:, 0] > 0.074).mean() > 0.55, "it stays open at its upright side"
 
 
@@ -159,8 +159,8 @@ BEFORE = images_of(*ROOM, noise=0.002)
 def test_new_object_is_found_anywhere(at, tall, seed):
     vertices, faces = joined(ROOM, standing(at, (0.25, tall, 0.2), FINE))
     vertices = vertices + np.random.default_rng(seed).normal(0, 0.001, vertices.shape)
-    cut = cut_what_is_new(Mesh(vertices, faces), BEFORE, FLOOR)
-    assert cut.parts == 1 and not rims_of(cut.mesh)
+    cut = cut_new_object(Mesh(vertices, faces), BEFORE, FLOOR)
+    assert cut.parts == 1 and not find_rims(cut.mesh)
     np.testing.assert_allclose(np.ptp(cut.mesh.vertices, axis=0), [0.25, tall, 0.2], atol=0.012)
     sides = 2 * (0.25 + 0.2) * (tall - 0.012) + 0.25 * 0.2
     assert cut.area == pytest.approx(sides, rel=0.06)
@@ -171,24 +171,24 @@ def test_object_on_table_stands_on_table():
     before = images_of(*table)
     thing, at = standing((0.1, 0.0), (0.2, 0.25, 0.2), FINE), np.array([0.0, 0.3, 0.0])
     vertices, faces = joined(table, (thing[0] + at, thing[1]))
-    cut = cut_what_is_new(Mesh(vertices, faces), before, find_ground(Mesh(vertices, faces)))
+    cut = cut_new_object(Mesh(vertices, faces), before, find_ground(Mesh(vertices, faces)))
     np.testing.assert_allclose(np.ptp(cut.mesh.vertices, axis=0), [0.2, 0.25, 0.2], atol=0.005)
-    assert not rims_of(cut.mesh)
+    assert not find_rims(cut.mesh)
 
 
 def test_moved_object_is_kept_at_its_new_position():
     before = joined(ROOM, standing((-0.3, 0.1), (0.2, 0.4, 0.2), FINE))
     after = Mesh(*joined(ROOM, standing((0.25, 0.0), (0.2, 0.4, 0.2), FINE)))
-    cut = cut_what_is_new(after, images_of(*before), FLOOR)
+    cut = cut_new_object(after, images_of(*before), FLOOR)
     assert cut.parts == 1
     np.testing.assert_allclose(np.ptp(cut.mesh.vertices, axis=0), [0.2, 0.4, 0.2], atol=0.01)
 
 
 def test_missing_new_object_is_reported():
-    with pytest.raises(InputError, match="no new object stands there"):
-        cut_what_is_new(Mesh(*ROOM), BEFORE, FLOOR)
-    with pytest.raises(InputError, match="no new object stands there"):
-        cut_what_is_new(Mesh(*joined(ROOM, standing((0.0, 0.0)))), [], FLOOR)
+    with pytest.raises(InputError, match="no new object was found"):
+        cut_new_object(Mesh(*ROOM), BEFORE, FLOOR)
+    with pytest.raises(InputError, match="no new object was found"):
+        cut_new_object(Mesh(*joined(ROOM, standing((0.0, 0.0)))), [], FLOOR)
 
 
 @settings(max_examples=10)
@@ -216,10 +216,10 @@ def test_background_matches_slow_reference(seed):
             visible += bool(local[2] <= deep + near)
             through += bool(local[2] < deep - near)
         slow.append(-1 if through < 0.7 * visible else 1 if through >= 2 else 0)
-    compared_signs = compared(points, BEFORE)
+    compared_signs = compare_with_images(points, BEFORE)
     # Rounding may put a point on the other side of a pixel's edge.
     assert (compared_signs != np.array(slow)).sum() <= 1
-    assert not compared(points, []).any()
+    assert not compare_with_images(points, []).any()
 
 
 def test_minimum_size_setting_applies_to_boxes():

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.meshes import Mesh
-from enliven.scanning import decimated
+from enliven.scanning import decimate
 from enliven.scanning.decimation import distances
 
 
@@ -31,7 +31,7 @@ def slow_distance(mesh, point):
 @given(faces=st.integers(60, 4000), wobble=st.floats(0.0, 0.15))
 def test_decimation_keeps_budget_and_reported_error(faces, wobble):
     mesh = ball(wobble)
-    result = decimated(mesh, faces)
+    result = decimate(mesh, faces)
     assert 0.8 * faces <= len(result.mesh.faces) <= faces
     errors = np.abs(distances(result.mesh, mesh.vertices))
     assert np.quantile(errors, 0.99) <= 1.1 * result.most and 0 < result.mean <= result.most
@@ -49,7 +49,7 @@ def test_decimation_keeps_budget_and_reported_error(faces, wobble):
 
 def test_flat_areas_need_few_faces():
     box = trimesh.creation.box((0.4, 0.3, 0.2)).subdivide_to_size(0.02)
-    result = decimated(Mesh(np.array(box.vertices), np.array(box.faces, np.int32)), 100)
+    result = decimate(Mesh(np.array(box.vertices), np.array(box.faces, np.int32)), 100)
     assert result.most < 1e-5 and len(result.mesh.faces) <= 100
 
 
@@ -64,5 +64,5 @@ def test_the_distance_is_the_slow_one(place):
 
 def test_small_mesh_is_unchanged():
     mesh = ball(detail=1)
-    result = decimated(mesh, len(mesh.faces))
+    result = decimate(mesh, len(mesh.faces))
     assert result.mesh is mesh and result.mean == result.most == 0.0

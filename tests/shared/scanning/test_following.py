@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from enliven import rotation
 from enliven.scanning import ScanSettings, VolumeSettings
-from enliven.scanning.depth_view import only
+from enliven.scanning.depth_view import restrict_view
 from enliven.scanning.objects import MovedScanner, ObjectModel
-from enliven.scanning.objects.nearness import distances_in
-from enliven.scanning.objects.vacated import share_vacated
+from enliven.scanning.objects.nearness import surface_distances
+from enliven.scanning.objects.vacated import vacated_fraction
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenes import fused_sphere, looking, plane_depth, prepared, sphere_depth
@@ -61,7 +61,7 @@ def test_vacated_space_matches_slow_reference(angle, aside):
     wall = plane_depth(-pose[:3, 2], -0.7, pose)
     view, points = prepared(np.minimum(image, wall)), on_sphere()
     # A point on a pixel's border may be rounded into either.
-    assert share_vacated(points, view, pose, CLEAR) == pytest.approx(
+    assert vacated_fraction(points, view, pose, CLEAR) == pytest.approx(
         slow_share(points, view, pose, CLEAR), abs=0.01
     )
 
@@ -73,19 +73,19 @@ def test_only_visible_removed_objects_count_as_vacated(angle):
     there = prepared(sphere_depth((0, 0, 0), RADIUS, pose))
     behind = prepared(plane_depth(-pose[:3, 2], -0.7, pose))
     before = prepared(plane_depth(-pose[:3, 2], 0.5, pose))
-    assert share_vacated(points, there, pose, CLEAR) < 0.02
-    assert share_vacated(points, behind, pose, CLEAR) == 1.0
-    assert share_vacated(points, before, pose, CLEAR) == 0.0
-    assert share_vacated(points[:10], behind, pose, CLEAR) == 0.0, "too few to tell"
+    assert vacated_fraction(points, there, pose, CLEAR) < 0.02
+    assert vacated_fraction(points, behind, pose, CLEAR) == 1.0
+    assert vacated_fraction(points, before, pose, CLEAR) == 0.0
+    assert vacated_fraction(points[:10], behind, pose, CLEAR) == 0.0, "too few to tell"
     nothing = prepared(np.full((72, 96), np.inf))
-    assert share_vacated(points, nothing, pose, CLEAR) == 0.0, "no depth is known"
+    assert vacated_fraction(points, nothing, pose, CLEAR) == 0.0, "no depth is known"
 
 
 @settings(max_examples=12)
 @given(angle=angles, out=st.floats(-0.03, 0.03))
 def test_distance_of_offset_point_is_its_offset(sphere, angle, out):
     pose = looking(angle)
-    distances = distances_in(sphere, prepared(sphere_depth((0, 0, 0), RADIUS + out, pose)), pose)
+    distances = surface_distances(sphere, prepared(sphere_depth((0, 0, 0), RADIUS + out, pose)), pose)
     view = prepared(sphere_depth((0, 0, 0), RADIUS + out, pose))
     is_known = np.isfinite(distances)
     truth = np.linalg.norm(view.points @ pose[:3, :3].T + pose[:3, 3], axis=-1) - RADIUS
@@ -97,7 +97,7 @@ def test_distance_of_offset_point_is_its_offset(sphere, angle, out):
 def test_distance_next_to_surface_is_unknown(sphere):
     pose = looking(0.0)
     view = prepared(plane_depth(-pose[:3, 2], -0.9, pose))
-    assert np.isnan(distances_in(sphere, view, pose)).all()
+    assert np.isnan(surface_distances(sphere, view, pose)).all()
 
 
 def test_an_object_that_fills_the_memory_ends_its_scan():
@@ -105,7 +105,7 @@ def test_an_object_that_fills_the_memory_ends_its_scan():
     scanner, pose = MovedScanner(ScanSettings(volume=volume)), looking(0.0)
     scanner.model = ObjectModel(scanner.settings)
     view = prepared(sphere_depth((0, 0, 0), RADIUS, pose))
-    scanner.model.fuse(only(view, view.worth < 0), pose)
+    scanner.model.fuse(restrict_view(view, view.worth < 0), pose)
     assert not scanner.full
     for n in range(40):
         pose = looking(0.15 * n)

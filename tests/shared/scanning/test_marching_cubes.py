@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.scanning import TsdfVolume, VolumeSettings, surface_of
+from enliven.scanning import TsdfVolume, VolumeSettings, extract_surface
 from enliven.scanning.blocks import SIDE, VOXELS
 from enliven.scanning.cube_table import triangle_table
 
@@ -40,7 +40,7 @@ def test_a_surface_of_any_signs_is_closed(seed, share):
     distance = np.ones((16, 16, 16), np.float32)
     inner = random.uniform(0.1, 1.0, (12, 12, 12))
     distance[2:14, 2:14, 2:14] = np.where(random.random((12, 12, 12)) < share, -inner, inner)
-    mesh = surface_of(filled(distance))
+    mesh = extract_surface(filled(distance))
     pairs, counts = sides(mesh.faces)
     # Each side is met once from either face: no hole, no side of three faces, no face turned round.
     assert (counts == 1).all()
@@ -52,7 +52,7 @@ def test_a_surface_of_any_signs_is_closed(seed, share):
 def test_each_crossing_is_where_the_distance_is_nothing():
     z, y, x = np.mgrid[0:16, 0:16, 0:16].astype(float)
     distance = np.sqrt((x - 7.3) ** 2 + (y - 7.9) ** 2 + (z - 8.2) ** 2) - 5.1
-    mesh = surface_of(filled(distance.astype(np.float32)))
+    mesh = extract_surface(filled(distance.astype(np.float32)))
     radius = np.linalg.norm(mesh.vertices - [7.3, 7.9, 8.2], axis=1)
     assert np.abs(radius - 5.1).max() < 0.05  # linear between voxels of a field that is not quite
     outward = (mesh.face_normals() * (mesh.vertices[mesh.faces].mean(1) - [7.3, 7.9, 8.2])).sum(1)
@@ -69,11 +69,11 @@ def test_cases_that_mirror_one_another_have_no_surface_or_as_much():
 
 
 def test_fused_ball_is_closed_and_unseen_parts_stay_open():
-    mesh = surface_of(fused_sphere())
+    mesh = extract_surface(fused_sphere())
     assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 0.25).mean() < 0.02 * SETTINGS.voxel * 5
     normals = (mesh.face_normals() * mesh.vertices[mesh.faces].mean(1)).sum(1)
     assert (normals > 0).mean() > 0.999
     half = fused_sphere(count=1)
     half.weight[half.blocks.places[:, 2].argmax()] = 0.0
-    _, counts = sides(surface_of(half).faces)
+    _, counts = sides(extract_surface(half).faces)
     assert (counts == 1).all()

@@ -13,14 +13,14 @@ from enliven import rotation
 from enliven.camera import Intrinsics
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.scanning import CutOutSettings, GroundPlane, TsdfVolume, cut_out, parts_about, surface_of
-from enliven.scanning.depth_view import only
-from enliven.scanning.objects import ScannedSurface, registered, sampled
+from enliven.scanning import CutOutSettings, GroundPlane, TsdfVolume, cut_out, extract_surface, find_parts
+from enliven.scanning.depth_view import restrict_view
+from enliven.scanning.objects import ScannedSurface, register_part, sample_surface
 from enliven.scanning.objects.floor import floor_plane
 from enliven.scanning.objects.free_space import seen_depth, seen_through
-from enliven.scanning.objects.registration import turns
-from enliven.scanning.objects.surface_points import nearest_grid
-from enliven.scanning.rigid import apart, inverse
+from enliven.scanning.objects.registration import spread_rotations
+from enliven.scanning.objects.surface_points import make_nearest_grid
+from enliven.scanning.rigid import invert_pose, pose_difference
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scenes import SETTINGS, looking, plane_depth, prepared, sphere_depth
@@ -64,9 +64,9 @@ def pose_of(turn, move):
 
 def seen_from(mesh, side, pose):
     """The points of a mesh that face a direction (3,), moved to another world by a pose."""
-    points = sampled(mesh, 6000)
+    points = sample_surface(mesh, 6000)
     faces = points.normals @ rotation.unit(np.array(side, float)) > -0.2
-    return replace(points, points=points.points[faces], normals=points.normals[faces]).moved(pose)
+    return replace(points, points=points.points[faces], normals=points.normals[faces]).transformed(pose)
 
 
 @settings(max_examples=6, deadline=None)
@@ -74,41 +74,43 @@ def seen_from(mesh, side, pose):
 def test_a_part_is_found_in_any_pose(turn, move):
     pose = pose_of(3.0 * np.array(turn), move)
     part = ScannedSurface(seen_from(CRANE, (0.3, 0.5, 1.0), pose), [])
-    match = registered(ScannedSurface(sampled(CRANE, 6000), []), part)
+    match = register_part(ScannedSurface(sample_surface(CRANE, 6000), []), part)
     assert match is not None and match.agreeing > 0.8
-    metres, radians = apart(match.model_from_part, inverse(pose))
+    metres, radians = pose_difference(match.model_from_part, invert_pose(pose))
     # Points lie five millimetres apart.
     assert metres < 0.005 and radians < 0.01
 
 
 def test_ambiguous_pose_is_rejected():
-    brick = ScannedSurface(sampled(box((-0.2, 0, -0.1), (0.2, 0.1, 0.1)), 6000), [])
+    brick = ScannedSurface(sample_surface(box((-0.2, 0, -0.1), (0.2, 0.1, 0.1)), 6000), [])
     assert (
-        registered(brick, ScannedSurface(brick.surface.moved(pose_of((0.4, 1.0, 0.2), (1, 0, 0))), []))
+        register_part(
+            brick, ScannedSurface(brick.surface.transformed(pose_of((0.4, 1.0, 0.2), (1, 0, 0))), [])
+        )
         is None
     )
 
 
 def test_different_object_is_rejected():
-    ball = sampled(CRANE, 3000)
+    ball = sample_surface(CRANE, 3000)
     ball = replace(ball, points=0.3 * ball.normals + 0.01 * ball.points)
-    assert registered(ScannedSurface(sampled(CRANE, 6000), []), ScannedSurface(ball, [])) is None
+    assert register_part(ScannedSurface(sample_surface(CRANE, 6000), []), ScannedSurface(ball, [])) is None
 
 
 @settings(max_examples=30)
 @given(turn=units)
 def test_tried_rotations_cover_all_rotations(turn):
     wanted = rotation.to_matrix(rotation.from_rotation_vector(3.1 * np.array(turn)))
-    cosine = (np.einsum("nij,ij->n", turns(900), wanted).max() - 1) / 2
+    cosine = (np.einsum("nij,ij->n", spread_rotations(900), wanted).max() - 1) / 2
     assert np.arccos(np.clip(cosine, -1, 1)) < 0.45
-    np.testing.assert_allclose(np.linalg.det(turns(20)), 1.0)
+    np.testing.assert_allclose(np.linalg.det(spread_rotations(20)), 1.0)
 
 
 @settings(max_examples=20)
 @given(at=units)
 def test_the_grid_knows_the_nearest_point(at):
-    points, cell = sampled(CRANE, 2000), 0.02
-    grid = nearest_grid(points, cell, 0.2)
+    points, cell = sample_surface(CRANE, 2000), 0.02
+    grid = make_nearest_grid(points, cell, 0.2)
     place = np.array(at) * 0.3 + [0.2, 0.3, 0.2]
     x, y, z = np.clip(np.floor((place - grid.origin) / cell).astype(int), 0, np.array(grid.nearest.shape) - 1)
     distance = np.linalg.norm(points.points[grid.nearest[x, y, z]] - place)
@@ -123,7 +125,7 @@ def test_point_is_seen_through_if_two_images_see_behind_it(points):
     views = [seen_depth(prepared(sphere_depth((0, 0, 0), 0.3, pose)), pose) for pose in poses]
     is_through = seen_through(np.array(points), views, 0.05)
     for point, through in zip(np.array(points), is_through, strict=True):
-        clear = [_clear(view, inverse(view.frame_from_camera) @ [*point, 1.0]) for view in views]
+        clear = [_clear(view, invert_pose(view.frame_from_camera) @ [*point, 1.0]) for view in views]
         assert through == (sum(clear) >= 2)
 
 
@@ -157,12 +159,12 @@ def test_pixels_that_are_left_out_carve_and_make_no_surface():
     view = prepared(sphere_depth((0, 0, 0), 0.25, pose))
     volume.integrate(view, pose)
     behind = prepared(plane_depth(np.array([0.0, 0.0, 1.0]), 0.9, pose))
-    before = len(surface_of(volume).faces)
-    empty = only(behind, np.zeros(behind.worth.shape, bool))
+    before = len(extract_surface(volume).faces)
+    empty = restrict_view(behind, np.zeros(behind.worth.shape, bool))
     assert empty.known == 0
     for _ in range(3):
         volume.integrate(empty, pose)
-    assert before > 100 and len(surface_of(volume).faces) == 0
+    assert before > 100 and len(extract_surface(volume).faces) == 0
     assert volume.integrate(empty, pose).new == 0
 
 
@@ -170,7 +172,7 @@ def test_object_at_the_view_target_comes_first():
     floor = box((-2, -0.05, -2), (2, 0, 2))
     small, large = box((-0.1, 0.0, -0.1), (0.1, 0.3, 0.1)), box((0.6, 0.0, -0.3), (1.1, 0.8, 0.3))
     scene, focus = together(floor, small, large), np.zeros(3)
-    parts = parts_about(scene, GROUND, focus)
+    parts = find_parts(scene, GROUND, focus)
     assert [round(float(part.bounds[1, 1]), 2) for part in parts] == [0.8, 0.3]
     near = CutOutSettings(about=0.45)
     heights = [cut_out(scene, GROUND, focus, replace(near, number=n)).bounds[1, 1] for n in (1, 2)]

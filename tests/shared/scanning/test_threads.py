@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from enliven.scanning.threads import each_in_two_threads, in_pieces, made_ahead
+from enliven.scanning.threads import compute_ahead, run_in_pieces, run_in_two_threads
 
 
 def test_each_item_is_done_once_by_a_thread_with_a_tool_of_its_own():
@@ -18,11 +18,11 @@ def test_each_item_is_done_once_by_a_thread_with_a_tool_of_its_own():
         assert mine == threading.get_ident()
         pieces = []
         # A function that shares its work may be called inside such work.
-        in_pieces(lambda first, last: pieces.extend(range(first, last)), 10, 3)
+        run_in_pieces(lambda first, last: pieces.extend(range(first, last)), 10, 3)
         assert sorted(pieces) == list(range(10))
         done.append(item)
 
-    each_in_two_threads(do, list(range(50)), tool)
+    run_in_two_threads(do, list(range(50)), tool)
     assert sorted(done) == list(range(50)) and len(tools) == len(set(tools))
 
 
@@ -33,19 +33,19 @@ def test_error_in_either_thread_is_raised_and_next_call_works(failing):
             raise ValueError(str(item))
 
     with pytest.raises(ValueError, match=str(failing)):
-        each_in_two_threads(do, list(range(20)), lambda: None)
-    each_in_two_threads(lambda tool, item: None, [1, 2, 3], lambda: None)
+        run_in_two_threads(do, list(range(20)), lambda: None)
+    run_in_two_threads(lambda tool, item: None, [1, 2, 3], lambda: None)
 
 
 def test_items_that_are_made_ahead_keep_their_order_and_their_errors():
-    assert list(made_ahead(iter(range(20)))) == list(range(20))
-    assert list(made_ahead(iter([]))) == []
+    assert list(compute_ahead(iter(range(20)))) == list(range(20))
+    assert list(compute_ahead(iter([]))) == []
 
     def broken():
         yield 1
         raise ValueError("the second")
 
-    items = made_ahead(broken())
+    items = compute_ahead(broken())
     assert next(items) == 1
     with pytest.raises(ValueError, match="the second"):
         next(items)

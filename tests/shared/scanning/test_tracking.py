@@ -98,7 +98,7 @@ def test_a_carried_camera_is_found_on_its_whole_way():
 @given(vector=st.tuples(*[st.floats(-1, 1)] * 6))
 def test_a_pose_that_is_off_is_brought_back(vector):
     scanner, _ = scanned()
-    view = scanner.prepared(frame_of(room_depth(carried(0.5))))
+    view = scanner.prepare_view(frame_of(room_depth(carried(0.5))))
     start = carried(0.5)
     move, turn = np.array(vector[:3]) * 0.04, np.array(vector[3:]) * 0.04
     start[:3, 3] += move
@@ -148,8 +148,8 @@ def test_of_any_plane_only_the_distance_and_the_tilt_are_known(tilt, distance, v
         pose[:2, 3] = 0.015 * n, -0.01 * n
         scanner.place(frame_of(noisy(plane_depth(*plane, pose, CAMERA), n), n), pose)
     pose[:2, 3] = 0.12, -0.08
-    view = scanner.prepared(frame_of(noisy(plane_depth(*plane, pose, CAMERA), 9), 9))
-    estimate = scanner.tracker.judged(view, pose)
+    view = scanner.prepare_view(frame_of(noisy(plane_depth(*plane, pose, CAMERA), 9), 9))
+    estimate = scanner.tracker.evaluate(view, pose)
     along = [np.r_[1.0, np.zeros(5)], np.r_[0.0, 1.0, np.zeros(4)]]
     assert estimate.deviation > TrackingSettings().unsure
     assert all(way @ estimate.covariance @ way > 0.05**2 for way in along)
@@ -161,7 +161,7 @@ def test_slope_noise_correction_matches_slow_sum():
     scanner, _ = scanned()
     near, pose = room_depth(carried(0.5)), carried(0.5)
     near[near > 0.98 * scanner.volumes[0].reach] = np.inf  # what is farther is looked up in coarser voxels
-    view = scanner.prepared(frame_of(noisy(near, 1)))
+    view = scanner.prepare_view(frame_of(noisy(near, 1)))
     sums = scanner.tracker._normal_equations(view, pose, 0, closely=True)
     matrix, true, field = np.zeros((6, 6)), np.zeros((6, 6)), scanner.volumes[0].field
     extra, angles, weights = np.zeros((6, 6)), [], []
@@ -239,7 +239,7 @@ def test_a_place_that_nothing_carried_could_have_reached_is_not_believed():
 
 def test_measured_gravity_constrains_undetermined_rotation():
     scanner, _ = scan([0.0])
-    view = scanner.prepared(frame_of(plane_depth(FLOOR, 0.0, carried(0.0), CAMERA)))
+    view = scanner.prepare_view(frame_of(plane_depth(FLOOR, 0.0, carried(0.0), CAMERA)))
     start = carried(0.0)
     start[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector([0.0, 0.0, 0.03])) @ start[:3, :3]
     felt = carried(0.0)[:3, :3].T @ [0.0, 1.0, 0.0]

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven import rotation
-from enliven.scanning import TsdfVolume, VolumeSettings, surface_of
+from enliven.scanning import TsdfVolume, VolumeSettings, extract_surface
 from enliven.scanning.blocks import SIDE, VOXELS, BlockTable
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -94,7 +94,7 @@ def test_the_surface_of_a_plane_is_the_plane(tilt, turn, distance, roll):
     view = prepared(plane_depth(normal, offset, pose))
     volume.allocate(view, pose)
     volume.integrate(view, pose)
-    surface = surface_of(volume)
+    surface = extract_surface(volume)
     assert len(surface.faces) > 100
     # float32: a ten-thousandth of a voxel and of the distance.
     assert np.abs(surface.vertices @ normal - offset).max() < 2e-5
@@ -109,13 +109,13 @@ def test_noise_does_not_move_a_surface(sigma, seed):
         # The noise of a whole image, up to a third of the band behind: planes through it stay planes.
         volume.integrate(prepared(true + random.normal(0.0, sigma)), pose)
     # The mean of 40 draws; one of ten thousand is 4 deviations off.
-    assert abs(np.median(surface_of(volume).vertices[:, 2])) < 4 * sigma / np.sqrt(40)
+    assert abs(np.median(extract_surface(volume).vertices[:, 2])) < 4 * sigma / np.sqrt(40)
     bias = []
     for side in (-1, 1):
         both = TsdfVolume(SETTINGS)
         for off in (sigma, -sigma)[::side]:
             both.integrate(prepared(true + off), pose)
-        bias.append(np.median(surface_of(both).vertices[:, 2]))
+        bias.append(np.median(extract_surface(both).vertices[:, 2]))
     assert np.abs(bias).max() < 0.02 * sigma
 
 
@@ -136,7 +136,7 @@ def test_a_moved_world_gives_a_moved_surface(vector):
     move = np.eye(4)
     move[:3, :3] = rotation.to_matrix(rotation.from_rotation_vector(np.array(vector[:3])))
     move[:3, 3] = vector[3:]
-    vertices = surface_of(fused_sphere(move=move)).vertices - move[:3, 3]
+    vertices = extract_surface(fused_sphere(move=move)).vertices - move[:3, 3]
     radius = np.linalg.norm(vertices, axis=1)
     assert abs(radius.mean() - 0.25) < 0.001 and np.abs(radius - 0.25).max() < 0.5 * SETTINGS.voxel
 
@@ -147,14 +147,14 @@ def test_a_hand_that_passed_is_carved_away_and_its_memory_given_back():
     hand = np.minimum(wall, sphere_depth((0, 0, -0.5), 0.1, pose))
     for depth in (hand, hand):
         volume.integrate(prepared(depth), pose)
-    assert (surface_of(volume).vertices[:, 2] < -0.2).any()
+    assert (extract_surface(volume).vertices[:, 2] < -0.2).any()
     for _ in range(6):
         volume.integrate(prepared(wall), pose)
-    before, vertices = volume.blocks.count, surface_of(volume).vertices
+    before, vertices = volume.blocks.count, extract_surface(volume).vertices
     assert not (vertices[:, 2] < -0.2).any() and len(vertices) > 100
     assert volume.clean() > 0 and volume.blocks.count < before
     np.testing.assert_allclose(
-        np.sort(surface_of(volume).vertices, axis=0), np.sort(vertices, axis=0), atol=1e-12
+        np.sort(extract_surface(volume).vertices, axis=0), np.sort(vertices, axis=0), atol=1e-12
     )
 
 
@@ -165,7 +165,7 @@ def test_a_volume_that_forgot_is_as_a_new_one():
     for view, pose in zip(views[:2], poses[:2], strict=True):
         again.integrate(view, pose)
     again.clear()
-    assert not len(surface_of(again).faces) and not again.blocks.count
+    assert not len(extract_surface(again).faces) and not again.blocks.count
     for view, pose in zip(views[2:], poses[2:], strict=True):
         again.integrate(view, pose)
         new.integrate(view, pose)
@@ -184,7 +184,7 @@ def test_memory_follows_the_surface_and_keeps_to_its_limit():
     view = prepared(plane_depth(np.array([0.0, 0.0, -1.0]), 0.0, pose))
     results = [small.integrate(view, pose) for _ in range(4)]
     assert not results[-1].room and small.megabytes <= 16
-    assert len(surface_of(small).faces) > 100  # what is there is kept
+    assert len(extract_surface(small).faces) > 100  # what is there is kept
 
 
 def test_thin_parts_stay_whole_from_both_sides():
@@ -195,7 +195,7 @@ def test_thin_parts_stay_whole_from_both_sides():
         # A board 2 cm thick, seen from before and behind.
         near = -0.01 if np.cos(angle) > 0 else 0.01
         volume.integrate(prepared(plane_depth(normal, near, pose)), pose)
-    z = surface_of(volume).vertices[:, 2]
+    z = extract_surface(volume).vertices[:, 2]
     assert np.abs(np.abs(z) - 0.01).max() < 0.0005
     assert 0.4 < (z > 0).mean() < 0.6
 
@@ -206,7 +206,7 @@ def test_colours_are_those_of_the_image():
     colour[:, : CAMERA.width // 2], colour[:, CAMERA.width // 2 :] = (200, 10, 30), (20, 220, 60)
     view = prepared(plane_depth(np.array([0.0, 0.0, -1.0]), 0.0, pose), colour=colour)
     volume.integrate(view, pose)
-    mesh = surface_of(volume)
+    mesh = extract_surface(volume)
     left, right = mesh.vertices[:, 0] < -0.03, mesh.vertices[:, 0] > 0.03
     inside = np.abs(mesh.vertices).max(1) < 0.3
     assert np.abs(mesh.colours[left & inside].astype(int) - (200, 10, 30)).max() <= 1
@@ -222,7 +222,7 @@ def test_images_without_colour_do_not_darken_and_gaps_take_nearest_colour():
     half = np.where(np.arange(CAMERA.width) < CAMERA.width // 2, wall, np.inf)
     volume.integrate(prepared(half, colour=colour), pose)
     volume.integrate(prepared(wall), pose)
-    mesh = surface_of(volume)
+    mesh = extract_surface(volume)
     # The right half was seen without colours only; black in the image stays black.
     assert (mesh.vertices[:, 0] < -0.1).any() and (mesh.vertices[:, 0] > 0.1).any()
     assert np.abs(mesh.colours.astype(int) - (180, 0, 90)).max() <= 1

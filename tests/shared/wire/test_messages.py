@@ -182,7 +182,7 @@ def test_body_survives_encoding() -> None:
     data = envelope.pack_stream(convert.bodies_to_message([body, bare], 0))
     back, empty = convert.message_to_bodies(envelope.unpack_stream(data)[1])
     away = np.linalg.norm(to_rotation_vector(multiply(conjugate(turns), back.orientations)), axis=1)
-    assert away.max() <= quaternions.ERROR
+    assert away.max() <= quaternions.MAX_ROTATION_ERROR
     assert np.abs(back.contacts - body.contacts).max() <= 0.5 / 255 + 1e-12
     assert back.stature == pytest.approx(1.8042, abs=0.0005)
     assert (empty.orientations, empty.contacts, empty.stature) == (None, None, None)
@@ -340,7 +340,7 @@ def test_other_version_is_distinguished_from_noise() -> None:
 
 
 def test_each_kind_of_malformed_message_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
-    rejects = envelope.Rejects("a test")
+    rejects = envelope.RejectCounter("a test")
     with caplog.at_level(logging.WARNING):
         for _ in range(50):
             rejects.add(MalformedMessageError("pose", "noise"))
@@ -406,7 +406,7 @@ def test_bodies_as_sent_are_those_that_arrive_and_are_sent_again_alike(seed: int
     random = np.random.default_rng(seed)
     joints, confidence = random.normal(0.0, 12.0, (20, 3)), random.uniform(-0.2, 1.2, 20)
     joints[random.integers(20)], confidence[random.integers(20)] = np.nan, np.nan
-    sent = convert.as_sent([Body(3, joints, confidence, stature=float(random.uniform(0.5, 2.2)))])
+    sent = convert.round_to_wire([Body(3, joints, confidence, stature=float(random.uniform(0.5, 2.2)))])
     (arrived,) = convert.message_to_bodies(convert.bodies_to_message(sent, 1))
     is_known = np.isfinite(joints).all(1)
     assert (arrived.joints[is_known] == sent[0].joints[is_known]).all() and np.isnan(
@@ -415,5 +415,5 @@ def test_bodies_as_sent_are_those_that_arrive_and_are_sent_again_alike(seed: int
     assert (arrived.confidence[is_known] == sent[0].confidence[is_known]).all() and arrived.stature == sent[
         0
     ].stature
-    resent = convert.as_sent([arrived])[0]
+    resent = convert.round_to_wire([arrived])[0]
     assert (resent.joints == arrived.joints).all() and (resent.confidence == arrived.confidence).all()

@@ -11,7 +11,7 @@ from enliven.document.props import Props
 from enliven.errors import InputError
 from enliven.wire import envelope, fields, streams
 from enliven.wire.convert import JOINT_STEP, message_to_props, props_to_message
-from enliven.wire.quaternions import ERROR
+from enliven.wire.quaternions import MAX_ROTATION_ERROR
 from enliven.wire.topics import PROPS
 
 
@@ -42,7 +42,7 @@ def test_props_survive_the_way(count, seed):
     assert np.abs(back.positions - props.positions).max(initial=0) <= 0.5 * JOINT_STEP + 1e-9
     assert np.abs(back.sizes - props.sizes).max(initial=0) <= 0.00051
     same = np.abs((back.turns * props.turns).sum(1)).clip(0, 1)
-    assert (2 * np.arccos(same)).max(initial=0) <= ERROR + 1e-6
+    assert (2 * np.arccos(same)).max(initial=0) <= MAX_ROTATION_ERROR + 1e-6
 
 
 def test_a_prop_that_is_nowhere_is_left_out():

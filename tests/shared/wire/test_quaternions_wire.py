@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.rotation import conjugate, multiply, normalized, to_rotation_vector
-from enliven.wire.quaternions import ERROR, pack_quaternions, unpack_quaternions
+from enliven.wire.quaternions import MAX_ROTATION_ERROR, pack_quaternions, unpack_quaternions
 
 
 def angles(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -22,14 +22,14 @@ def test_a_rotation_is_at_most_the_stated_angle_off(seed, flat):
     data = pack_quaternions(q)
     assert len(data) == 200
     back = unpack_quaternions(data)
-    assert angles(q, back).max() <= ERROR * 1.001
+    assert angles(q, back).max() <= MAX_ROTATION_ERROR * 1.001
     assert (back[:, 0] >= 0).all()
 
 
 def test_the_stated_angle_is_nearly_reached():
     random = np.random.default_rng(0)
     q = normalized(random.normal(0, 0.01, (200_000, 4)) + random.choice([-1.0, 1.0], (200_000, 4)))
-    assert angles(q, unpack_quaternions(pack_quaternions(q))).max() > 0.9 * ERROR
+    assert angles(q, unpack_quaternions(pack_quaternions(q))).max() > 0.9 * MAX_ROTATION_ERROR
 
 
 @given(st.binary(min_size=80, max_size=80))

@@ -7,11 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from enliven.wire.zmtp import GREETING, ZmtpError, ZmtpSession, framed
+from enliven.wire.zmtp import GREETING, ZmtpError, ZmtpSession, make_frame
 
-READY = framed(b"\x05READY\x0bSocket-Type" + struct.pack(">I", 6) + b"DEALER", 4)
-TALK = framed(b"one") + framed(b"two", 1) + framed(b"parts" * 100) + framed(b"\x04PING\0\0here", 4)
-PUB_TALK = framed(b"\x09SUBSCRIBEpose", 4) + framed(b"\x01cues") + framed(b"\x06CANCELpose", 4)
+READY = make_frame(b"\x05READY\x0bSocket-Type" + struct.pack(">I", 6) + b"DEALER", 4)
+TALK = (
+    make_frame(b"one")
+    + make_frame(b"two", 1)
+    + make_frame(b"parts" * 100)
+    + make_frame(b"\x04PING\0\0here", 4)
+)
+PUB_TALK = make_frame(b"\x09SUBSCRIBEpose", 4) + make_frame(b"\x01cues") + make_frame(b"\x06CANCELpose", 4)
 
 
 def heard(session: ZmtpSession, chunks: list[bytes]) -> list[list[bytes]]:
@@ -35,7 +40,11 @@ def test_bytes_say_the_same_however_they_are_cut(places):
     session = ZmtpSession("ROUTER", 1000)
     assert heard(session, cut(GREETING + READY + TALK, places)) == [[b"one"], [b"two", b"parts" * 100]]
     answer = bytes(session.answers)
-    assert answer.startswith(GREETING) and b"ROUTER" in answer and answer.endswith(framed(b"\x04PONGhere", 4))
+    assert (
+        answer.startswith(GREETING)
+        and b"ROUTER" in answer
+        and answer.endswith(make_frame(b"\x04PONGhere", 4))
+    )
 
 
 @given(st.lists(st.integers(0, 10_000), max_size=20))
@@ -60,12 +69,12 @@ def test_noise_is_refused_or_waited_for_and_nothing_else(noise, before):
         b"GET / HTTP/1.1\r\n\r\n",
         GREETING[:10] + b"\x01" + GREETING[11:],
         GREETING.replace(b"NULL\0", b"CURVE"),
-        GREETING + framed(b"a message first"),
-        GREETING + framed(b"\x04PING\0\0", 4),
+        GREETING + make_frame(b"a message first"),
+        GREETING + make_frame(b"\x04PING\0\0", 4),
         GREETING + READY + struct.pack(">BQ", 2, 1 << 62),
-        GREETING + READY + framed(bytes(101)),
-        GREETING + READY + framed(b"x", 1) * 9,
-        GREETING + READY + framed(b"x", 64),
+        GREETING + READY + make_frame(bytes(101)),
+        GREETING + READY + make_frame(b"x", 1) * 9,
+        GREETING + READY + make_frame(b"x", 64),
     ],
 )
 def test_invalid_or_oversized_zmtp_closes_the_connection(said):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven.person.parts import parts_named
+from enliven.person.parts import parse_parts
 from enliven_viewer.live.possession_choice import PARTS, PossessionChoice
 from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.materials import linear_from_srgb
@@ -16,7 +16,7 @@ from enliven_viewer.theme import PERFORMERS
 
 
 def test_every_key_names_parts_that_there_are() -> None:
-    assert len(PARTS) == 9 and all(parts_named(name) for name in PARTS)
+    assert len(PARTS) == 9 and all(parse_parts(name) for name in PARTS)
     possession = PossessionChoice()
     for number, name in enumerate(PARTS):
         possession.choose(number)

@@ -14,7 +14,7 @@ from enliven.document.project import same
 from enliven.errors import InputError
 from enliven.formats.project import project_of
 from enliven.formats.project.file import project_bytes
-from enliven.sounds import SOUND_RATE, Sound, mixed
+from enliven.sounds import SOUND_RATE, Sound, mix_sounds
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.sound import SoundPlayer, envelope, read_sound
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -60,8 +60,8 @@ def noise(begin: float, count: int = 400, seed: int = 0) -> Sound:
 @given(st.integers(-300, 900), st.integers(1, 500), st.integers(0, 300), st.integers(0, 300))
 def test_parts_of_a_mix_are_the_mix(first, count, one, other) -> None:
     sounds = [noise(one / SOUND_RATE), noise(other / SOUND_RATE, seed=1)]
-    whole = mixed(sounds, -300, 2000)
-    np.testing.assert_array_equal(mixed(sounds, first, count), whole[first + 300 : first + 300 + count])
+    whole = mix_sounds(sounds, -300, 2000)
+    np.testing.assert_array_equal(mix_sounds(sounds, first, count), whole[first + 300 : first + 300 + count])
     loud = np.zeros(2000, np.int64)
     for sound in sounds:
         begin = 300 + round(sound.begin * SOUND_RATE)

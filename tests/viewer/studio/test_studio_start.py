@@ -16,7 +16,7 @@ from enliven.formats.project import read_project
 from enliven.modeling.edits import rig_of
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.samples import load_sample
-from enliven.takes import plays
+from enliven.takes import has_motion
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.panels.start import place_arrow, place_card
 from enliven_viewer.studio.start import TOUR, leg_to_cut, legs_of
@@ -66,7 +66,7 @@ def test_the_tour_is_taken_by_hand_from_the_start_page_to_the_kept_file(tmp_path
     assert report["pieces"][0] < 1000 < report["pieces"][1], "one leg was cut off"
     assert report["dance on"] == [True, True]
     chair, project = kept_chair(tmp_path / "Hopping chair.enliven")
-    assert plays(project, chair) and not report["dirty"] and not report["toasts"]
+    assert has_motion(project, chair) and not report["dirty"] and not report["toasts"]
     assert report["closed"] == [True, True, 0] and report["left the stage"]
 
 
@@ -76,7 +76,7 @@ def test_show_me_does_every_step(tmp_path: Path) -> None:
     assert report["done"], json.dumps(report)
     assert report["titles"] == [step.title for step in TOUR]
     chair, project = kept_chair(tmp_path / "My dancing chair.enliven")
-    assert plays(project, chair) and not report["dirty"] and not report["toasts"]
+    assert has_motion(project, chair) and not report["dirty"] and not report["toasts"]
     lowest = chair.mesh.vertices[legs_of(chair.mesh)[0], 1].min()
     assert len(legs_of(chair.mesh)) == 3 and lowest < 0.05, "it stands on three legs"
 

@@ -9,7 +9,7 @@ import typer
 
 from enliven.commands import say
 from enliven.errors import InputError
-from enliven.files import need_folder
+from enliven.files import require_folder
 
 CHAIR = "chair"
 _MAX_EDGE_M = 0.04
@@ -45,7 +45,7 @@ def graph(
         raise InputError(
             f"cannot write {output.suffix or 'no'} pictures", where=str(output), mend=f"Known: {endings}."
         )
-    need_folder(output)
+    require_folder(output)
     # Heavy modules are imported only here, so that `--help` appears quickly.
     from enliven.deformation.graph import DeformationGraph, character_from
     from enliven.meshes import fit_height, load_mesh, refine

@@ -11,7 +11,7 @@ import typer
 
 from enliven.commands import say, terminate_as_interrupt
 from enliven.errors import InputError, ResourceError
-from enliven.files import need_folder
+from enliven.files import require_folder
 from enliven.settings import load_settings
 from enliven_viewer.doctor import has_display
 from enliven_viewer.settings import ViewerSettings, WindowStart, with_size
@@ -66,7 +66,7 @@ def view(
     chosen = with_size(load_settings(ViewerSettings, settings) if settings else ViewerSettings(), size)
     if wait is not None:
         chosen = replace(chosen, film=replace(chosen.film, patience=wait))
-    need_folder(film, sheet)
+    require_folder(film, sheet)
     _need_take(take)
     filming = film is not None or sheet is not None
     if not filming and not has_display():

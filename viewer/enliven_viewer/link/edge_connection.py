@@ -15,11 +15,11 @@ from enliven.document import Character
 from enliven.errors import EnlivenError, InputError
 from enliven.wire import (
     MAX_STREAM_BYTES,
+    MAX_UNREAD_STREAMS,
     POSE,
     STATUS,
     STREAMS,
     SUPERSEDED,
-    UNREAD_STREAMS,
     Answer,
     Ask,
     CharacterMessage,
@@ -34,7 +34,7 @@ from enliven.wire import (
     PoseCodec,
     PoseMessage,
     Refused,
-    Rejects,
+    RejectCounter,
     StatusMessage,
     Topic,
     Welcome,
@@ -127,11 +127,11 @@ class EdgeConnection:
     ) -> None:
         self.endpoint, self.clock = endpoint, ClockEstimate()
         self._viewer, self._label, self._notify = viewer, label, notify
-        self._stream = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, UNREAD_STREAMS)
+        self._stream = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS)
         self._stream.setsockopt(zmq.SUBSCRIBE, b"")
         self._stream.connect(endpoint.stream_address)
         self._requests = Requests(context, endpoint)
-        self._rejects = Rejects(f"edge at {endpoint}")
+        self._rejects = RejectCounter(f"edge at {endpoint}")
         self.status: StatusMessage | None = None
         self.held: dict[str, _HeldCharacter] = {}
         self.inbox: dict[str, BoundedQueue[Any]] = {}
@@ -313,7 +313,11 @@ class EdgeConnection:
 
     def _admits(self, topic: Topic, message: Any) -> bool:
         """Returns whether a message is about a listed character, or one of a few new ones."""
-        if not topic.of_character or message.character in self._wanted or message.character in self._unknown:
+        if (
+            not topic.is_per_character
+            or message.character in self._wanted
+            or message.character in self._unknown
+        ):
             return True
         if len(self._unknown) >= _MAX_UNKNOWN_CHARACTERS:
             raise MalformedMessageError(topic.name, "it is about a character that the edge does not list")
@@ -427,7 +431,7 @@ class EdgeConnection:
     def _forget_others(self, shown: set[str]) -> None:
         """Removes the newest messages about characters that the edge does not list."""
         for name, newest in self.latest.items():
-            if STREAMS[name].of_character:
+            if STREAMS[name].is_per_character:
                 for gone in newest.keys() - shown:
                     newest.forget(gone)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float32, Int32
 from enliven.document import Character, Pose
-from enliven.logs import escaped
+from enliven.logs import escape_text
 from enliven.person import Body
 
 State = Literal["waiting", "connected", "on rate", "stale", "ended", "version mismatch", "name clash"]
@@ -100,7 +100,7 @@ class Notice:
     text: str
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "text", escaped(self.text))
+        object.__setattr__(self, "text", escape_text(self.text))
 
 
 @dataclass(frozen=True)
@@ -124,4 +124,4 @@ class Health:
     lost: int
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "text", escaped(self.text))
+        object.__setattr__(self, "text", escape_text(self.text))

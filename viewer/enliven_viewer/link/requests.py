@@ -12,8 +12,8 @@ from typing import Any
 import zmq
 
 from enliven.wire import (
+    MAX_UNREAD_REPLIES,
     REPLY,
-    UNREAD_REPLIES,
     Answer,
     Ask,
     Endpoint,
@@ -115,7 +115,7 @@ class Requests:
         """Connects to the edge."""
         self._unasked = 0
         most = REPLY.max_bytes + 64
-        self._socket = make_socket(self._context, zmq.DEALER, most, UNREAD_REPLIES)
+        self._socket = make_socket(self._context, zmq.DEALER, most, MAX_UNREAD_REPLIES)
         # Send only over an existing connection (IMMEDIATE). Otherwise a request would wait in a queue for an
         # edge that may start an hour later.
         self._socket.setsockopt(zmq.IMMEDIATE, 1)

@@ -18,8 +18,8 @@ from enliven.errors import EnlivenError
 from enliven.formats.project import character_bytes
 from enliven.wire import (
     MAX_PART_BYTES,
-    MAX_SENT_BYTES,
     MAX_TEXTURE_BYTES,
+    MAX_UPLOAD_BYTES,
     Answer,
     Ask,
     Awaited,
@@ -52,7 +52,7 @@ def _pack_character(project: Project, character: str) -> bytes:
     Its textures are included if the wire can carry them back from the edge.
     """
     data = character_bytes(project, character, MAX_TEXTURE_BYTES)
-    return data if len(data) <= MAX_SENT_BYTES else character_bytes(project, character)
+    return data if len(data) <= MAX_UPLOAD_BYTES else character_bytes(project, character)
 
 
 class StagedEdge(Protocol):
@@ -169,8 +169,8 @@ class StageLink:
             self._end(sending, Refused(str(error)[:400]))
             return
         size, digest = len(sending.data), hashlib.sha256(sending.data).digest()
-        if size > MAX_SENT_BYTES:
-            text = f"{sending.name} packs to {size} bytes, an edge takes {MAX_SENT_BYTES}: simplify it"
+        if size > MAX_UPLOAD_BYTES:
+            text = f"{sending.name} packs to {size} bytes, an edge takes {MAX_UPLOAD_BYTES}: simplify it"
             self._end(sending, Refused(text))
             return
         revision = max(self._edge.revision(sending.name), self._last.get(sending.name, 0)) + 1

@@ -11,7 +11,7 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven.document import Character, Pose, Props
 from enliven.health import HealthState
-from enliven.logs import escaped
+from enliven.logs import escape_text
 from enliven.matching import MatchList
 from enliven.person import Body
 from enliven.wire import Topic
@@ -45,7 +45,7 @@ class EdgeState:
 
     def __post_init__(self) -> None:
         for name in ("address", "phase", "message"):
-            object.__setattr__(self, name, escaped(getattr(self, name)))
+            object.__setattr__(self, name, escape_text(getattr(self, name)))
 
 
 @dataclass

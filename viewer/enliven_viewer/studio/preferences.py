@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from enliven.errors import EnlivenError, InputError, ResourceError, refuse_later_version
-from enliven.files import own_folder, read_file, write_file
+from enliven.files import read_file, user_data_folder, write_file
 from enliven_viewer.language import language_in_use, set_language, tr
 from enliven_viewer.theme import theme_in_use, use_theme
 
@@ -73,7 +73,7 @@ class Preferences:
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        self.path = (folder or own_folder()) / _FILE_NAME
+        self.path = (folder or user_data_folder()) / _FILE_NAME
         self.refusal: EnlivenError | None = None
         self._stored: dict[str, Any] = {}
         kept = self._read()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, replace
 
-from enliven.errors import EnlivenError, place_of
-from enliven.logs import escaped
+from enliven.errors import EnlivenError, error_location
+from enliven.logs import escape_text
 from enliven_viewer.language import tr
 
 log = logging.getLogger(__name__)
@@ -46,7 +46,7 @@ class Toasts:
         """Shows any error. Internal errors are shown too, since they must not close the window."""
         if not isinstance(error, EnlivenError):
             log.error("a fault of enliven itself", exc_info=error)
-            message = tr("a fault of enliven itself{0}; the log says more", place_of(error))
+            message = tr("a fault of enliven itself{0}; the log says more", error_location(error))
             error = EnlivenError(message, mend=mend)
         self.complain(error)
         return error
@@ -57,6 +57,6 @@ class Toasts:
         self.shown = tuple(t for t in older if t.remaining_s > 0)
 
     def _add(self, toast: Toast) -> None:
-        toast = replace(toast, text=escaped(toast.text), mend=escaped(toast.mend))
+        toast = replace(toast, text=escape_text(toast.text), mend=escape_text(toast.mend))
         same = (toast.text, toast.mend)
         self.shown = (*(t for t in self.shown if (t.text, t.mend) != same), toast)[-4:]

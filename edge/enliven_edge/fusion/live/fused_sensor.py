@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from enliven.errors import InputError, ResourceError
 from enliven.frames import BodyFrame
-from enliven.health import HealthKind, HealthState, Severity, worst_first
+from enliven.health import HealthKind, HealthState, Severity, sort_by_severity
 from enliven_edge.fusion.live.fuser import Fuser
 from enliven_edge.fusion.live.merge import ArrivalClocks, OutputSchedule, sensor_positions
 from enliven_edge.fusion.live.sensor_thread import SensorBodies, TrackingThread
@@ -97,7 +97,7 @@ class FusedSensors(Sensor):
                 if warning.sensor not in self._devices and warning.state is SensorState.SILENT:
                     mend = _SEVERITY[SensorState.LOST][2]
                 health_states.append(HealthState(kind, gravity, warning.time_ns, f"{warning.what}.", mend))
-        return worst_first(health_states)
+        return sort_by_severity(health_states)
 
     def read(self, timeout: float | None = None) -> BodyFrame | None:
         if not self._started:

@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.person import PARENTS, Body, Joint
-from enliven.possession import turn_about_y
+from enliven.possession import rotation_about_y
 
 _UP = (0.0, 1.0, 0.0)
 """Unit direction of the trunk's bones of a standing person."""
@@ -85,7 +85,7 @@ class Bones:
         # If the performer is too near for the hips to be visible, use the chest as the facing direction.
         self._update_yaw(turns[0] if sure[0] else turns[1], bool(sure[0] or sure[1]))
         yaw = self._yaw or 0.0
-        world_to_front = turn_about_y(-yaw)
+        world_to_front = rotation_about_y(-yaw)
         self._blend_trunk(world_to_front @ turns, sure, gain)
         joints = np.where(is_tracked[:, None], body.joints, 0.0)
         vectors = (joints - joints[_PARENT]) @ world_to_front.T

@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.examples.spacetime import on_floor
-from enliven.person import Body, Joint, mirrored
+from enliven.person import Body, Joint, mirror_body
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.locomotion import Feet, Footing, leg_length
 from enliven_edge.stage.puppet.retargeting import Retargeting
@@ -48,7 +48,7 @@ class ControlPointHold:
         """Updates the pose and the footing from a performer in view."""
         seconds = max(time_ns - self.seen_ns, 0) * 1e-9
         if mirror:
-            body = mirrored(body, *_MIRROR)
+            body = mirror_body(body, *_MIRROR)
         seen = self.bones.update(body, seconds)
         self.pose, self.yaw, self.seen_ns = retargeting.pose(seen), seen.yaw, time_ns
         self.footing = self.feet.update(body, seconds)

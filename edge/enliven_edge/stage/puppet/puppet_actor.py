@@ -12,8 +12,8 @@ from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Pose, Project, Puppet, character_of_puppet
 from enliven.errors import InputError
 from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of, travel_of
-from enliven.person import MIRROR, Body, parts_named
-from enliven.possession import Actor, Cues, Mode, PoseBlend, cues_of
+from enliven.person import MIRROR, Body, parse_parts
+from enliven.possession import Actor, Cues, Mode, PoseBlend, make_cues
 from enliven.rotation import rotate
 from enliven_edge.stage.puppet.bones import Bones
 from enliven_edge.stage.puppet.hold import ControlPointHold
@@ -121,7 +121,7 @@ class PuppetActor(Actor):
         body = next((b for b in bodies if b.id == who), None) or self.next_performer(bodies)
         held = [(hold.body, self._strengths(hold.points)) for hold in self.holds]
         preview = None if body is None else (body.id, self._strengths(self._paired_points(parts)))
-        return cues_of(held, preview)
+        return make_cues(held, preview)
 
     def warm_up(self) -> None:
         rehearsal = PuppetActor(self._project, self._puppet, self.settings)
@@ -139,7 +139,7 @@ class PuppetActor(Actor):
 
     def _paired_points(self, parts: str) -> frozenset[int]:
         """Returns the control points that are paired with some parts of the performer's own body."""
-        joints = {int(joint) for joint in parts_named(parts)}
+        joints = {int(joint) for joint in parse_parts(parts)}
         if self.settings.mirror:
             joints = {MIRROR[joint] for joint in joints}
         return frozenset(k for k, joint in enumerate(self._retargeting.joints) if int(joint) in joints)

@@ -17,7 +17,7 @@ from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, facing_of
 from enliven.person import Body, Joint
-from enliven.possession import turn_about_y
+from enliven.possession import rotation_about_y
 from enliven.takes import BODY_NAMES
 from enliven_edge.stage.puppet.bones import BonePose, Bones
 
@@ -81,7 +81,7 @@ class Retargeting:
         numbers = [skeleton.index(name) for name in joints]
         same = _same_bones(skeleton)
         bones = same or _similar_bones(skeleton)
-        self._facing = turn_about_y(_rest_yaw(skeleton, same) if same else facing_of(skeleton))
+        self._facing = rotation_about_y(_rest_yaw(skeleton, same) if same else facing_of(skeleton))
         self._paths = [skeleton.path(0, number)[1:] for number in numbers]
         used = sorted({joint for path in self._paths for joint in path})
         for joint in used:

@@ -14,7 +14,7 @@ from enliven.motion.layers import Player, bind_chain, pose_from
 from enliven.person import PARENTS, Body
 from enliven.possession import PoseBlend
 from enliven.rotation import conjugate, multiply
-from enliven.takes import clip_of_bodies, turns_of
+from enliven.takes import clip_of_bodies, rotations_from_positions
 
 _VIEW_DIRECTION = np.array([0.0, 0.0, -1.0])
 """The unit direction of the sensor's view in the world: performers face +Z."""
@@ -72,7 +72,7 @@ class Binding:
         rotations: Float | None = None
         if self.still.orientations is not None and body.orientations is not None:
             rotations = multiply(body.orientations, conjugate(self.still.orientations))[None]
-        self.turns = turns_of(self.take.skeleton, self.joints[None], rotations)[0]
+        self.turns = rotations_from_positions(self.take.skeleton, self.joints[None], rotations)[0]
         self.seen_ns = time_ns
 
 

@@ -15,8 +15,8 @@ from enliven.errors import InputError
 from enliven.formats.gltf import read_gltf
 from enliven.matching import MatchList, MatchRow, ScreenView, limb_number
 from enliven.meshes import GLTF_SUFFIXES
-from enliven.person import Body, parts_named
-from enliven.possession import Cues, Mode, cues_of
+from enliven.person import Body, parse_parts
+from enliven.possession import Cues, Mode, make_cues
 from enliven_edge.stage.actor import ChosenActor
 from enliven_edge.stage.character_setup import name_of
 from enliven_edge.stage.rig.chooser import Chooser
@@ -79,7 +79,7 @@ class RigActor(ChosenActor):
         Raises:
             InputError: for an unknown part, or if the body or the character has no match.
         """
-        parts_named(parts)
+        parse_parts(parts)
         if not np.isfinite(body.joints).all():
             where, mend = f"possessing {self.character.id!r}", "Step in front of the sensor again."
             raise InputError(f"the joints of performer {body.id} are not known", where=where, mend=mend)
@@ -100,7 +100,7 @@ class RigActor(ChosenActor):
         held = [(hold.body, _strengths(count, [t for _, t in hold.pairs])) for hold in self.holds]
         targets = () if held else self.chooser.targets()
         preview = (self.chooser.body, _strengths(count, targets)) if targets else None
-        return cues_of(held, preview)
+        return make_cues(held, preview)
 
     def board(self) -> MatchList:
         own, chooser = self.character.id, self.chooser

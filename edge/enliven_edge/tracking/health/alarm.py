@@ -7,7 +7,7 @@ import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
 
-from enliven.health import NO_PERFORMER, HealthKind, HealthState, Severity, worst_first
+from enliven.health import NO_PERFORMER, HealthKind, HealthState, Severity, sort_by_severity
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Alarms:
     @property
     def states(self) -> list[HealthState]:
         """Returns the current problems, the most severe first."""
-        return worst_first([self._state(key) for key, held in self._held.items() if held[0].active])
+        return sort_by_severity([self._state(key) for key, held in self._held.items() if held[0].active])
 
     def note(
         self, kind: HealthKind, wrong: bool | None, now: int, performer: int = NO_PERFORMER, **facts: object

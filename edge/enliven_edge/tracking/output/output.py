@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person import Body, mirrored
+from enliven.person import Body, mirror_body
 from enliven_edge.tracking.output.contact import FootContacts
 from enliven_edge.tracking.output.prediction import Predictor
 from enliven_edge.tracking.output.smoothing import OneEuro, OneEuroTurns
@@ -80,7 +80,7 @@ class Output:
         output_bodies = [self._person(body.id)(body, time_ns, self.ahead) for body in bodies]
         if self.settings.output.mirror:
             plane = mirror_plane(world_from_camera)
-            output_bodies = [mirrored(body, *plane) for body in output_bodies]
+            output_bodies = [mirror_body(body, *plane) for body in output_bodies]
         return output_bodies
 
     def forget(self) -> None:

@@ -21,7 +21,7 @@ from enliven.document import Coupling, LocomotionSettings, Switch
 from enliven.errors import InputError
 from enliven.examples.spacetime.anchoring import stand
 from enliven.mapping import turned_about_y
-from enliven.motion.contact import runs_of, touching
+from enliven.motion.contact import find_runs, touching
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ def locate(
             "it has no feet", where="locomotion", mend="Name the control points that it stands on."
         )
     way = _Way(turned, np.asarray(feet, np.int64), step, settings, stands)
-    for first, last in runs_of(touches) if touches.any() else []:
+    for first, last in find_runs(touches) if touches.any() else []:
         way.fly(first)
         way.stand(first, last)
     way.fly(len(turned))
@@ -225,7 +225,7 @@ def _without_short_phases(touches: Bool, shortest: float) -> Bool:
     """Removes flights and then contacts that are shorter than ``shortest`` frames."""
     out = touches.copy()
     for kind in (False, True):
-        for a, b in runs_of(out == kind):
+        for a, b in find_runs(out == kind):
             # A contact at the start or the end of the take may be the rest of a longer one. So do not drop it
             # for being short.
             cut = kind and (a == 0 or b == len(out) - 1)

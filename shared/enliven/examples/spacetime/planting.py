@@ -16,7 +16,7 @@ from enliven.arrays import Bool, Float
 from enliven.document import LocomotionSettings
 from enliven.examples.spacetime.locomotion import PlacedMotion
 from enliven.mapping import turned_about_y
-from enliven.motion.contact import hold, runs_of
+from enliven.motion.contact import find_runs, hold
 
 
 def planted(
@@ -44,7 +44,7 @@ def planted(
     weights, goals = np.empty(len(places)), np.empty((len(places), 3))
     for k, foot in enumerate(feet):
         way = placed.world[:, foot]
-        runs = runs_of(stands[:, k] & (placed.anchors >= 0))
+        runs = find_runs(stands[:, k] & (placed.anchors >= 0))
         if not runs:
             continue
         stood = np.array([_lock_position(way[a : b + 1], placed.anchors[a : b + 1] == foot) for a, b in runs])

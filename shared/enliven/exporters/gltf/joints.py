@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float, Float32, UInt16
 from enliven.document import Skeleton
 from enliven.examples.baking import stretch_axes
-from enliven.rotation import conjugate, continuous, from_matrix, multiply, normalized, to_matrix
+from enliven.rotation import conjugate, from_matrix, multiply, normalized, remove_sign_jumps, to_matrix
 
 
 def bone_names(skeleton: Skeleton) -> list[str]:
@@ -44,7 +44,7 @@ def local_turns(skeleton: Skeleton, turns: Float) -> Float:
     local = turns.copy()
     for j in range(1, len(skeleton)):
         local[:, j] = multiply(conjugate(turns[:, skeleton.parents[j]]), turns[:, j])
-    return continuous(normalized(local))
+    return remove_sign_jumps(normalized(local))
 
 
 def local_offsets(skeleton: Skeleton) -> Float:
@@ -99,7 +99,7 @@ def local_motion(skeleton: Skeleton, linear: Float, joints: Float) -> LocalMotio
         if j:
             world[:, j] = world[:, parent] @ world[:, j]
         ends[:, j] = np.linalg.solve(world[:, j], (joints[:, j] - pivots[:, j])[..., None])[..., 0]
-    return LocalMotion(axes, continuous(turns), scales, places, ends)
+    return LocalMotion(axes, remove_sign_jumps(turns), scales, places, ends)
 
 
 def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:

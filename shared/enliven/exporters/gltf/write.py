@@ -33,7 +33,7 @@ from enliven.exporters.performance import Performance, stretches_of
 from enliven.exporters.registry import Exporter
 from enliven.files import write_file
 from enliven.meshes import Mesh
-from enliven.rotation import continuous, from_matrix
+from enliven.rotation import from_matrix, remove_sign_jumps
 
 _MAX_UPRIGHT_DIFFERENCE = 1e-9
 """Maximum difference of an entry between the axes of a node and the world axes. Curves are in world axes, so
@@ -146,7 +146,7 @@ def _add_holder_node(scene: GltfScene, performance: Performance) -> int:
     """Adds the node that moves through the world as the performance's frame does."""
     holder = scene.node(name=f"{performance.name} frame", children=[])
     if performance.turns is not None and performance.places is not None:
-        turns = continuous(performance.turns[:, None])[:, 0]
+        turns = remove_sign_jumps(performance.turns[:, None])[:, 0]
         scene.animate(performance.times, holder, "translation", performance.places)
         scene.animate(performance.times, holder, "rotation", np.roll(turns, -1, -1))
     return holder

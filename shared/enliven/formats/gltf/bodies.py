@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.formats.rig import LinkBody
 from enliven.meshes.gltf import GltfPart, GltfSurface
-from enliven.rotation import from_matrix, strain_of
+from enliven.rotation import from_matrix, hencky_strain
 
 _MAX_ROUNDING_STRETCH = 1e-4
 """Largest stretch of a joint beyond 1 that counts as rounding instead of a scale track."""
@@ -30,7 +30,7 @@ def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> list[Lin
         away[:, :3, :3] *= mirrors[:, None, None]
         turns = from_matrix(away[:, :3, :3]) if len(away) else np.zeros((0, 4))
         scaled = _largest_stretch(away[:, :3, :3]) > _MAX_ROUNDING_STRETCH
-        strains = strain_of(away[:, :3, :3], turns) if scaled else None
+        strains = hencky_strain(away[:, :3, :3], turns) if scaled else None
         above = file.parents[node]
         while above >= 0 and above not in number:
             above = file.parents[above]

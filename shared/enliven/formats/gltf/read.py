@@ -42,7 +42,7 @@ from enliven.meshes.gltf import (
     moving_nodes,
     world_matrices,
 )
-from enliven.rotation import continuous
+from enliven.rotation import remove_sign_jumps
 
 _MIN_NOTED_MOTION_FRACTION = 1e-3
 """Minimum omitted motion that gets a note, as a fraction of the model's size. Less is not visible."""
@@ -212,7 +212,7 @@ def _animation_clip(
     """
     name = unused(animation.name, taken)
     taken.add(name)
-    turns = continuous(np.stack([bodies[k].turns[animation.frames] for k in tree.driver], 1))
+    turns = remove_sign_jumps(np.stack([bodies[k].turns[animation.frames] for k in tree.driver], 1))
     own = [None if track is None else track[animation.frames] for track in tracks]
     offsets, strains = (None if track is None or not track.any() else track for track in own)
     root, even = bodies[tree.root].places[animation.frames], animation.even

@@ -13,7 +13,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import stretched
-from enliven.rotation import rotate, stretch_of
+from enliven.rotation import rotate, stretch_from_strain
 
 _MIN_LOOSE_FRACTION = 0.01
 """Minimum distance of a detached joint from its parent, as a fraction of the model's size."""
@@ -63,7 +63,7 @@ class LinkBody:
         if self.mirrors is not None:
             way = self.mirrors[:, None] * way
         if self.strains is not None:
-            way = stretched(stretch_of(self.strains), np.broadcast_to(way, (len(self.places), 3)))
+            way = stretched(stretch_from_strain(self.strains), np.broadcast_to(way, (len(self.places), 3)))
         return rotate(self.turns, way)
 
 
@@ -147,7 +147,7 @@ def _rest_misfits(bodies: list[LinkBody]) -> Float:
     for p, body in enumerate(bodies):
         way = (rest - rest[p])[:, None]
         if body.strains is not None:
-            way = stretched(stretch_of(body.strains[looked]), way)
+            way = stretched(stretch_from_strain(body.strains[looked]), way)
         if body.mirrors is not None:
             way = way * body.mirrors[looked, None]
         expected = places[p] + rotate(body.turns[looked], way)

@@ -25,7 +25,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton, stretched, unused
 from enliven.formats.rig.rig_links import LinkBody, downward, links_of
-from enliven.rotation import conjugate, rotate, stretch_of
+from enliven.rotation import conjugate, rotate, stretch_from_strain
 
 _SAME_PLACE = 2e-5
 """Maximum distance of two joints that count as one place, as a fraction of the size. It covers rounding
@@ -131,7 +131,7 @@ def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float 
         if j and tree.body[j] >= 0:
             way = rotate(conjugate(driver.turns), at[:, j] - at[:, skeleton.parents[j]])
             way = way if driver.mirrors is None else way * driver.mirrors[:, None]
-            offsets[:, j] = stretched(stretch_of(-strains[:, j]), way) - skeleton.vectors[j]
+            offsets[:, j] = stretched(stretch_from_strain(-strains[:, j]), way) - skeleton.vectors[j]
     offsets[:, np.abs(offsets).max((0, 2), initial=0.0) <= _MIN_TRACK_MOTION_FRACTION * size] = 0.0
     return offsets if offsets.any() else None, strains if strains.any() else None
 

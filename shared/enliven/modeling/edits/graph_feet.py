@@ -36,7 +36,7 @@ from enliven.errors import InputError
 from enliven.modeling.edits.root_layers import root_motion
 from enliven.modeling.mesh import blended
 from enliven.modeling.possessed import followers, graph_pose
-from enliven.motion.contact import contacts_of, hold, window_of
+from enliven.motion.contact import find_analysis_window, find_contacts, hold
 from enliven.rotation import conjugate, rotate
 
 _SOLE_HEIGHT_FRACTION = 0.04
@@ -167,7 +167,7 @@ def _foot_lock_layer(
     project: Project, shape: GraphShape, feet: Sequence[StandingFoot], way: str, name: str
 ) -> tuple[PoseStream, GraphLayer]:
     """Returns the layer that locks the feet in a shape's current motion, and its stream."""
-    window = window_of([*shape.parts, *shape.over], project.streams)
+    window = find_analysis_window([*shape.parts, *shape.over], project.streams)
     count = max(round((window.end - window.start) / KEY_STEP), 1) + 1
     step = (window.end - window.start) / (count - 1) or KEY_STEP
     times = window.start + step * np.arange(count)
@@ -210,7 +210,7 @@ def _foot_corrections(shape: GraphShape, places: Float, soles: Float, step: floa
         return np.maximum(-soles, 0.0)[:, None] * [0.0, 1.0, 0.0]
     limb, how = _LIMB_LENGTH_FRACTION * float(np.ptp(shape.mesh.vertices[:, 1])), ContactSettings()
     modes = np.full(len(places), FEET.index(way))
-    contacts = contacts_of(places, step, limb, how, modes)
+    contacts = find_contacts(places, step, limb, how, modes)
     weights, goals = np.empty(len(places)), np.empty((len(places), 3))
     times = step * np.arange(len(places))
     hold(times, contacts.starts, contacts.ends, contacts.places, how.blend, weights, goals)

@@ -14,7 +14,7 @@ from enliven.errors import InputError
 from enliven.modeling.edits.characters import move_character, scale_character
 from enliven.modeling.edits.rigs import foot_of, vertices_of
 from enliven.modeling.possessed import possess_another
-from enliven.possession import as_moved, settings_of
+from enliven.possession import apply_vertex_motion, settings_from_possession
 
 _RECORDING_ATTRIBUTES = ("recorded", "alternatives")
 """Attributes of a layer that identify its recording. The others say when it plays."""
@@ -66,7 +66,7 @@ def transfer_performance(
     take = project.bodies[layer.possession.take]
     # The original mesh may have been placed at a fixed position in the room. The new mesh is elsewhere, so it
     # is placed where the performer meets it.
-    settings = replace(settings_of(layer.possession), place="meet")
+    settings = replace(settings_from_possession(layer.possession), place="meet")
     possession = replace(layer.possession, settings=json.dumps(asdict(settings)))
     ends, joints = _known_ends(target, posed)
     new_project, name = possess_another(
@@ -100,7 +100,8 @@ def _known_ends(target: RigBase, posed: Float) -> tuple[Float | None, Float | No
         return None, None
     rest = target.mesh.vertices
     ends, joints = (
-        as_moved(points, rest, posed) if len(points) else None for points in (target.ends, target.joints)
+        apply_vertex_motion(points, rest, posed) if len(points) else None
+        for points in (target.ends, target.joints)
     )
     return ends, joints
 

@@ -12,7 +12,7 @@ from enliven.arrays import Float
 from enliven.document import BodyTake, Possession, Project
 from enliven.meshes import Mesh
 from enliven.modeling.possessed.solving import possess_mesh
-from enliven.possession import prepared_as, settings_of
+from enliven.possession import prepare_for_actor, settings_from_possession
 
 
 def possess_another(
@@ -36,14 +36,14 @@ def possess_another(
 
     Args:
         fit: whether the mesh is first scaled to a person's size; else it keeps its modeled size.
-        ends, joints: of the mesh, as in :func:`enliven.possession.prepared_as`.
+        ends, joints: of the mesh, as in :func:`enliven.possession.prepare_for_actor`.
         nodes, progress, notes: as in :func:`possess_mesh`.
 
     Raises:
         InputError: if the performers cannot attach to any point of the mesh.
     """
-    settings = replace(settings_of(possession), stiffness=(), ends=(), joints=())
-    prepared_mesh = prepared_as(mesh, settings, fit=fit, ends=ends, joints=joints)
+    settings = replace(settings_from_possession(possession), stiffness=(), ends=(), joints=())
+    prepared_mesh = prepare_for_actor(mesh, settings, fit=fit, ends=ends, joints=joints)
     how = replace(
         possession,
         settings=json.dumps(asdict(prepared_mesh.settings)),

@@ -1,7 +1,8 @@
-"""Contact detection: when a foot stands, by its height and speed, and where it is held.
+"""Contact detection: finds when a foot stands, from its height and speed, and the position at which it is
+held.
 
-    Pin(joint, start, settings)              # on a Shape: by the joints' names; nothing is baked
-    contacts_of(places (F, 3), step, size, settings) -> Contacts
+    Pin(joint, start, settings)              # stored on a Shape, by joint name; not baked
+    find_contacts(places (F, 3), step, size, settings) -> Contacts
 
 A foot touches the floor while it is low and slow. It is released when it is clearly higher or faster
 (hysteresis). During a contact, it is held at the median of its positions. It may rise there, as a heel does,
@@ -21,7 +22,8 @@ from enliven.kernels import njit
 AUTO, ALWAYS, _, GROUND = range(len(FEET))
 """The indices of the foot modes."""
 _MAX_HELD_DRIFT_LIMBS = 0.25
-"""Maximum drift of a foot that is always held, in lengths of its limb. A larger one counts as a step."""
+"""Maximum drift of a foot that is always held, as a fraction of its limb's length. A larger drift counts as a
+step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,7 @@ class Contacts:
     places: Float
 
 
-def contacts_of(
+def find_contacts(
     places: Float, step: float, size: float, how: ContactSettings, modes: Int | None = None
 ) -> Contacts:
     """Returns the contacts of a joint that moves through ``places``.
@@ -57,14 +59,14 @@ def contacts_of(
     height = places[:, 1] - np.percentile(places[:, 1], 5)
     still = np.zeros(len(places))
     speed = np.linalg.norm(np.gradient(places, step, axis=0), axis=1) if len(places) > 1 else still
-    down = np.empty(len(places), np.bool_)
-    touching(height, speed, how.height * size, how.speed * size, how.release, down)
-    spans = runs_of(down)
+    is_down = np.empty(len(places), np.bool_)
+    touching(height, speed, how.height * size, how.speed * size, how.release, is_down)
+    spans = find_runs(is_down)
     if modes is not None:
-        low = np.empty_like(down)
+        low = np.empty_like(is_down)
         touching(height, still, how.height * size, how.speed * size, how.release, low)
-        spans = runs_of(down & (modes == AUTO))
-        for a, b in runs_of(low & (modes == ALWAYS)):
+        spans = find_runs(is_down & (modes == AUTO))
+        for a, b in find_runs(low & (modes == ALWAYS)):
             spans += _split_steps(places, a, b, _MAX_HELD_DRIFT_LIMBS * size)
     spans = sorted((a, b) for a, b in spans if (b - a) * step >= how.shortest)
     starts = np.array([-np.inf if a == 0 else a * step for a, _ in spans])
@@ -73,28 +75,29 @@ def contacts_of(
     return Contacts(starts, ends, middles)
 
 
-def _split_steps(places: Float, first: int, last: int, far: float) -> list[tuple[int, int]]:
-    """Returns the parts of a run of frames; a foot that drifts over the ground by more than ``far`` takes
-    a step.
+def _split_steps(places: Float, first: int, last: int, max_drift: float) -> list[tuple[int, int]]:
+    """Splits a run of frames where the foot takes a step: it drifts over the ground by more than
+    ``max_drift`` metres.
     """
     parts, begin = list[tuple[int, int]](), first
     for frame in range(first, last + 1):
-        way = places[frame, [0, 2]] - places[begin, [0, 2]]
-        if way @ way > far * far:
+        drift = places[frame, [0, 2]] - places[begin, [0, 2]]
+        if drift @ drift > max_drift * max_drift:
             parts.append((begin, frame - 1))
             begin = frame
     return [*parts, (begin, last)]
 
 
-def runs_of(down: Bool) -> list[tuple[int, int]]:
+def find_runs(flags: Bool) -> list[tuple[int, int]]:
     """Returns the first and the last frame of every run of true values in (F,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], down, [False]]).astype(np.int8)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 @njit(cache=True, nogil=True)
 def touching(height, speed, low, slow, release, down):
-    """Computes ``down`` (F,): whether a foot of ``height`` (F,) and ``speed`` (F,) touches the floor."""
+    """Fills ``down`` (F,) with True in the frames in which a foot of ``height`` (F,) and ``speed`` (F,)
+    touches the floor."""
     now = False
     for f in range(len(height)):
         more = release if now else 1.0
@@ -104,8 +107,8 @@ def touching(height, speed, low, slow, release, down):
 
 @njit(cache=True, nogil=True)
 def hold(times, starts, ends, places, blend, weights, goals):
-    """Computes how strongly a joint is held, ``weights`` (T,) in [0, 1], and where, ``goals`` (T, 3), at
-    times.
+    """Computes the weight, ``weights`` (T,) in [0, 1], and the position, ``goals`` (T, 3), with which a joint
+    is held at ``times`` (T,).
 
     Within a contact, the weight is 1. Outside, it falls by smoothstep over ``blend`` seconds. Between two
     contacts, each attracts by w / (1 - w). So the position never jumps, and a contact with full weight is not

@@ -1,8 +1,8 @@
-"""Computes when the pinned feet of a shape stand, and applies the foot lock.
+"""Finds the times at which the pinned feet of a shape stand, and keeps them in place then (foot lock).
 
-    window_of(layers, takes) -> Window                       # the time that is analysed
-    foot_lock_of(pins, window, free) -> FootLock             # contacts, and how far the root is lowered
-    foot_lock.hold(times, on, tree, turns, joints)           # pins the feet of a pose, in place
+    find_analysis_window(layers, takes) -> AnalysisWindow        # the time that is analysed
+    compute_foot_lock(pins, window, free) -> FootLock            # contacts, and the lowering of the root
+    foot_lock.hold(times, travelled, tree, turns, joints)        # pins the feet of a pose, in place
 
 The whole motion is played once with free feet and analysed.
 """
@@ -17,50 +17,53 @@ import scipy
 
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.document import Clip, LayerBase, PoseStream
-from enliven.motion.contact.contacts import ALWAYS, GROUND, Contacts, contacts_of, hold, runs_of
+from enliven.motion.contact.contacts import ALWAYS, GROUND, Contacts, find_contacts, find_runs, hold
 from enliven.motion.contact.pin import HeldPin, pin_limb
 
 _ANALYSIS_RATE_HZ = 60.0
 """Samples per second at which feet are analysed."""
 _MAX_LOOPED_ANALYSIS_S = 120.0
-"""Longest time that is analysed if layers with different lengths are looped, in seconds. After it, no foot is
-pinned."""
+"""Longest time that is analysed if layers of different lengths are looped, in seconds. No foot is pinned
+after this time."""
 _MAX_STRETCH_FRACTION = 0.998
-"""Maximum fraction of its length to which a limb is stretched before the root is lowered."""
+"""A limb is stretched to at most this fraction of its length. If it would have to stretch more, the root is
+lowered."""
 
 
 @dataclass(frozen=True)
-class Window:
+class AnalysisWindow:
     """The seconds of the project that contain all of a shape's motion.
 
     Attributes:
         start: start of the first layer.
         end: end of the last one.
-        looped: whether all layers restart together at the end.
+        looped: True if all layers restart together at the end.
     """
 
     start: float
     end: float
     looped: bool
 
-    def folded(self, times: Float) -> Float:
-        """Returns the times (T,) within the window that look the same, if all layers are looped."""
+    def fold_times(self, times: Float) -> Float:
+        """Maps times (T,) to the equivalent times within the window, if all layers are looped."""
         if not self.looped or self.end <= self.start:
             return times
         return np.asarray(self.start + np.mod(times - self.start, self.end - self.start))
 
 
-def window_of(layers: Sequence[LayerBase], takes: Mapping[str, Clip | PoseStream]) -> Window:
-    """Returns the window of layers that are played together; an empty window without layers."""
+def find_analysis_window(
+    layers: Sequence[LayerBase], takes: Mapping[str, Clip | PoseStream]
+) -> AnalysisWindow:
+    """Returns the window of layers that are played together. Without layers, the window is empty."""
     if not layers:
-        return Window(0.0, 0.0, False)
+        return AnalysisWindow(0.0, 0.0, False)
     lengths = [layer.lasting(takes[layer.take].duration) for layer in layers]
     start = min(layer.offset for layer in layers)
     end = max(layer.offset + length for layer, length in zip(layers, lengths, strict=True))
     looped = [length for layer, length in zip(layers, lengths, strict=True) if layer.loop]
     if len(looped) == len(layers) and np.ptp(looped) < 1e-9:
-        return Window(start, start + looped[0], True)
-    return Window(start, max(end, start + _MAX_LOOPED_ANALYSIS_S) if looped else end, False)
+        return AnalysisWindow(start, start + looped[0], True)
+    return AnalysisWindow(start, max(end, start + _MAX_LOOPED_ANALYSIS_S) if looped else end, False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,31 +71,33 @@ class FootLock:
     """The contacts of a shape's feet, and the lowering of its root.
 
     Attributes:
-        pins: each with its contacts, in seconds of the project.
-        grounds: (P, ...) the times at which each is only kept above the floor; empty if no layer asks for
-            that.
+        pins: every pinned foot with its contacts, in seconds of the project.
+        grounds: (P, ...) for each pin, the times at which its foot is only kept above the floor. Empty if no
+            layer requests this.
         window: the seconds that were analysed.
         times: (F,) seconds.
-        drops: (F,) metres, how far the root is lowered at these times.
+        drops: (F,) metres, the lowering of the root at these times.
     """
 
     pins: tuple[tuple[HeldPin, Contacts], ...]
-    window: Window
+    window: AnalysisWindow
     times: Float
     drops: Float
     grounds: tuple[Contacts, ...] = ()
 
-    def hold(self, times: Float, on: Float, tree: tuple[Int32, Float], turns: Float, joints: Float) -> None:
+    def hold(
+        self, times: Float, travelled: Float, tree: tuple[Int32, Float], turns: Float, joints: Float
+    ) -> None:
         """Pins the feet at times (T,) in the window; changes turns (T, N, 4) and joints (T, N, 3) in place.
 
         ``tree`` contains the joints' parents, and (T or 1, N, 3) metres from each parent to its joint,
-        unrotated. ``on`` (T, 3) metres is the distance that the shape travelled in earlier loops.
+        unrotated. ``travelled`` (T, 3) metres is the distance that the shape travelled in earlier loops.
         """
         drops = np.interp(times, self.times, self.drops)
         joints[:, :, 1] -= drops[:, None]
         for pin, contacts in self.pins:
             weights, goals = _contact_weights(pin, contacts, times)
-            goals += on
+            goals += travelled
             limb = (pin.chain, pin.middle, pin.side, pin.kept)
             pin_limb(*tree, *limb, pin.settings.rise, pin.settings.sink, weights, goals, drops, turns, joints)
         for (pin, _), ground in zip(self.pins, self.grounds, strict=False):
@@ -101,9 +106,9 @@ class FootLock:
             _lift_sole(pin, pin.ground, np.ones(len(times)), tree, turns, joints)
 
 
-def foot_lock_of(
+def compute_foot_lock(
     pins: Sequence[HeldPin],
-    window: Window,
+    window: AnalysisWindow,
     free: Callable[[Float], tuple[Float, Float]],
     modes: Callable[[Float], Int] | None = None,
 ) -> FootLock:
@@ -126,8 +131,8 @@ def foot_lock_of(
             mode = foot_modes[number]
             # A foot that is always held must be reached, however deep the knees bend.
             most[mode == ALWAYS] = 1.0
-            grounds.append(_run_times(mode == GROUND, times))
-        foot_contacts = contacts_of(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
+            grounds.append(_contacts_from_runs(mode == GROUND, times))
+        foot_contacts = find_contacts(joints[:, pin.chain[-1]], step or 1.0, pin.size, pin.settings, mode)
         foot_contacts = replace(
             foot_contacts, starts=foot_contacts.starts + window.start, ends=foot_contacts.ends + window.start
         )
@@ -135,21 +140,21 @@ def foot_lock_of(
             foot_contacts.places[:, 1] = np.maximum(foot_contacts.places[:, 1], pin.ground + pin.stance)
         contacts.append((pin, foot_contacts))
         drops = np.maximum(
-            drops, _needed_drops(pin, joints, *_contact_weights(pin, foot_contacts, times), most)
+            drops, _compute_drops(pin, joints, *_contact_weights(pin, foot_contacts, times), most)
         )
-    wide = max((pin.settings.blend for pin in pins), default=0.0)
+    blend = max((pin.settings.blend for pin in pins), default=0.0)
     return FootLock(
         tuple(contacts),
         window,
         times,
-        _smoothed_drops(drops, round(wide / step) if step else 0, window.looped),
+        _smooth_drops(drops, round(blend / step) if step else 0, window.looped),
         tuple(grounds),
     )
 
 
-def _run_times(on: Bool, times: Float) -> Contacts:
+def _contacts_from_runs(flags: Bool, times: Float) -> Contacts:
     """Returns the seconds of runs of true values; unbounded if the first or the last frame is included."""
-    runs, last = runs_of(on), len(on) - 1
+    runs, last = find_runs(flags), len(flags) - 1
     starts = np.array([-np.inf if a == 0 else times[a] for a, _ in runs])
     ends = np.array([np.inf if b == last else times[b] for _, b in runs])
     return Contacts(starts, ends, np.zeros((len(runs), 3)))
@@ -178,12 +183,12 @@ def _contact_weights(pin: HeldPin, contacts: Contacts, times: Float) -> tuple[Fl
     return weights, goals
 
 
-def _needed_drops(pin: HeldPin, joints: Float, weights: Float, goals: Float, most: Float) -> Float:
-    """Returns (F,) how far the root must be lowered, metres, for a limb to reach its contact.
+def _compute_drops(pin: HeldPin, joints: Float, weights: Float, goals: Float, max_fraction: Float) -> Float:
+    """Returns (F,) metres, the lowering of the root that a limb needs to reach its contact.
 
-    The result is at most ``most`` (F,) lengths of the limb. A hip above the goal at height sqrt(reach^2 -
-    across^2) just reaches it. The reach is slightly less than the limb, so that a knee does not snap
-    straight. A limb that is not held needs no lowering.
+    The result is at most ``max_fraction`` (F,) lengths of the limb. A hip above the goal at height
+    sqrt(reach^2 - across^2) just reaches it. The reach is slightly less than the limb, so that a knee does
+    not snap straight. A limb that is not held needs no lowering.
     """
     start, middle, end = (joints[:, pin.chain[i]] for i in (0, pin.middle, -1))
     now = np.linalg.norm(end - start, axis=1)
@@ -196,18 +201,18 @@ def _needed_drops(pin: HeldPin, joints: Float, weights: Float, goals: Float, mos
     reach = reach + (1.0 - weights) * np.maximum(now - reach, 0.0)
     across = np.minimum(np.linalg.norm((goal - start)[:, [0, 2]], axis=1), reach)
     needed = start[:, 1] - goal[:, 1] - np.sqrt(reach**2 - across**2)
-    return np.asarray(np.clip(needed, 0.0, most * pin.size))
+    return np.asarray(np.clip(needed, 0.0, max_fraction * pin.size))
 
 
-def _smoothed_drops(drops: Float, wide: int, looped: bool) -> Float:
-    """Returns (F,) a smooth curve that is nowhere below ``drops``.
+def _smooth_drops(drops: Float, width: int, looped: bool) -> Float:
+    """Returns (F,) a smooth curve that is at least as large as ``drops`` everywhere.
 
     It is the maximum over a window, then averaged with the same smooth window.
     """
-    if wide < 1 or not drops.any():
+    if width < 1 or not drops.any():
         return drops
     mode = "wrap" if looped else "nearest"
-    size = 2 * wide + 1
+    size = 2 * width + 1
     window = np.hanning(size + 2)[1:-1]
     high = scipy.ndimage.maximum_filter1d(drops, size, mode=mode)
     return np.asarray(scipy.ndimage.convolve1d(high, window / window.sum(), mode=mode))

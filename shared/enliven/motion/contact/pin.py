@@ -2,7 +2,7 @@
 
     pin_feet(project, shape_id, joints, *, start=None, settings=ContactSettings()) -> Project
     unpin(project, shape_id, joints=None) -> Project
-    held_pins(shape) -> list[HeldPin]                        # the player's input
+    resolve_pins(shape) -> list[HeldPin]                        # the player's input
 
 A limb of more than two bones is treated as two rigid halves. The foot and its descendants keep their world
 rotations, so a flat sole stays flat. If a stretched limb would not reach, the root is lowered as far as
@@ -40,11 +40,11 @@ class HeldPin:
         middle: index in the chain of the joint that bends.
         side: (3,) the direction in which it bulges at rest.
         size: metres, the limb's length.
-        kept: (N,) whether each bone keeps its world rotation: those that begin at the foot.
+        kept: (N,) True for each bone that keeps its world rotation: the bones that begin at the foot.
         settings: the contact thresholds.
         below: (B,) int32 the foot's joint and all its descendants.
-        sole: metres, height of the lowest of these above the sole of the mesh, at rest.
-        ground: metres, the height of the floor that the shape stands on at rest, in its place.
+        sole: metres, height of the lowest of these joints above the sole of the mesh, at rest.
+        ground: metres, height of the floor under the shape at rest, at its place in the project.
         stance: metres, height of the foot's joint above that floor, at rest.
     """
 
@@ -82,8 +82,8 @@ def pin_feet(
     skeleton = shape.skeleton
     pins = {pin.joint: pin for pin in shape.pins}
     for joint in joints:
-        foot = _joint_number(skeleton, joint)
-        hip = _two_up(skeleton, foot) if start is None else _joint_number(skeleton, start)
+        foot = _joint_index(skeleton, joint)
+        hip = _grandparent_joint(skeleton, foot) if start is None else _joint_index(skeleton, start)
         chain = skeleton.path(hip, foot) if hip >= 0 else ()
         if len(chain) < 3 or hip not in chain[:1] or min(chain) != hip:
             problem = f"no limb of two bones ends in {skeleton.names[foot]!r}"
@@ -96,17 +96,17 @@ def pin_feet(
 
 
 def unpin(project: Project, shape_id: str, joints: Sequence[int | str] | None = None) -> Project:
-    """Returns a project in which these joints (None: all) of a shape are free."""
+    """Returns a project without the pins of these joints of a shape (None: of all joints)."""
     shape = project.shape(shape_id)
     names = (
-        None if joints is None else {shape.skeleton.names[_joint_number(shape.skeleton, j)] for j in joints}
+        None if joints is None else {shape.skeleton.names[_joint_index(shape.skeleton, j)] for j in joints}
     )
-    kept = tuple(pin for pin in shape.pins if names is not None and pin.joint not in names)
-    return project.with_characters(shape.with_changes(pins=kept))
+    remaining_pins = tuple(pin for pin in shape.pins if names is not None and pin.joint not in names)
+    return project.with_characters(shape.with_changes(pins=remaining_pins))
 
 
-def held_pins(shape: Shape) -> list[HeldPin]:
-    """Returns the pins of a shape with existing limbs."""
+def resolve_pins(shape: Shape) -> list[HeldPin]:
+    """Returns the pins of a shape with their joints resolved. Pins of missing limbs are left out."""
     skeleton, pins = shape.skeleton, []
     for pin in shape.pins:
         if pin.joint not in skeleton.names or pin.start not in skeleton.names:
@@ -114,7 +114,7 @@ def held_pins(shape: Shape) -> list[HeldPin]:
         chain = skeleton.path(skeleton.index(pin.start), skeleton.index(pin.joint))
         if len(chain) < 3 or min(chain) != chain[0]:
             continue
-        middle, side = bend_of(skeleton, chain)
+        middle, side = find_bend(skeleton, chain)
         keeps_turn = skeleton.parents == chain[-1]
         size = float(skeleton.lengths[list(chain[1:])].sum())
         below = np.array([j for j in range(len(skeleton)) if chain[-1] in skeleton.path(0, j)], np.int32)
@@ -128,17 +128,17 @@ def held_pins(shape: Shape) -> list[HeldPin]:
     return pins
 
 
-def bend_of(skeleton: Skeleton, chain: Sequence[int]) -> tuple[int, Float]:
+def find_bend(skeleton: Skeleton, chain: Sequence[int]) -> tuple[int, Float]:
     """Returns the index in a chain of the joint nearest to its middle, and (3,) its bulge direction at
     rest.
     """
     at = skeleton.positions[list(chain)]
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1))])
-    middle = 1 + int(np.abs(along[1:-1] - along[-1] / 2).argmin())
+    arc_length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1))])
+    middle = 1 + int(np.abs(arc_length[1:-1] - arc_length[-1] / 2).argmin())
     line = at[-1] - at[0]
-    share = line @ (at[middle] - at[0]) / max(float(line @ line), 1e-300)
-    side = at[middle] - at[0] - share * line
-    straight = float(np.linalg.norm(side)) < _MIN_BULGE_FRACTION * along[-1]
+    fraction = line @ (at[middle] - at[0]) / max(float(line @ line), 1e-300)
+    side = at[middle] - at[0] - fraction * line
+    straight = float(np.linalg.norm(side)) < _MIN_BULGE_FRACTION * arc_length[-1]
     return middle, _toe_direction(skeleton, chain[-1], line) if straight else np.asarray(side)
 
 
@@ -148,12 +148,14 @@ def _toe_direction(skeleton: Skeleton, foot: int, limb: Float) -> Float:
     """
     ahead = [skeleton.vectors[toe] for toe in skeleton.children[foot]]
     length = max(float(np.linalg.norm(limb)), 1e-300)
-    across = [way - (way @ limb) / length**2 * limb for way in ahead]
-    longest = max(across, key=lambda way: float(np.linalg.norm(way)), default=_DEFAULT_BEND_DIRECTION)
+    across = [direction - (direction @ limb) / length**2 * limb for direction in ahead]
+    longest = max(
+        across, key=lambda direction: float(np.linalg.norm(direction)), default=_DEFAULT_BEND_DIRECTION
+    )
     return longest if np.linalg.norm(longest) > _MIN_TOE_EXTENT_FRACTION * length else _DEFAULT_BEND_DIRECTION
 
 
-def _joint_number(skeleton: Skeleton, joint: int | str) -> int:
+def _joint_index(skeleton: Skeleton, joint: int | str) -> int:
     if isinstance(joint, str):
         return skeleton.index(joint)
     if not 0 <= joint < len(skeleton):
@@ -161,7 +163,7 @@ def _joint_number(skeleton: Skeleton, joint: int | str) -> int:
     return int(joint)
 
 
-def _two_up(skeleton: Skeleton, joint: int) -> int:
+def _grandparent_joint(skeleton: Skeleton, joint: int) -> int:
     """Returns the joint two bones above, or -1."""
     above = int(skeleton.parents[joint])
     return int(skeleton.parents[above]) if above >= 0 else -1
@@ -174,11 +176,12 @@ def pin_limb(parents, vectors, chain, middle, side, kept, rise, sink, weights, g
     Args:
         vectors: (T or 1, N, 3) metres from each parent to its joint before the bone rotates.
         chain: (K,) joints of the limb.
-        kept: (N,) whether each bone keeps its world rotation.
+        kept: (N,) True for each bone that keeps its world rotation.
         rise: fraction of its own rise above the goal that the foot keeps.
         sink: fraction of its own sinking below the goal that the foot keeps.
-        goals: (T, 3) metres.
-        drops: (T,) metres, how far the root was lowered; a free foot returns to its former position.
+        goals: (T, 3) metres, the target positions.
+        drops: (T,) metres, the lowering of the root. A foot without contact returns to its position before
+            the lowering.
         turns: (T, N, 4) world rotations, changed in place.
         joints: (T, N, 3) metres, changed in place.
     """

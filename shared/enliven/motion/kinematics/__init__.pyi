@@ -8,7 +8,7 @@ from .quaternions import (
     store as store,
     turn as turn,
 )
-from .ranges import JointRange as JointRange, joint_range as joint_range, limit_turns as limit_turns
+from .ranges import JointRange as JointRange, fit_joint_range as fit_joint_range, limit_turns as limit_turns
 from .reaching import reach as reach
 from .vectors import (
     about as about,

@@ -10,10 +10,10 @@ from enliven.motion.kinematics.quaternions import between, conj, load, mul, stor
 
 @njit(cache=True, nogil=True)
 def own_turns(knots, knot, part, fixed, first, terms, inverse, out):
-    """Computes ``out`` (T, N, 4), the product of each bone's terms ``first[j]`` to ``first[j + 1]``.
+    """Fills ``out`` (T, N, 4) with the product of the terms ``first[j]`` to ``first[j + 1]`` of each bone j.
 
     Term m >= 0 is the slerp of ``knots`` (T, K, 4) at ``part[m]`` from ``knot[m]`` to the next; term m < 0 is
-    the rotation ``fixed[-1 - m]``.
+    the rotation ``fixed[-1 - m]``. Terms with ``inverse`` are inverted.
     """
     taken = np.empty((len(knot), 4))
     for t in range(len(knots)):

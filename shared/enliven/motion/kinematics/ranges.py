@@ -1,6 +1,6 @@
 """Joint limits: how far a bone may swing and twist, with soft limits.
 
-    joint = joint_range(bone, turns)        # from rotations of the bone that are known to be plausible
+    joint = fit_joint_range(bone, turns)    # computed from plausible rotations of the bone
     limit_turns(joint, turns)               # (T, 4) the rotations, limited to the range
 
 A rotation is split into a swing, which changes the direction of the bone, and a twist about the bone. A swing
@@ -25,14 +25,16 @@ from enliven.arrays import Float
 from enliven.rotation import conjugate, from_rotation_vector, multiply, to_rotation_vector, unit
 
 FREE_SWING = np.radians(30.0)
-"""Free swing beyond the known swings, radians. Clips do not show everything that a body can do."""
+"""Swing that is allowed beyond the known swings, radians. Clips do not show every pose that a body can
+take."""
 FREE_TWIST = np.radians(30.0)
-"""Free twist beyond the known twists, radians."""
-UNKNOWN_SWING = np.radians(75.0)
+"""Twist that is allowed beyond the known twists, radians."""
+MAX_UNKNOWN_SWING = np.radians(75.0)
 """Maximum swing from the rest pose, radians, if no rotations are known."""
-UNKNOWN_TWIST = np.radians(45.0)
-"""Maximum twist from the rest pose, radians, if no rotations are known. More folds the skin."""
-SOFT = np.radians(20.0)
+MAX_UNKNOWN_TWIST = np.radians(45.0)
+"""Maximum twist from the rest pose, radians, if no rotations are known. A larger twist would fold the
+skin."""
+SOFT_MARGIN = np.radians(20.0)
 """Maximum excess beyond the free range, radians, that the soft limit allows."""
 _FOLD_ANGLE = np.radians(135.0)
 """Angle, radians, above which a swing or a twist approaches its fixed value at 180 degrees."""
@@ -52,7 +54,7 @@ class JointRange:
         axes: (2, 3) unit vectors perpendicular to the bone and to each other.
         hull: (K, 2) radians along the axes, corners of the convex hull of the known swings, in order.
         twists: radians, the smallest and the largest known twist.
-        free_swing, free_twist: radians, extension of the known range.
+        free_swing, free_twist: radians, the extension of the known range.
         soft: radians, maximum excess beyond that extension.
     """
 
@@ -75,24 +77,24 @@ class JointRange:
         return max(abs(self.twists[0]), abs(self.twists[1])) + self.free_twist
 
 
-def joint_range(bone: Float, turns: Float | None = None, share: float = 1.0) -> JointRange:
+def fit_joint_range(bone: Float, turns: Float | None = None, share: float = 1.0) -> JointRange:
     """Returns the range of a bone.
 
     Args:
         bone: (3,) its direction at rest, of any non-zero length.
         turns: (F, 4) rotations relative to the parent bone that are known to be plausible; None if none are
             known.
-        share: fraction, more than 0, of the free angles and the soft margin, which the bones of a spine
-            divide among them.
+        share: fraction above 0 that multiplies the free angles and the soft margin. The bones of a spine
+            divide these angles among themselves.
     """
     bone = unit(bone)
     first = unit(np.cross(bone, np.eye(3)[int(np.abs(bone).argmin())]))
     axes = np.stack([first, np.cross(bone, first)])
-    free = (UNKNOWN_SWING, UNKNOWN_TWIST) if turns is None else (FREE_SWING, FREE_TWIST)
-    widened = float(share * free[0]), float(share * free[1]), float(share * SOFT)
+    free = (MAX_UNKNOWN_SWING, MAX_UNKNOWN_TWIST) if turns is None else (FREE_SWING, FREE_TWIST)
+    widened = float(share * free[0]), float(share * free[1]), float(share * SOFT_MARGIN)
     if turns is None:
         return JointRange(bone, axes, np.zeros((1, 2)), (0.0, 0.0), *widened)
-    swings, twists = _swing_and_twist(bone, axes, turns)
+    swings, twists = _decompose_swing_twist(bone, axes, turns)
     hull = _convex_hull(np.concatenate([np.zeros((1, 2)), swings]))
     ends = float(min(twists.min(), 0.0)), float(max(twists.max(), 0.0))
     return JointRange(bone, axes, hull, ends, *widened)
@@ -106,8 +108,8 @@ def limit_turns(joint: JointRange, turns: Float) -> Float:
         turns: (T, 4) relative to the parent bone. Their swings close to 180 degrees determine the fixed swing
             there.
     """
-    swings, twists = _swing_and_twist(joint.bone, joint.axes, turns)
-    return limit_turns_towards(joint, turns, _far_swing(joint, swings), swings, twists)
+    swings, twists = _decompose_swing_twist(joint.bone, joint.axes, turns)
+    return limit_turns_towards(joint, turns, _fixed_swing(joint, swings), swings, twists)
 
 
 def limit_turns_towards(
@@ -122,8 +124,8 @@ def limit_turns_towards(
         swings, twists: of the rotations, if they are known already.
     """
     if swings is None or twists is None:
-        swings, twists = _swing_and_twist(joint.bone, joint.axes, turns)
-    nearest, off = _known_swings(joint, swings)
+        swings, twists = _decompose_swing_twist(joint.bone, joint.axes, turns)
+    nearest, off = _nearest_known_swings(joint, swings)
     nearest_twists = np.clip(twists, *joint.twists)
     limited_swings, limited_twists, kept_share, none = (
         swings,
@@ -133,7 +135,9 @@ def limit_turns_towards(
     )
     swing_off = np.linalg.norm(off, axis=1) if joint.swing_reach < _UNLIMITED_ANGLE else none
     if joint.swing_reach < _UNLIMITED_ANGLE:
-        around = _off_around(twists, *joint.twists) if joint.twist_reach < _UNLIMITED_ANGLE else none
+        around = (
+            _distance_to_interval(twists, *joint.twists) if joint.twist_reach < _UNLIMITED_ANGLE else none
+        )
         limited_swings = nearest + _kept_fraction(joint, swing_off, around)[:, None] * off
         kept_share = 1.0 - _smooth_rise(
             np.linalg.norm(swings, axis=1), max(float(_FOLD_ANGLE), joint.swing_reach)
@@ -159,7 +163,7 @@ def limit_turns_towards(
     return np.where(changed[:, None], limited, turns)
 
 
-def _far_swing(joint: JointRange, swings: Float) -> Float:
+def _fixed_swing(joint: JointRange, swings: Float) -> Float:
     """Returns (2,) radians, the fixed swing of a bone for rotations close to 180 degrees.
 
     It is the limit in the mean direction of those swings (T, 2) that are close to 180 degrees.
@@ -167,14 +171,14 @@ def _far_swing(joint: JointRange, swings: Float) -> Float:
     far = swings[np.linalg.norm(swings, axis=1) > _FOLD_ANGLE]
     if not len(far):
         return np.zeros(2)
-    nearest, off = _known_swings(joint, _FOLD_ANGLE * unit(far.mean(0))[None])
+    nearest, off = _nearest_known_swings(joint, _FOLD_ANGLE * unit(far.mean(0))[None])
     factor = _kept_fraction(joint, np.linalg.norm(off, axis=1), np.zeros(1))
     return np.asarray(nearest[0] + factor[0] * off[0])
 
 
-def _known_swings(joint: JointRange, swings: Float) -> tuple[Float, Float]:
+def _nearest_known_swings(joint: JointRange, swings: Float) -> tuple[Float, Float]:
     """Returns (T, 2) radians, the nearest known swings, and (T, 2) the differences from them."""
-    nearest = _nearest_in_hull(joint.hull, swings)
+    nearest = _project_onto_hull(joint.hull, swings)
     return nearest, np.asarray(swings - nearest)
 
 
@@ -186,12 +190,12 @@ def _kept_fraction(joint: JointRange, swing_off: Float, twist_off: Float) -> Flo
             direction is that of an ellipse: a bone that is twisted far swings less far.
     """
     off = np.hypot(swing_off, twist_off)
-    share = np.hypot(swing_off / joint.free_swing, twist_off / joint.free_twist)
-    free = off / np.maximum(share, 1e-300)
-    return np.where(share > 1.0, _soft_limited(off, free, joint.soft) / np.maximum(off, 1e-300), 1.0)
+    free_angle = np.hypot(swing_off / joint.free_swing, twist_off / joint.free_twist)
+    free = off / np.maximum(free_angle, 1e-300)
+    return np.where(free_angle > 1.0, _soft_limit(off, free, joint.soft) / np.maximum(off, 1e-300), 1.0)
 
 
-def _off_around(twists: Float, least: float, most: float) -> Float:
+def _distance_to_interval(twists: Float, least: float, most: float) -> Float:
     """Returns (T,) radians from twists to the nearer end of an interval, in either direction; 0 within it.
 
     180 degrees to one side equals 180 degrees to the other, so functions of the result do not jump there.
@@ -201,7 +205,7 @@ def _off_around(twists: Float, least: float, most: float) -> Float:
     return np.asarray(np.maximum(np.maximum(above, below), 0.0))
 
 
-def _soft_limited(far: Float, free: Float, soft: float) -> Float:
+def _soft_limit(far: Float, free: Float, soft: float) -> Float:
     """Returns (T,) distances, unchanged up to ``free``, then compressed to less than ``soft`` beyond it."""
     beyond = np.maximum(far - free, 0.0)
     return np.asarray(np.minimum(far, free) - soft * np.expm1(-beyond / soft))
@@ -213,7 +217,7 @@ def _smooth_rise(angles: Float, start: float) -> Float:
     return np.asarray(part**2 * (3.0 - 2.0 * part))
 
 
-def _swing_and_twist(bone: Float, axes: Float, turns: Float) -> tuple[Float, Float]:
+def _decompose_swing_twist(bone: Float, axes: Float, turns: Float) -> tuple[Float, Float]:
     """Returns (T, 2) the swings of rotations (T, 4) along the axes and (T,) their twists, in radians.
 
     A rotation is the twist first, and then the swing.
@@ -244,16 +248,16 @@ def _is_right_turn(a: Float, b: Float, c: Float) -> bool:
     return bool(to_b[0] * to_c[1] - to_b[1] * to_c[0] <= 0.0)
 
 
-def _nearest_in_hull(hull: Float, points: Float) -> Float:
+def _project_onto_hull(hull: Float, points: Float) -> Float:
     """Returns (T, 2) the points of a convex hull (K, 2) that are nearest to points (T, 2)."""
     edges = np.roll(hull, -1, axis=0) - hull
-    ways = points[:, None] - hull
+    offsets = points[:, None] - hull
     squared = np.maximum(np.sum(edges**2, axis=1), 1e-300)
-    along = np.clip(np.sum(ways * edges, axis=2) / squared, 0.0, 1.0)
-    on_edge = hull + along[..., None] * edges
+    fraction = np.clip(np.sum(offsets * edges, axis=2) / squared, 0.0, 1.0)
+    on_edge = hull + fraction[..., None] * edges
     best = np.argmin(np.sum((points[:, None] - on_edge) ** 2, axis=2), axis=1)
     nearest = on_edge[np.arange(len(points)), best]
     if len(hull) < 3:
         return np.asarray(nearest)
-    left = edges[:, 0] * ways[..., 1] - edges[:, 1] * ways[..., 0]
+    left = edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0]
     return np.where((left >= 0.0).all(axis=1, keepdims=True), points, nearest)

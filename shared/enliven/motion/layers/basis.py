@@ -1,6 +1,6 @@
 """The view-dependent basis of a polyline (AniMesh, sections 5.1 and 5.2): up stays up from source to target.
 
-    layer.basis = basis_between(source_first, target_first, view, up, flip=False)
+    layer.basis = basis_from_views(source_first, target_first, view, up, flip=False)
 
 z points along the first bone at rest; y is perpendicular to z and to the viewing direction, on the side of
 the camera's up; x = y x z. The paper leaves two cases open:
@@ -28,7 +28,7 @@ VIEW = np.array([0.0, 0.0, -1.0])
 """(3,) the viewing direction of a camera in front of a person that faces +Z."""
 UP = np.array([0.0, 1.0, 0.0])
 """(3,) the up direction of that camera."""
-UPRIGHT = math.sin(math.radians(15.0))
+MAX_VERTICAL_SINE = math.sin(math.radians(15.0))
 """Sine of the tilt on the screen within which a bone counts as vertical."""
 HALF_TURN = np.array([0.0, 0.0, 0.0, 1.0])
 """(4,) a rotation by 180 degrees about z, which flips y."""
@@ -36,7 +36,7 @@ _END_ON_SINE = 1e-4
 """Sine between a bone and the viewing direction below which the bone is end-on and does not define a side."""
 
 
-def basis_between(
+def basis_from_views(
     source: AnyArray,
     target: AnyArray,
     view: AnyArray = VIEW,
@@ -87,27 +87,27 @@ def first_bone(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
 
 
 def _view_basis(z: Float, view: Float, up: Float) -> tuple[Float, bool]:
-    """Returns the basis for unit vectors, and whether ``up`` determined its side."""
+    """Returns the basis for unit vectors, and True if ``up`` determined the side of y."""
     y = np.cross(z, view)
-    sure = True
+    is_sure = True
     if np.linalg.norm(y) < _END_ON_SINE:
-        y = _nearest_at_right_angles(z, up)
+        y = _nearest_perpendicular(z, up)
     else:
         y = y / np.linalg.norm(y)
-        sure = abs(float(y @ up)) >= UPRIGHT
+        is_sure = abs(float(y @ up)) >= MAX_VERTICAL_SINE
         # The cross product of z and the view direction makes x point away from the viewer. Keep this side if
         # up does not determine one.
         if float(y @ up) < -1e-12:
             y = -y
-    return from_matrix(np.stack([np.cross(y, z), y, z], -1)), sure
+    return from_matrix(np.stack([np.cross(y, z), y, z], -1)), is_sure
 
 
-def _nearest_at_right_angles(z: Float, up: Float) -> Float:
+def _nearest_perpendicular(z: Float, up: Float) -> Float:
     """Returns (3,) the unit vector perpendicular to ``z`` nearest to ``up``, or else to the world's x or
     z.
     """
-    for wish in (up, np.eye(3)[0], np.eye(3)[2]):
-        y = wish - (wish @ z) * z
+    for candidate in (up, np.eye(3)[0], np.eye(3)[2]):
+        y = candidate - (candidate @ z) * z
         if np.linalg.norm(y) > 1e-3:
             return np.asarray(y / np.linalg.norm(y))
     raise AssertionError("one of three axes is at right angles enough")

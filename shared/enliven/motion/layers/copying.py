@@ -1,4 +1,4 @@
-"""Copies motion from one polyline to another of any length: every layer, every span, by arc length.
+"""Copies motion from one chain of bones to another of any length: every layer and every span, by arc length.
 
     copy_motion(project, from_shape, from_chain, to_shape, to_chain, *, view=VIEW, up=UP, basis=None,
                 flip=False, delay=0.0, replaced=False)
@@ -16,9 +16,9 @@ import numpy as np
 
 from enliven.arrays import AnyArray
 from enliven.document import STILL, Layer, Project, Ref, Shape, Span, unused
-from enliven.motion.layers.basis import UP, VIEW, basis_between, first_bone
-from enliven.motion.layers.polyline import arc_of
-from enliven.motion.layers.retarget import checked_down, clear_chain
+from enliven.motion.layers.basis import UP, VIEW, basis_from_views, first_bone
+from enliven.motion.layers.polyline import arc_lengths
+from enliven.motion.layers.retarget import check_downward_chain, clear_chain
 from enliven.rotation import canonical, multiply
 
 _EMPTY_PART_FRACTION = 1e-9
@@ -39,7 +39,7 @@ def copy_motion(
     delay: float = 0.0,
     replaced: bool = False,
 ) -> Project:
-    """Returns a project in which one chain moves like another, on top of its present motion.
+    """Returns a project in which one chain moves like another chain, in addition to its present motion.
 
     The total rotation along the chain is the same at every time. Each span of the source falls on the same
     arc length of the target. Modeling rotations stay unchanged.
@@ -57,22 +57,22 @@ def copy_motion(
     """
     source, target = project.shape(from_shape), project.shape(to_shape)
     pieces = _chain_pieces(source, from_chain)
-    checked_down(target, to_chain)
+    check_downward_chain(target, to_chain)
     if basis is None:
         first = first_bone(source.skeleton, tuple(from_chain))
         other = first_bone(target.skeleton, tuple(to_chain))
-        basis = basis_between(first, other, view, up, flip=flip)
-    fresh: dict[str, Layer] = {}
+        basis = basis_from_views(first, other, view, up, flip=flip)
+    new_layers: dict[str, Layer] = {}
     for name in dict.fromkeys(ref.layer for _, _, refs in pieces for ref in refs):
-        taken = {**project.layer_names, **{layer.id: None for layer in fresh.values()}}
+        used_names = {**project.layer_names, **{layer.id: None for layer in new_layers.values()}}
         layer = source.layer(name)
         turned = canonical(multiply(basis, layer.basis))
-        fresh[name] = replace(layer, id=unused(name, taken), basis=turned).later(delay)
+        new_layers[name] = replace(layer, id=unused(name, used_names), basis=turned).later(delay)
     if replaced:
         project = clear_chain(project, to_shape, to_chain)
         target = project.shape(to_shape)
-    renamed = [(a, b, tuple(replace(r, layer=fresh[r.layer].id) for r in refs)) for a, b, refs in pieces]
-    return project.with_characters(_apply_along_chain(target, to_chain, renamed, tuple(fresh.values())))
+    renamed = [(a, b, tuple(replace(r, layer=new_layers[r.layer].id) for r in refs)) for a, b, refs in pieces]
+    return project.with_characters(_apply_along_chain(target, to_chain, renamed, tuple(new_layers.values())))
 
 
 _Piece = tuple[float, float, tuple[Ref, ...]]
@@ -80,22 +80,22 @@ _Piece = tuple[float, float, tuple[Ref, ...]]
 
 
 def _chain_pieces(shape: Shape, chain: Sequence[int]) -> list[_Piece]:
-    """Returns the spans of a chain's bones, in sequence, with their intervals on the chain."""
+    """Returns the spans of a chain's bones in order, each with its interval on the chain."""
     pieces: list[_Piece] = []
     for bone, (start, end) in _bone_intervals(shape, chain):
-        for a, b, span in _laid_out(shape.spans[bone]):
+        for a, b, span in _span_intervals(shape.spans[bone]):
             pieces.append((start + (end - start) * a, start + (end - start) * b, span.refs))
     return pieces
 
 
 def _bone_intervals(shape: Shape, chain: Sequence[int]) -> list[tuple[int, tuple[float, float]]]:
     """Returns the bones of a chain, each with its interval of the chain's arc length."""
-    bones = checked_down(shape, chain)
-    arc = arc_of(shape.skeleton, chain).tolist() if len(chain) > 1 else [0.0, 1.0]
+    bones = check_downward_chain(shape, chain)
+    arc = arc_lengths(shape.skeleton, chain).tolist() if len(chain) > 1 else [0.0, 1.0]
     return list(zip(bones, pairwise(arc), strict=True))
 
 
-def _laid_out(spans: tuple[Span, ...]) -> list[tuple[float, float, Span]]:
+def _span_intervals(spans: tuple[Span, ...]) -> list[tuple[float, float, Span]]:
     """Returns every span with its interval of the bone."""
     ends = np.cumsum([0.0, *(span.share for span in spans)])
     ends = ends / ends[-1]
@@ -105,23 +105,23 @@ def _laid_out(spans: tuple[Span, ...]) -> list[tuple[float, float, Span]]:
 def _apply_along_chain(
     shape: Shape, chain: Sequence[int], pieces: list[_Piece], layers: tuple[Layer, ...]
 ) -> Shape:
-    """Returns the shape with ``pieces`` of ``layers`` applied along a chain, innermost.
+    """Returns the shape with ``pieces`` of ``layers`` applied along a chain, as the innermost layers.
 
-    Its own spans are split where a piece ends.
+    The shape's spans are split at the ends of the pieces.
     """
     spans = list(shape.spans)
     for bone, (start, end) in _bone_intervals(shape, chain):
         width = end - start
         inside = [((a - start) / width, (b - start) / width, refs) for a, b, refs in pieces if refs]
-        spans[bone] = _overlaid_spans(spans[bone], inside)
+        spans[bone] = _overlay_spans(spans[bone], inside)
     return shape.with_changes(spans=tuple(spans), layers=(*shape.layers, *layers))
 
 
-def _overlaid_spans(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]:
+def _overlay_spans(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span, ...]:
     """Returns the spans of a bone combined with the parts of the pieces on [0, 1]; pieces may extend
     beyond.
     """
-    own_spans = _laid_out(spans)
+    own_spans = _span_intervals(spans)
     bounds = [x for a, b, _ in own_spans for x in (a, b)] + [x for a, b, _ in pieces for x in (a, b)]
     cuts = _distinct_places([min(max(x, 0.0), 1.0) for x in bounds])
     overlaid: list[Span] = []
@@ -140,29 +140,33 @@ def _overlaid_spans(spans: tuple[Span, ...], pieces: list[_Piece]) -> tuple[Span
         ]
         high, middle = cuts[i + 1], (low + cuts[i + 1]) / 2
         a, b, span = next(piece for piece in own_spans if piece[0] < middle < piece[1])
-        refs = [_part_of(ref, a, b, low, high) for ref in span.refs]
-        refs += [_part_of(r, c, d, low, high) for c, d, some in pieces if c < middle < d for r in some]
+        refs = [_cut_reference(ref, a, b, low, high) for ref in span.refs]
+        refs += [
+            _cut_reference(r, c, d, low, high)
+            for c, d, piece_refs in pieces
+            if c < middle < d
+            for r in piece_refs
+        ]
         overlaid.append(Span(high - low, tuple(refs), span.before if _are_equal(a, low) else STILL[0].before))
     return tuple(overlaid)
 
 
-def _part_of(ref: Ref, start: float, end: float, low: float, high: float) -> Ref:
-    """Returns the part of a reference on [start, end] that falls on [low, high]; exact if that is the
-    whole.
-    """
-    wide = (ref.end - ref.start) / (end - start)
-    first = ref.start if _are_equal(start, low) else ref.start + (low - start) * wide
-    last = ref.end if _are_equal(end, high) else ref.start + (high - start) * wide
+def _cut_reference(ref: Ref, start: float, end: float, low: float, high: float) -> Ref:
+    """Cuts a reference on [start, end] to the interval [low, high]. Returns it unchanged if both are
+    equal."""
+    width = (ref.end - ref.start) / (end - start)
+    first = ref.start if _are_equal(start, low) else ref.start + (low - start) * width
+    last = ref.end if _are_equal(end, high) else ref.start + (high - start) * width
     return Ref(ref.layer, first, last)
 
 
 def _distinct_places(places: list[float]) -> list[float]:
     """Returns the places in order, without duplicates within rounding; 0 and 1 are exact."""
-    kept = [0.0]
+    distinct = [0.0]
     for place in sorted(places):
-        if place - kept[-1] > _EMPTY_PART_FRACTION and place < 1.0 - _EMPTY_PART_FRACTION:
-            kept.append(place)
-    return [*kept, 1.0]
+        if place - distinct[-1] > _EMPTY_PART_FRACTION and place < 1.0 - _EMPTY_PART_FRACTION:
+            distinct.append(place)
+    return [*distinct, 1.0]
 
 
 def _are_equal(a: float, b: float) -> bool:

@@ -1,7 +1,7 @@
 """End-effector mode: the end of a chain follows the end of the take's chain (AniMesh, section 8).
 
-    bind_chain(..., mode="end")                              # or a changed layer
-    led_chains(shape, layer, line) -> list[LedChain]         # the player's input
+    bind_chain(..., mode="end")                              # or change the mode of a layer
+    end_effector_chains(shape, layer, line) -> list[EndEffectorChain]    # input of the player
 
 First the bones rotate as in the mode "turns". Then the end of their chain is moved, by the smallest
 rotations, to
@@ -22,19 +22,18 @@ import numpy as np
 from enliven.arrays import Float, Int32
 from enliven.document import Layer, Shape
 from enliven.kernels import njit
-from enliven.motion.contact import bend_of, local_turns, rebuild
+from enliven.motion.contact import find_bend, local_turns, rebuild
 from enliven.motion.kinematics import between, conj, load, mul, reach, row, store, turn
-from enliven.motion.layers.polyline import Polyline, place_of
+from enliven.motion.layers.polyline import Polyline, locate_on_knots
 from enliven.rotation import rotate
 
 _ZERO_LENGTH = 1e-9
-"""Length, metres, or fraction of an arc, below which lengths are zero and places equal, because of
-rounding."""
+"""Rounding tolerance: shorter lengths, in metres, count as zero, and closer fractions of an arc as equal."""
 
 
 @dataclass(frozen=True, eq=False)
-class LedChain:
-    """A chain of a shape with an end that follows the end of the take's limb.
+class EndEffectorChain:
+    """A chain of a shape with an end effector that follows the end of the take's chain.
 
     Attributes:
         joints: (K,) int32 from the fixed joint to the end effector.
@@ -55,9 +54,9 @@ class LedChain:
     weight: float
 
 
-def led_chains(shape: Shape, layer: Layer, line: Polyline) -> list[LedChain]:
-    """Returns the chains of a shape that a layer of the mode "end" drives; none if the take's chain has
-    one joint.
+def end_effector_chains(shape: Shape, layer: Layer, line: Polyline) -> list[EndEffectorChain]:
+    """Returns the chains of a shape that a layer in the mode "end" drives. Returns none if the take's chain
+    has only one joint.
     """
     if layer.mode != "end" or len(layer.chain) < 2:
         return []
@@ -66,25 +65,27 @@ def led_chains(shape: Shape, layer: Layer, line: Polyline) -> list[LedChain]:
         positions = positions * [-1.0, 1.0, 1.0]
     links = rotate(layer.basis, np.diff(positions, axis=0))
     return [
-        led
+        driven
         for chain, start, end in _layer_chains(shape, layer.id)
-        if (led := _led_chain(shape, chain, start, end, links, line.knots, layer.weight)) is not None
+        if (driven := _make_chain(shape, chain, start, end, links, line.knots, layer.weight)) is not None
     ]
 
 
-def _led_chain(
+def _make_chain(
     shape: Shape, chain: list[int], start: float, end: float, links: Float, knots: Float, weight: float
-) -> LedChain | None:
+) -> EndEffectorChain | None:
     skeleton = shape.skeleton
     lengths = np.linalg.norm(links, axis=1)
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
-    knot, part = place_of(knots, np.array([start, end]))
-    way = along[knot] + part * lengths[knot]
-    ours, theirs = float(skeleton.lengths[chain[1:]].sum()), float(way[1] - way[0])
-    if ours <= _ZERO_LENGTH or theirs <= _ZERO_LENGTH:
+    arc_length = np.concatenate([[0.0], np.cumsum(lengths)])
+    knot, part = locate_on_knots(knots, np.array([start, end]))
+    span = arc_length[knot] + part * lengths[knot]
+    target_length, source_length = float(skeleton.lengths[chain[1:]].sum()), float(span[1] - span[0])
+    if target_length <= _ZERO_LENGTH or source_length <= _ZERO_LENGTH:
         return None
-    side = bend_of(skeleton, chain)[1] if len(chain) > 2 else np.zeros(3)
-    return LedChain(np.array(chain, np.int32), side, links, knot, part, ours / theirs, weight)
+    side = find_bend(skeleton, chain)[1] if len(chain) > 2 else np.zeros(3)
+    return EndEffectorChain(
+        np.array(chain, np.int32), side, links, knot, part, target_length / source_length, weight
+    )
 
 
 def _layer_chains(shape: Shape, layer: str) -> list[tuple[list[int], float, float]]:
@@ -119,19 +120,25 @@ def _layer_chains(shape: Shape, layer: str) -> list[tuple[list[int], float, floa
     return chains
 
 
-def lead_at(
-    chain: LedChain, knots: Float, heard: Float, parents: Int32, vectors: Float, turns: Float, joints: Float
+def move_chain_end(
+    chain: EndEffectorChain,
+    knots: Float,
+    layer_weights: Float,
+    parents: Int32,
+    vectors: Float,
+    turns: Float,
+    joints: Float,
 ) -> None:
-    """Moves the end of one chain at the times of ``knots`` (T, S + 1, 4), weighted by its layer's ``heard``
-    (T,).
+    """Moves the end of one chain at T times, weighted by ``layer_weights`` (T,). ``knots`` (T, S + 1, 4) are
+    the take's rotations.
 
     Rotations and joints are changed in place; ``vectors`` (T or 1, N, 3) lead from joint to joint, unrotated.
     """
-    weights = chain.weight * heard
+    weights = chain.weight * layer_weights
     fixed = (chain.joints, chain.side, chain.links, chain.knots, chain.parts, chain.scale, weights)
     # Copy to a contiguous array, so that numba compiles the kernel only once.
-    apart = np.ascontiguousarray(knots)
-    lead_end(parents, vectors, *fixed, apart, turns, joints)
+    contiguous_knots = np.ascontiguousarray(knots)
+    lead_end(parents, vectors, *fixed, contiguous_knots, turns, joints)
 
 
 @njit(cache=True, nogil=True)
@@ -145,7 +152,7 @@ def lead_end(parents, vectors, chain, side, links, ends, parts, scale, weights, 
         ends: (2,) the knots at which the chain begins and ends on the take's polyline.
         parts: (2,) the fractions of the bones after these knots.
         knots: (T, S + 1, 4) the take's rotations at its joints.
-        weights: (T,) fraction of the way that the end moves there; 0 changes nothing.
+        weights: (T,) fraction of the way to the target that the end moves. 0 changes nothing.
         turns: (T, N, 4) world rotations, changed in place.
         joints: (T, N, 3) metres, changed in place.
     """

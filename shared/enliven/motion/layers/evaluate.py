@@ -6,10 +6,10 @@ result.
     player.at(seconds) -> ShapePose                        # turns (N, 4), joints (N, 3)
     player.sample(times) -> (turns (T, N, 4), joints (T, N, 3))
     player.linear(times, turns) -> (T, N, 3, 3)            # maps of the vertices: rotations and stretches
-    player.own(times) -> (T, N, 4)                         # a_j alone: the animation rotations
+    player.animation_rotations(times) -> (T, N, 4)         # a_j alone, without the modeling
     player.contacts() -> {joint name: Contacts}            # of the pinned feet
     player.pose(seconds) -> enliven.document.character.Pose         # for the wire and the viewer
-    player.feed(take, turns, root)                         # live: this frame instead of the take
+    player.feed(take, turns, root)                         # live: play this frame instead of the take
     pose_from(shape, ShapePose, seconds) -> Pose
 
 D_0 = m_0 a_0, D_j = D_parent m_j a_j; x_root = rest + place + travel, x_j = x_parent + D_j (rest_j -
@@ -30,9 +30,9 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Float32
 from enliven.document import Pose, Project, Shape, stretched
 from enliven.errors import InputError
-from enliven.motion.contact import Contacts, FootLock, foot_lock_of, held_pins, window_of
+from enliven.motion.contact import Contacts, FootLock, compute_foot_lock, find_analysis_window, resolve_pins
 from enliven.motion.kinematics import compose, upright
-from enliven.motion.layers.end_effector import lead_at, led_chains
+from enliven.motion.layers.end_effector import end_effector_chains, move_chain_end
 from enliven.motion.layers.footing import foot_modes
 from enliven.motion.layers.sampling import Sampler
 from enliven.motion.layers.stretching import StretchLayers
@@ -62,7 +62,7 @@ class ShapePose:
 
 
 def pose_of(project: Project, shape_id: str, seconds: float) -> ShapePose:
-    """Returns the shape at a time of the project; a :class:`Player` is faster for many.
+    """Returns the shape at a time of the project. For many times, a :class:`Player` is faster.
 
     Raises:
         InputError: if the shape does not exist.
@@ -88,17 +88,17 @@ class Player:
         self._sampler, self._travel = Sampler(project, self.shape), Travel(project, self.shape)
         parts = self._sampler
         self._stretching = StretchLayers.of(parts, self.shape)
-        self._led = [
+        self._driven_chains = [
             (number, part, chain)
             for number, (layer, line, part) in enumerate(
                 zip(parts.layers, parts.lines, parts.parts, strict=True)
             )
-            for chain in led_chains(self.shape, layer, line)
+            for chain in end_effector_chains(self.shape, layer, line)
         ]
-        self._pins, self._live = held_pins(self.shape), False
+        self._pins, self._live = resolve_pins(self.shape), False
         self._standing: FootLock | None = None
         travelling = [] if self._travel.layer is None else [self._travel.layer]
-        self._window = window_of([*parts.layers, *travelling], project.takes)
+        self._window = find_analysis_window([*parts.layers, *travelling], project.takes)
 
     def at(self, seconds: float) -> ShapePose:
         """Returns the shape at a time of the project."""
@@ -115,12 +115,12 @@ class Player:
         """Returns (T, N, 4) rotations D_j and (T, N, 3) joints in metres at times (T,) in seconds."""
         times = _checked_times(times)
         turns, joints = self._unpinned_pose(times)
-        standing = self.standing()
+        standing = self.foot_lock()
         if standing is not None:
-            first = standing.window.folded(times)
-            on = joints[:, 0] - self._travel.at(first)
+            first = standing.window.fold_times(times)
+            travelled = joints[:, 0] - self._travel.at(first)
             tree = (self.shape.skeleton.parents, self._link_offsets(times))
-            standing.hold(first, on, tree, turns, joints)
+            standing.hold(first, travelled, tree, turns, joints)
         return turns, joints
 
     def linear(self, times: AnyArray, turns: Float) -> Float:
@@ -146,37 +146,37 @@ class Player:
             links.setflags(write=False)
         return links
 
-    def free(self, times: AnyArray) -> tuple[Float, Float]:
+    def sample_unpinned(self, times: AnyArray) -> tuple[Float, Float]:
         """Returns the same as :meth:`sample`, with no foot pinned."""
         return self._unpinned_pose(_checked_times(times))
 
     def _unpinned_pose(self, times: Float) -> tuple[Float, Float]:
         knots, skeleton = self._sampler.knots(times), self.shape.skeleton
-        own, root = self._sampler.own(knots), self._travel.at(times)
-        turns, joints = np.empty_like(own), np.empty((*own.shape[:2], 3))
+        rotations, root = self._sampler.animation_rotations(knots), self._travel.at(times)
+        turns, joints = np.empty_like(rotations), np.empty((*rotations.shape[:2], 3))
         links = self._link_offsets(times)
-        compose(skeleton.parents, links, self.shape.modeling, own, root, turns, joints)
-        heard = self._sampler.weights(times) if self._led else None
-        for number, part, chain in self._led:
-            assert heard is not None
-            loud = np.ascontiguousarray(heard[:, number])
-            lead_at(chain, knots[:, part], loud, skeleton.parents, links, turns, joints)
+        compose(skeleton.parents, links, self.shape.modeling, rotations, root, turns, joints)
+        layer_weights = self._sampler.weights(times) if self._driven_chains else None
+        for number, part, chain in self._driven_chains:
+            assert layer_weights is not None
+            loud = np.ascontiguousarray(layer_weights[:, number])
+            move_chain_end(chain, knots[:, part], loud, skeleton.parents, links, turns, joints)
         return turns, joints
 
-    def own(self, times: AnyArray) -> Float:
+    def animation_rotations(self, times: AnyArray) -> Float:
         """Returns (T, N, 4) the animation rotations a_j at times (T,): those of the layers, without the
         modeling.
         """
-        return self._sampler.own(self._sampler.knots(_checked_times(times)))
+        return self._sampler.animation_rotations(self._sampler.knots(_checked_times(times)))
 
     def root(self, times: AnyArray) -> Float:
         """Returns (T, 3) metres, the position of the root joint at times (T,)."""
         return self._travel.at(_checked_times(times))
 
     def feed(self, take: str, turns: Float, root: Float) -> None:
-        """Plays a live frame instead of a take, whatever the time; its layers stay unchanged.
+        """Plays a live frame instead of a take at all times. The take's layers stay unchanged.
 
-        While a shape is fed, none of its feet is pinned, because a pin has to know how long a contact lasts.
+        While a live frame is played, no foot is pinned, because pinning needs the duration of each contact.
 
         Args:
             take: the id of the take.
@@ -198,20 +198,20 @@ class Player:
         self._travel.feed(take, root)
         self._live = True
 
-    def standing(self) -> FootLock | None:
-        """Returns the contacts of the pinned feet, found once by playing the whole shape; None without
-        pins or live.
+    def foot_lock(self) -> FootLock | None:
+        """Returns the foot lock of the shape, computed once by playing all of its motion. None without pins,
+        or while a live frame is played.
         """
         if not self._pins or self._live:
             return None
         if self._standing is None:
             modes = foot_modes(self.project, self.shape, self._pins)
-            self._standing = foot_lock_of(self._pins, self._window, self.free, modes)
+            self._standing = compute_foot_lock(self._pins, self._window, self.sample_unpinned, modes)
         return self._standing
 
     def contacts(self) -> dict[str, Contacts]:
         """Returns the contacts of the pinned joints, by name; seconds of the project."""
-        standing, names = self.standing(), self.shape.skeleton.names
+        standing, names = self.foot_lock(), self.shape.skeleton.names
         return {names[pin.chain[-1]]: seen for pin, seen in (standing.pins if standing else ())}
 
 

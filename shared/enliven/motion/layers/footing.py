@@ -1,5 +1,4 @@
-"""Foot modes: how the pinned feet of a shape stand while its layers play. Each layer may set the mode of its
-legs.
+"""Foot modes: the rules for holding the pinned feet of a shape. Each layer may set the mode of its legs.
 
     modes = foot_modes(project, shape, pins)        # None if all use detected contacts
     modes(times) -> (P, T)                          # indices into enliven.document.FEET
@@ -26,30 +25,31 @@ _MIN_ACTIVE_WEIGHT = 0.5
 
 
 def foot_modes(project: Project, shape: Shape, pins: Sequence[HeldPin]) -> Callable[[Float], Int] | None:
-    """Returns a function of times (T,) for the mode of each pinned foot; None if all layers are "auto"."""
-    spoken = [
+    """Returns a function from times (T,) to the mode of each pinned foot. Returns None if all layers have the
+    mode "auto"."""
+    mode_layers = [
         layer for layer in shape.layers if layer.feet != "auto" and not layer.muted and layer.weight > 0.0
     ]
-    if not spoken or not pins:
+    if not mode_layers or not pins:
         return None
-    clocks = Clocks.of(spoken, [project.takes[layer.take] for layer in spoken])
-    mine = [[_affects_pinned_limb(shape, layer, pin) for layer in spoken] for pin in pins]
-    order = sorted(range(len(spoken)), key=lambda k: spoken[k].id != shape.travel)
+    clocks = Clocks.of(mode_layers, [project.takes[layer.take] for layer in mode_layers])
+    affects = [[_affects_pinned_limb(shape, layer, pin) for layer in mode_layers] for pin in pins]
+    order = sorted(range(len(mode_layers)), key=lambda k: mode_layers[k].id != shape.travel)
 
     def modes(times: Float) -> Int:
-        heard = clocks.played(times).weight * clocks.curves(times) > _MIN_ACTIVE_WEIGHT
+        is_active = clocks.frames_at(times).weight * clocks.weight_curves(times) > _MIN_ACTIVE_WEIGHT
         chosen_modes = np.zeros((len(pins), len(times)), np.int64)
-        for row, legs in zip(chosen_modes, mine, strict=True):
+        for row, legs in zip(chosen_modes, affects, strict=True):
             for k in order:
                 if legs[k]:
-                    row[heard[:, k]] = FEET.index(spoken[k].feet)
+                    row[is_active[:, k]] = FEET.index(mode_layers[k].feet)
         return chosen_modes
 
     return modes
 
 
 def _affects_pinned_limb(shape: Shape, layer: Layer, pin: HeldPin) -> bool:
-    """Returns whether a layer rotates a bone of a pinned limb, or moves the root of the shape."""
+    """Returns True if a layer rotates a bone of a pinned limb, or moves the root of the shape."""
     if layer.id == shape.travel:
         return True
     spans = (span for bone in pin.chain for span in shape.spans[bone])

@@ -1,6 +1,6 @@
 """q(s, t): the rotation of a take, accumulated along a polyline of its skeleton (AniMesh, section 5.1).
 
-    line = Polyline.of(clip, chain)           # the part that does not change with time
+    line = Polyline.of(clip, chain)           # the part that is constant over time
     line.knots                                # (K,) arc length s of the joints, 0..1
     knot_turns(...)                           # (T, K, 4) P at the knots, at frame numbers (fractions too)
 
@@ -23,9 +23,9 @@ from enliven.kernels import njit
 from enliven.motion.kinematics import between, conj, load, mul, store
 
 MIN_LENGTH_FRACTION = 1e-6
-"""Fraction of a polyline that a bone of zero length still occupies, so that its rotation has its own
-place."""
-_NO_LENGTH = 1e-9
+"""Minimum fraction of a polyline that a bone occupies. It gives the rotation of a bone of zero length its own
+interval."""
+_ZERO_LENGTH_FRACTION = 1e-9
 """Fraction of a polyline below which a bone has zero length."""
 
 
@@ -56,14 +56,14 @@ class Polyline:
             InputError: if the joints do not exist or are not neighbours.
         """
         chain = tuple(int(joint) for joint in chain)
-        bones = bones_of(clip.skeleton, chain, where=f"take {clip.id!r}")
+        bones = bones_along(clip.skeleton, chain, where=f"take {clip.id!r}")
         if len(chain) == 1:
             return Polyline(clip, chain, np.array([0.0, 1.0]), np.array(chain, np.int32), -1)
-        base = chain[0] if goes_down(clip.skeleton, chain) else 0
-        return Polyline(clip, chain, arc_of(clip.skeleton, chain), np.array(bones, np.int32), base)
+        base = chain[0] if is_downward(clip.skeleton, chain) else 0
+        return Polyline(clip, chain, arc_lengths(clip.skeleton, chain), np.array(bones, np.int32), base)
 
 
-def bones_of(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[int]:
+def bones_along(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[int]:
     """Returns the bone between each joint of a chain and the next.
 
     Raises:
@@ -88,24 +88,24 @@ def bones_of(skeleton: Skeleton, chain: Sequence[int], where: str) -> list[int]:
     return bones
 
 
-def goes_down(skeleton: Skeleton, chain: Sequence[int]) -> bool:
-    """Returns whether every joint of the chain is a child of the previous one."""
+def is_downward(skeleton: Skeleton, chain: Sequence[int]) -> bool:
+    """Returns True if every joint of the chain is a child of the previous one."""
     return all(skeleton.parents[b] == a for a, b in itertools.pairwise(chain))
 
 
-def arc_of(skeleton: Skeleton, chain: Sequence[int]) -> Float:
-    """Returns (K,) the arc length at the joints of a chain at rest, from 0 to 1; a bone of zero length
-    gets a little.
+def arc_lengths(skeleton: Skeleton, chain: Sequence[int]) -> Float:
+    """Returns (K,) the arc length at the joints of a chain at rest, from 0 to 1. A bone of zero length gets a
+    small interval.
     """
     lengths = np.linalg.norm(np.diff(skeleton.positions[list(chain)], axis=0), axis=1)
     total = lengths.sum()
-    none = lengths <= _NO_LENGTH * total
+    none = lengths <= _ZERO_LENGTH_FRACTION * total
     lengths = np.where(none, MIN_LENGTH_FRACTION * total, lengths) if total > 0 else np.ones(len(lengths))
     arc = np.concatenate([[0.0], np.cumsum(lengths)])
     return np.asarray(arc / arc[-1] if arc[-1] > 0 else arc)
 
 
-def place_of(knots: Float, s: AnyArray) -> tuple[Int32, Float]:
+def locate_on_knots(knots: Float, s: AnyArray) -> tuple[Int32, Float]:
     """Returns the knot (S,) at or before each ``s`` (S,), and the fraction (S,) in [0, 1] of the way to
     the next.
     """

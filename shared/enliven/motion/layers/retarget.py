@@ -7,7 +7,7 @@ Project.
     clear_chain(project, shape_id, chain, layer_id=None)       # removes one layer, or all, from the bones
     copy_motion(project, from_shape, from_chain, to_shape, to_chain, ...)  # of enliven.motion.layers.copying
     set_travel(project, shape_id, layer_id or None, scale=None)  # root motion of that layer's take, or off
-    extended(skeleton, joint)                                  # the longest way down from a joint (Figure 5)
+    extend_to_leaf(skeleton, joint)                             # the longest way down from a joint (Figure 5)
     branch(skeleton, start, end, extend=True)                  # from one joint through another, on to a leaf
 
 Chains list joints from the fixed end to the moving end. A chain of one joint is the rotation of that entry
@@ -25,8 +25,8 @@ import numpy as np
 from enliven.arrays import AnyArray
 from enliven.document import Clip, Layer, Project, Ref, Shape, Skeleton, Span, unused
 from enliven.errors import InputError
-from enliven.motion.layers.basis import UP, VIEW, basis_between, first_bone
-from enliven.motion.layers.polyline import arc_of, bones_of, goes_down
+from enliven.motion.layers.basis import UP, VIEW, basis_from_views, first_bone
+from enliven.motion.layers.polyline import arc_lengths, bones_along, is_downward
 from enliven.motion.layers.travel import travel_scale
 
 
@@ -57,9 +57,9 @@ def bind_chain(
         basis: (4,) target_from_source, instead of the basis from the view; the identity rotates in world
             axes.
         flip: flips the y axis; not with a ``basis``.
-        layer_id: the new layer's name; None finds one.
-        played: offset, speed, loop, weight, muted, mirrored, stretch of the :class:`Layer`. By default, bones
-            use the stretches of a clip if its skeleton is like the shape's own.
+        layer_id: the new layer's name. None chooses an unused name.
+        played: further fields of the :class:`Layer`: offset, speed, loop, weight, muted, mirrored, stretch.
+            By default, bones use the stretches of a clip if its skeleton equals the shape's.
 
     Raises:
         InputError: if a shape, take or joint does not exist, or a chain is invalid.
@@ -70,13 +70,13 @@ def bind_chain(
         raise InputError(f"the take {take_id!r} does not exist", where="project", mend=mend)
     take = project.takes[take_id].skeleton
     source = tuple(int(joint) for joint in source)
-    bones_of(take, source, where=f"take {take_id!r}")
-    bones = checked_down(shape, target)
+    bones_along(take, source, where=f"take {take_id!r}")
+    bones = check_downward_chain(shape, target)
     if basis is None:
         first = first_bone(take, source)
         if played.get("mirrored"):
             first = first * [-1.0, 1.0, 1.0]
-        basis = basis_between(
+        basis = basis_from_views(
             first,
             first_bone(shape.skeleton, tuple(target)),
             view,
@@ -90,7 +90,7 @@ def bind_chain(
         raise InputError(f"there is a layer {name!r} already", where=shape.where, mend="Choose another name.")
     played.setdefault("stretch", _is_own_clip(shape.skeleton, project.takes[take_id]))
     layer = Layer(name, take_id, source, basis, **played)
-    arc = arc_of(shape.skeleton, target) if len(target) > 1 else [0.0, 1.0]
+    arc = arc_lengths(shape.skeleton, target) if len(target) > 1 else [0.0, 1.0]
     spans = list(shape.spans)
     for bone, start, end in zip(bones, arc[:-1], arc[1:], strict=True):
         spans[bone] = _with_layer(spans[bone], name, float(start), float(end))
@@ -98,22 +98,22 @@ def bind_chain(
 
 
 def _is_own_clip(skeleton: Skeleton, take: Clip) -> bool:
-    """Returns whether a take is a clip of this skeleton that moves or stretches its bones."""
-    theirs = take.skeleton
-    alike = skeleton.names == theirs.names and np.array_equal(skeleton.parents, theirs.parents)
+    """Returns True if a take is a clip of this skeleton that moves or stretches its bones."""
+    take_skeleton = take.skeleton
+    alike = skeleton.names == take_skeleton.names and np.array_equal(skeleton.parents, take_skeleton.parents)
     return alike and take.deforms
 
 
 def clear_chain(
     project: Project, shape_id: str, chain: Sequence[int], layer_id: str | None = None
 ) -> Project:
-    """Returns a project in which no layer (or not this one) rotates the bones of a chain of a shape.
+    """Returns a project without this layer (None: without any layer) on the bones of a chain of a shape.
 
     Layers without any remaining reference are removed too; the take stays.
     """
     shape = project.shape(shape_id)
     spans = list(shape.spans)
-    for bone in checked_down(shape, chain):
+    for bone in check_downward_chain(shape, chain):
         spans[bone] = tuple(
             replace(span, refs=tuple(r for r in span.refs if layer_id is not None and r.layer != layer_id))
             for span in spans[bone]
@@ -137,7 +137,7 @@ def set_travel(project: Project, shape_id: str, layer_id: str | None, scale: flo
     return project.with_characters(shape.with_changes(travel=layer_id, travel_scale=float(scale)))
 
 
-def extended(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
+def extend_to_leaf(skeleton: Skeleton, joint: int) -> tuple[int, ...]:
     """Returns the joints from ``joint``, included, along the longest branch down to a leaf (Figure 5,
     right).
     """
@@ -156,22 +156,23 @@ def branch(skeleton: Skeleton, start: int, end: int, *, extend: bool = True) -> 
     ``extend``.
     """
     path = skeleton.path(start, end)
-    return (*path, *extended(skeleton, end)[1:]) if extend and goes_down(skeleton, path) else path
+    return (*path, *extend_to_leaf(skeleton, end)[1:]) if extend and is_downward(skeleton, path) else path
 
 
-def checked_down(shape: Shape, chain: Sequence[int]) -> list[int]:
-    """Returns the bones of a chain of a shape that runs down its tree; for one joint, that entry.
+def check_downward_chain(shape: Shape, chain: Sequence[int]) -> list[int]:
+    """Returns the bones of a chain that runs down the tree of a shape. For a chain of one joint, returns that
+    entry.
 
     Raises:
-        InputError: if it goes up, or is not a chain.
+        InputError: if the chain goes up the tree, or is not a chain.
     """
     where, skeleton = f"shape {shape.id!r}", shape.skeleton
-    bones = bones_of(skeleton, chain, where=where)
+    bones = bones_along(skeleton, chain, where=where)
     if len(chain) == 1:
         return [int(chain[0])]
-    if not goes_down(skeleton, chain):
+    if not is_downward(skeleton, chain):
         first, last = skeleton.names[chain[0]], skeleton.names[chain[-1]]
-        if goes_down(skeleton, chain[::-1]):
+        if is_downward(skeleton, chain[::-1]):
             mend = f"Give it from {last!r} to {first!r}: motion runs from the root outwards."
         else:
             top = skeleton.names[min(chain)]
@@ -182,10 +183,10 @@ def checked_down(shape: Shape, chain: Sequence[int]) -> list[int]:
 
 def _with_layer(spans: tuple[Span, ...], layer: str, start: float, end: float) -> tuple[Span, ...]:
     """Returns the spans of a bone with [start, end] of an additional layer, each with its part."""
-    laid, done = [], 0.0
+    layered, fraction = [], 0.0
     for i, span in enumerate(spans):
-        a = start + done * (end - start)
-        done = 1.0 if i == len(spans) - 1 else done + span.share
-        b = end if i == len(spans) - 1 else start + done * (end - start)
-        laid.append(replace(span, refs=(*span.refs, Ref(layer, a, b))))
-    return tuple(laid)
+        a = start + fraction * (end - start)
+        fraction = 1.0 if i == len(spans) - 1 else fraction + span.share
+        b = end if i == len(spans) - 1 else start + fraction * (end - start)
+        layered.append(replace(span, refs=(*span.refs, Ref(layer, a, b))))
+    return tuple(layered)

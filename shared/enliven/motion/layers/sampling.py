@@ -2,7 +2,7 @@
 
     sampler = Sampler(project, shape)
     sampler.knots(times) -> (T, K, 4)        # rotations at the joints of every layer's chain, target's basis
-    sampler.own(knots) -> (T, N, 4)          # a_j: the animation rotation of every bone
+    sampler.animation_rotations(knots) -> (T, N, 4)     # a_j of every bone
     sampler.feed(take, turns)                # a live frame instead of a take
 
 Values that do not change with time are computed once: the knots around a place on a bone, and the fraction
@@ -18,7 +18,7 @@ import numpy as np
 from enliven.arrays import Float, Int32
 from enliven.document import Layer, Project, Shape, smoothed
 from enliven.motion.kinematics import own_turns
-from enliven.motion.layers.polyline import Polyline, blend_knots, knot_turns, place_of
+from enliven.motion.layers.polyline import Polyline, blend_knots, knot_turns, locate_on_knots
 from enliven.motion.layers.timing import Clocks
 
 
@@ -32,14 +32,14 @@ class Sampler:
     """
 
     def __init__(self, project: Project, shape: Shape) -> None:
-        self.layers: list[Layer] = sorted(active_layers(shape), key=_played_by)
+        self.layers: list[Layer] = sorted(active_layers(shape), key=_sampling_group)
         takes = [smoothed(project.takes[layer.take], layer.smooth) for layer in self.layers]
         self.lines = [Polyline.of(take, layer.chain) for take, layer in zip(takes, self.layers, strict=True)]
         ends = np.cumsum([0, *(len(line.knots) for line in self.lines)]).tolist()
         self.parts = [slice(a, b) for a, b in pairwise(ends)]
         self._takes = [
-            _Take(some, self.layers, self.lines, ends[some[0]])
-            for _, group in groupby(range(len(self.layers)), key=lambda i: _played_by(self.layers[i]))
+            _TakeLayers(some, self.layers, self.lines, ends[some[0]])
+            for _, group in groupby(range(len(self.layers)), key=lambda i: _sampling_group(self.layers[i]))
             for some in [list(group)]
         ]
         self._count = ends[-1]
@@ -63,14 +63,14 @@ class Sampler:
             out[:, take.numbers] = take.weights(times)
         return out
 
-    def own(self, knots: Float) -> Float:
+    def animation_rotations(self, knots: Float) -> Float:
         """Returns (T, N, 4) the animation rotations a_j of the bones."""
         out = np.empty((len(knots), len(self._first) - 1, 4))
         own_turns(knots, self._knot, self._part, self._fixed, self._first, self._terms, self._inverse, out)
         return out
 
     def feed(self, take: str, turns: Float) -> None:
-        """Plays ``turns`` (1, N, 4) instead of a take from now on, whatever the time."""
+        """Plays ``turns`` (1, N, 4) instead of a take from now on, at all times."""
         for each in self._takes:
             if each.id == take:
                 each.fed = turns
@@ -83,7 +83,7 @@ class Sampler:
         span is numbered from -1 down.
         """
         number = {layer.id: i for i, layer in enumerate(self.layers)}
-        wanted: dict[tuple[int, float], int] = {}
+        samples: dict[tuple[int, float], int] = {}
         fixed: list[tuple[float, ...]] = []
         terms: list[tuple[int, bool]] = []
         first = [0]
@@ -92,32 +92,32 @@ class Sampler:
                 if span.before != (1.0, 0.0, 0.0, 0.0):
                     fixed.append(span.before)
                     terms.append((-len(fixed), False))
-                heard = [ref for ref in span.refs if ref.layer in number and ref.start != ref.end]
-                for ref in reversed(heard):
-                    terms.append((wanted.setdefault((number[ref.layer], ref.start), len(wanted)), True))
-                for ref in heard:
-                    terms.append((wanted.setdefault((number[ref.layer], ref.end), len(wanted)), False))
+                active_refs = [ref for ref in span.refs if ref.layer in number and ref.start != ref.end]
+                for ref in reversed(active_refs):
+                    terms.append((samples.setdefault((number[ref.layer], ref.start), len(samples)), True))
+                for ref in active_refs:
+                    terms.append((samples.setdefault((number[ref.layer], ref.end), len(samples)), False))
             first.append(len(terms))
         self._first, self._fixed = np.array(first, np.int32), np.array(fixed, np.float64).reshape(-1, 4)
         self._terms = np.array([term for term, _ in terms], np.int32)
         self._inverse = np.array([inverse for _, inverse in terms], np.bool_)
-        self._knot, self._part = self._knots_and_fractions(list(wanted))
+        self._knot, self._part = self._knots_and_fractions(list(samples))
 
-    def _knots_and_fractions(self, wanted: list[tuple[int, float]]) -> tuple[Int32, Float]:
+    def _knots_and_fractions(self, samples: list[tuple[int, float]]) -> tuple[Int32, Float]:
         """Returns the knot (M,) among all layers' and the fraction (M,) of the way to the next, for each
         sample.
         """
-        knot, part = np.empty(len(wanted), np.int32), np.empty(len(wanted))
-        which = np.array([layer for layer, _ in wanted], np.int32)
-        s = np.array([place for _, place in wanted], np.float64)
+        knot, part = np.empty(len(samples), np.int32), np.empty(len(samples))
+        which = np.array([layer for layer, _ in samples], np.int32)
+        s = np.array([place for _, place in samples], np.float64)
         for layer in set(which.tolist()):
-            some = which == layer
-            at, part[some] = place_of(self.lines[layer].knots, s[some])
-            knot[some] = self.parts[layer].start + at
+            is_layer = which == layer
+            at, part[is_layer] = locate_on_knots(self.lines[layer].knots, s[is_layer])
+            knot[is_layer] = self.parts[layer].start + at
         return knot, part
 
 
-class _Take:
+class _TakeLayers:
     """The layers of one take, their indices ``numbers`` among all, and the start of their knots among all."""
 
     def __init__(
@@ -141,9 +141,9 @@ class _Take:
             still = np.zeros((len(times), len(self._bases)))
             self._write_knot_turns(self.fed, still, still + self._weights, out)
             return
-        played, weights = self._clocks.played(times), self._weights * self._clocks.curves(times)
+        played, weights = self._clocks.frames_at(times), self._weights * self._clocks.weight_curves(times)
         self._write_knot_turns(self._turns, played.frame, weights, out)
-        if not played.plain:
+        if not played.is_plain:
             others = np.empty_like(out)
             self._write_knot_turns(self._turns, played.other, weights, others)
             blend_knots(others, played.share, played.weight, self._first, self._begin, out)
@@ -152,11 +152,11 @@ class _Take:
         """Returns (T, L) the fade weights of these layers."""
         if self.fed is not None:
             return np.ones((len(times), len(self._bases)))
-        return self._clocks.played(times).weight * self._clocks.curves(times)
+        return self._clocks.frames_at(times).weight * self._clocks.weight_curves(times)
 
     def _write_knot_turns(self, turns: Float, at: Float, weights: Float, out: Float) -> None:
-        how = (weights, self._turned, self._mirrored, self._begin, out)
-        knot_turns(turns, self._bones, self._first, self._bases, at, *how)
+        parameters = (weights, self._turned, self._mirrored, self._begin, out)
+        knot_turns(turns, self._bones, self._first, self._bases, at, *parameters)
 
 
 def active_layers(shape: Shape) -> list[Layer]:
@@ -164,10 +164,10 @@ def active_layers(shape: Shape) -> list[Layer]:
     weights.
     """
     layers = {layer.id: layer for layer in shape.layers if not layer.muted and layer.weight > 0.0}
-    named = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
-    return [layers[key] for key in named if key in layers]
+    referenced = dict.fromkeys(ref.layer for spans in shape.spans for span in spans for ref in span.refs)
+    return [layers[key] for key in referenced if key in layers]
 
 
-def _played_by(layer: Layer) -> tuple[str, float]:
+def _sampling_group(layer: Layer) -> tuple[str, float]:
     """Returns the grouping key of layers that are sampled together: the take, and its smoothing."""
     return layer.take, layer.smooth

@@ -18,10 +18,10 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Ref, Shape, Span
-from enliven.motion.layers.polyline import Polyline, place_of
+from enliven.motion.layers.polyline import Polyline, locate_on_knots
 from enliven.motion.layers.sampling import Sampler
 from enliven.motion.layers.timing import Clocks
-from enliven.rotation import rotate, stretch_of, turned_strain
+from enliven.rotation import rotate, rotate_strain, stretch_from_strain
 
 _MIN_BONE_FRACTION = 1e-9
 """Fraction of the shape's longest bone below which a bone has no usable length."""
@@ -52,21 +52,21 @@ class _StretchLayer:
 
     def at(self, times: Float) -> tuple[Float, Float]:
         """Returns (T, N, 3) offsets and (T, N, 6) strains at times (T,)."""
-        played = self.clock.played(times)
+        played = self.clock.frames_at(times)
         weight = played.weight[:, 0] * self.layer.weight
         finest = self.clip.finest
         totals = [np.zeros((len(times), len(self.bones), 3)), np.zeros((len(times), len(self.bones), 6))]
         for out, track in zip(totals, (finest.offsets, finest.strains), strict=True):
             if track is not None:
                 current, other = (
-                    _interpolated_track(track[:, self.bones], frames[:, 0])
+                    _interpolate_track(track[:, self.bones], frames[:, 0])
                     for frames in (played.frame, played.other)
                 )
                 out += weight[:, None, None] * (current + played.share[:, :1, None] * (other - current))
         offsets, strains = totals[0] * self.signs[:, None], totals[1]
         if self.layer.mirrored:
             offsets, strains = offsets * [-1.0, 1.0, 1.0], strains * _STRAIN_REFLECTION_SIGNS
-        offsets, strains = rotate(self.layer.basis, offsets), turned_strain(self.layer.basis, strains)
+        offsets, strains = rotate(self.layer.basis, offsets), rotate_strain(self.layer.basis, strains)
         return np.einsum("nb,tbc->tnc", self.offsets, offsets), np.einsum(
             "nb,tbc->tnc", self.strains, strains
         )
@@ -76,12 +76,12 @@ class _StretchLayer:
         track = self.clip.finest.mirrors
         if track is None:
             return None
-        played, most = self.clock.played(times), self.strains.argmax(1)
-        here = np.where(played.share[:, 0] > 0.5, played.other[:, 0], played.frame[:, 0])
+        played, most = self.clock.frames_at(times), self.strains.argmax(1)
+        frames = np.where(played.share[:, 0] > 0.5, played.other[:, 0], played.frame[:, 0])
         # Between two frames, the first frame applies, because a mirroring cannot be interpolated.
-        rows = track[np.floor(here + _FRAME_ROUNDING).astype(int)][:, self.bones]
-        heard = (played.weight[:, 0] * self.layer.weight > 0.5)[:, None] & (self.strains.max(1) > 0.5)
-        return np.where(heard, rows[:, most], 1.0)
+        rows = track[np.floor(frames + _FRAME_ROUNDING).astype(int)][:, self.bones]
+        is_active = (played.weight[:, 0] * self.layer.weight > 0.5)[:, None] & (self.strains.max(1) > 0.5)
+        return np.where(is_active, rows[:, most], 1.0)
 
 
 class StretchLayers:
@@ -92,21 +92,21 @@ class StretchLayers:
 
     @staticmethod
     def of(sampler: Sampler, shape: Shape) -> StretchLayers | None:
-        """Returns the layers of a shape that use the lengths and stretches of their takes; None without
-        any.
+        """Returns the layers of a shape that use the lengths and stretches of their takes. None if there are
+        none.
         """
         both = zip(sampler.layers, sampler.lines, strict=True)
-        heard = [(layer, line) for layer, line in both if layer.stretch and line.clip.deforms]
-        ratios = [_length_ratios(layer, line, shape) for layer, line in heard]
+        stretching_layers = [(layer, line) for layer, line in both if layer.stretch and line.clip.deforms]
+        ratios = [_length_ratios(layer, line, shape) for layer, line in stretching_layers]
         finite_ratios = [ratio[np.isfinite(ratio)] for ratio in ratios]
         usual = (
             float(np.median(np.concatenate(finite_ratios)))
-            if any(len(some) for some in finite_ratios)
+            if any(len(layer_ratios) for layer_ratios in finite_ratios)
             else 1.0
         )
         stretched = [
-            _prepared_layer(layer, line, shape, np.where(np.isfinite(ratio), ratio, usual))
-            for (layer, line), ratio in zip(heard, ratios, strict=True)
+            _prepare_layer(layer, line, shape, np.where(np.isfinite(ratio), ratio, usual))
+            for (layer, line), ratio in zip(stretching_layers, ratios, strict=True)
         ]
         return StretchLayers(stretched) if stretched else None
 
@@ -116,10 +116,10 @@ class StretchLayers:
         return sum(offsets for offsets, _ in sampled), sum(strains for _, strains in sampled)  # type: ignore[return-value]
 
     def stretch(self, times: Float, strains: Float) -> Float | None:
-        """Returns (T, N, 3, 3) of strains (T, N, 6) at times (T,), with mirrored bones; None for the
-        identity.
+        """Returns (T, N, 3, 3) stretches from strains (T, N, 6) at times (T,), including reflections. None if
+        all are the identity.
         """
-        matrices = stretch_of(strains) if strains.any() else None
+        matrices = stretch_from_strain(strains) if strains.any() else None
         for layer in self._layers:
             mirrors = layer.mirrors(times)
             if mirrors is not None and (mirrors < 0.0).any():
@@ -127,30 +127,32 @@ class StretchLayers:
         return matrices
 
 
-def _prepared_layer(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _StretchLayer:
+def _prepare_layer(layer: Layer, line: Polyline, shape: Shape, ratios: Float) -> _StretchLayer:
     """Returns one layer, prepared; ``ratios`` (N,) are metres of each bone per metre of the take."""
     skeleton, count = line.clip.skeleton, len(line.bones)
     upward = [int(skeleton.parents[a]) == b for a, b in pairwise(line.chain)] or [False]
-    taken = np.zeros((2, len(shape.skeleton), count))
-    wide = np.diff(line.knots)
+    factors = np.zeros((2, len(shape.skeleton), count))
+    widths = np.diff(line.knots)
     for j, spans in enumerate(shape.spans):
-        for share, ref in _layer_parts(spans, layer):
+        for fraction, ref in _layer_parts(spans, layer):
             low, high = min(ref.start, ref.end), max(ref.start, ref.end)
             if low == high:
                 # If a reference has no length, it follows the bone before it, in proportion to the lengths of
                 # both bones.
-                there = int(place_of(line.knots, np.array([low]))[0][0])
-                theirs = float(skeleton.lengths[line.bones[there]])
-                taken[0, j, there] += share * shape.skeleton.lengths[j] / theirs if theirs > 0.0 else 0.0
-                taken[1, j, there] += share
+                knot = int(locate_on_knots(line.knots, np.array([low]))[0][0])
+                take_length = float(skeleton.lengths[line.bones[knot]])
+                factors[0, j, knot] += (
+                    fraction * shape.skeleton.lengths[j] / take_length if take_length > 0.0 else 0.0
+                )
+                factors[1, j, knot] += fraction
                 continue
             common = np.minimum(high, line.knots[1:]) - np.maximum(low, line.knots[:-1])
             common = np.maximum(common, 0.0)
-            taken[0, j] += ratios[j] * common / wide
-            taken[1, j] += share * common / (high - low)
+            factors[0, j] += ratios[j] * common / widths
+            factors[1, j] += fraction * common / (high - low)
     signs = np.where(upward, -1.0, 1.0)
     bones = line.bones.tolist()
-    return _StretchLayer(layer, line.clip, Clocks.of([layer], [line.clip]), bones, signs, *taken)
+    return _StretchLayer(layer, line.clip, Clocks.of([layer], [line.clip]), bones, signs, *factors)
 
 
 def _length_ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
@@ -159,13 +161,13 @@ def _length_ratios(layer: Layer, line: Polyline, shape: Shape) -> Float:
     NaN for a bone of zero length, and for all bones if the chain has zero length.
     """
     lengths, ratios = shape.skeleton.lengths, np.full(len(shape.skeleton), np.nan)
-    theirs = line.clip.skeleton.positions[list(line.chain)]
-    theirs = float(np.linalg.norm(np.diff(theirs, axis=0), axis=1).sum())
+    take_positions = line.clip.skeleton.positions[list(line.chain)]
+    take_positions = float(np.linalg.norm(np.diff(take_positions, axis=0), axis=1).sum())
     for j, spans in enumerate(shape.spans):
         refs = _layer_parts(spans, layer)
         part = sum(abs(ref.end - ref.start) for _, ref in refs)
-        if refs and part * theirs > 0.0 and lengths[j] > _MIN_BONE_FRACTION * lengths.max():
-            ratios[j] = lengths[j] * sum(share for share, _ in refs) / (part * theirs)
+        if refs and part * take_positions > 0.0 and lengths[j] > _MIN_BONE_FRACTION * lengths.max():
+            ratios[j] = lengths[j] * sum(fraction for fraction, _ in refs) / (part * take_positions)
     return ratios
 
 
@@ -174,7 +176,7 @@ def _layer_parts(spans: tuple[Span, ...], layer: Layer) -> list[tuple[float, Ref
     return [(span.share, ref) for span in spans for ref in span.refs if ref.layer == layer.id]
 
 
-def _interpolated_track(track: Float, at: Float) -> Float:
+def _interpolate_track(track: Float, at: Float) -> Float:
     """Returns (T, ...) the values of (F, ...) at frame numbers (T,)."""
     frame = np.clip(at.astype(int), 0, max(len(track) - 2, 0))
     part = np.clip(at - frame, 0.0, 1.0).reshape(-1, *(1,) * (track.ndim - 1))

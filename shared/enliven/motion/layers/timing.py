@@ -1,6 +1,6 @@
-"""The time maps of many layers, compiled: the frames of their takes that play at many times at once.
+"""The time maps of many layers, compiled: they map many times to the frames of the layers' takes in one call.
 
-    Clocks.of(layers, clips).played(seconds) -> Times
+    Clocks.of(layers, clips).frames_at(seconds) -> Times
 
 Frame numbers may be fractional, and are never beyond the first or the last.
 """
@@ -33,8 +33,8 @@ class Times(NamedTuple):
     weight: Float
 
     @property
-    def plain(self) -> bool:
-        """Whether every layer plays a single frame with full weight."""
+    def is_plain(self) -> bool:
+        """True if every layer plays a single frame with full weight."""
         return not self.share.any() and bool((self.weight == 1.0).all())
 
 
@@ -62,9 +62,12 @@ class Clocks:
         """Returns the clocks of layers that play these takes."""
         rows, lanes, counts = [], list[tuple[float, ...]](), [0]
         for layer, clip in zip(layers, clips, strict=True):
-            lane, how = layer.lane(clip.duration), (float(layer.loop), clip.step, float(len(clip.turns)))
+            lane, clip_values = (
+                layer.lane(clip.duration),
+                (float(layer.loop), clip.step, float(len(clip.turns))),
+            )
             held = (layer.extent(clip.duration), float(layer.hold), layer.ease)
-            rows.append((layer.offset, layer.speed, *how, *held))
+            rows.append((layer.offset, layer.speed, *clip_values, *held))
             lanes += [_lane_row(lane, number) for number in range(len(lane))]
             counts.append(len(lane))
         first = np.array(list(accumulate(counts)), np.int64)
@@ -72,8 +75,9 @@ class Clocks:
         fine = tuple(None if clip.fine is None else clip.fine.seconds for clip in clips)
         return Clocks(table, np.array(lanes).reshape(-1, 6), first, tuple(layers), fine)
 
-    def played(self, seconds: Float) -> Times:
-        """Returns the frames at times (T,) of the project; :meth:`curves` are separate from its weights."""
+    def frames_at(self, seconds: Float) -> Times:
+        """Returns the frames at times (T,) of the project. The weights do not include
+        :meth:`weight_curves`."""
         out = np.empty((5, len(seconds), len(self.rows)))
         even = np.repeat(seconds[:, None], len(self.rows), 1)
         for number, layer in enumerate(self.layers):
@@ -86,7 +90,7 @@ class Clocks:
                 out[:2, :, number] = np.interp(second, moments, frames)
         return Times(*out)
 
-    def curves(self, seconds: Float) -> Float:
+    def weight_curves(self, seconds: Float) -> Float:
         """Returns (T, L) the weight curves of the layers at times (T,), 1 for a layer without a curve."""
         out = np.ones((len(seconds), len(self.layers)))
         for number, layer in enumerate(self.layers):

@@ -1,10 +1,11 @@
 """Root motion: the displacement of a take's root since rest, scaled to the size of the shape.
 
-    height_of(skeleton)                  # metres: the sizes that two skeletons' strides are compared by
+    skeleton_heights(skeleton)           # metres: the sizes that define the travel scale
     travel_scale(shape, clip)            # the shape's own, or the ratio of the heights
     Travel(project, shape).at(times)     # (T, 3) the position of the root joint
 
-A looped take continues from where it ended, over the ground: a walk of two steps walks on, at its height.
+A looped take continues from the position at which it ended: a looped walk of two steps moves on over the
+ground, at constant height.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ _MIN_ROOT_HEIGHT_FRACTION = 0.15
 """Minimum height of a root over the lowest joint, as a fraction of the whole extent, for standing on legs."""
 
 
-def height_of(skeleton: Skeleton) -> tuple[float, float]:
+def skeleton_heights(skeleton: Skeleton) -> tuple[float, float]:
     """Returns metres at rest: the height of the root over the lowest joint (the legs), and the whole extent.
 
     The extent does not depend on the rotation about the vertical.
@@ -30,8 +31,8 @@ def height_of(skeleton: Skeleton) -> tuple[float, float]:
     # Use the two joints that are farthest apart horizontally. Neither a rotation about the vertical nor a new
     # node within a bone changes their distance.
     across = at[:, None, [0, 2]] - at[None, :, [0, 2]]
-    wide = float(np.linalg.norm(across, axis=2).max())
-    return float(height[0] - height.min()), float(np.hypot(np.ptp(height), wide))
+    extent = float(np.linalg.norm(across, axis=2).max())
+    return float(height[0] - height.min()), float(np.hypot(np.ptp(height), extent))
 
 
 def travel_scale(shape: Shape, clip: Clip) -> float:
@@ -43,7 +44,10 @@ def travel_scale(shape: Shape, clip: Clip) -> float:
     """
     if shape.travel_scale is not None:
         return shape.travel_scale
-    (legs, extent), (their_legs, their_extent) = height_of(shape.skeleton), height_of(clip.skeleton)
+    (legs, extent), (their_legs, their_extent) = (
+        skeleton_heights(shape.skeleton),
+        skeleton_heights(clip.skeleton),
+    )
     if legs > _MIN_ROOT_HEIGHT_FRACTION * extent and their_legs > _MIN_ROOT_HEIGHT_FRACTION * their_extent:
         return legs / their_legs
     return extent / their_extent if their_extent > 0.0 else 1.0
@@ -61,7 +65,7 @@ class Travel:
             self._clip, self._root = clip, clip.finest.root
             self._clocks = Clocks.of([self.layer], [clip])
             self._factor = self.layer.weight * travel_scale(shape, clip)
-            begin, end = (_root_at(clip, second) for second in self.layer.ends(clip.duration))
+            begin, end = (_root_position(clip, second) for second in self.layer.ends(clip.duration))
             self._round = (end - begin) * [1.0, 0.0, 1.0]
             self._fed = False
 
@@ -77,25 +81,25 @@ class Travel:
             out[:] = self._still
             return out
         rest, layer = self._clip.skeleton.positions[0], self.layer
-        how = (layer.basis, layer.mirrored, self._factor, self._still)
+        parameters = (layer.basis, layer.mirrored, self._factor, self._still)
         if self._fed:
-            travelled(self._root, rest, self._round, *np.zeros((2, len(times), 1)), *how, out)
+            travelled(self._root, rest, self._round, *np.zeros((2, len(times), 1)), *parameters, out)
             return out
-        at = self._clocks.played(times)
-        travelled(self._root, rest, self._round, at.frame, at.rounds, *how, out)
-        if not at.plain or layer.weights:
-            other, heard = np.empty_like(out), at.weight * self._clocks.curves(times)
-            travelled(self._root, rest, self._round, at.other, at.rounds, *how, other)
-            out = self._still + heard * ((1.0 - at.share) * out + at.share * other - self._still)
+        at = self._clocks.frames_at(times)
+        travelled(self._root, rest, self._round, at.frame, at.rounds, *parameters, out)
+        if not at.is_plain or layer.weights:
+            other, weights = np.empty_like(out), at.weight * self._clocks.weight_curves(times)
+            travelled(self._root, rest, self._round, at.other, at.rounds, *parameters, other)
+            out = self._still + weights * ((1.0 - at.share) * out + at.share * other - self._still)
         return out
 
     def feed(self, take: str, root: Float) -> None:
-        """Plays ``root`` (1, 3) instead of a take's from now on, whatever the time."""
+        """Plays the root position ``root`` (1, 3) instead of a take's from now on, at all times."""
         if self.layer is not None and self._clip.id == take:
             self._root, self._fed = root, True
 
 
-def _root_at(clip: Clip, second: float) -> Float:
+def _root_position(clip: Clip, second: float) -> Float:
     """Returns (3,) metres, the position of a take's root at a second of it."""
     frames = np.arange(len(clip.root)) * clip.step
     return np.array([np.interp(second, frames, clip.root[:, axis]) for axis in range(3)])

@@ -22,12 +22,12 @@ _MAX_TIPS = 8
 _MIN_LIMB_LENGTH = 0.08
 """Minimum length of a limb, as a fraction of the longest geodesic distance from the middle."""
 _MAX_FOOT_HEIGHT = 0.15
-"""Fraction of the height up to which a tip is a foot."""
+"""Maximum height of a tip that counts as a foot, as a fraction of the mesh's height."""
 _MIN_LONG_RATIO = 1.5
 """Ratio of length to width above which the front of a mesh is at its head."""
 _MIN_HEAD_LEAD = 0.15
-"""The front follows the head only if the head is ahead by more than this fraction of the height: the body
-is not upright."""
+"""The head determines the front only if it is ahead by more than this fraction of the height, as in a body
+that is not upright."""
 _LEG_JOINTS = (
     (Joint.HIP_LEFT, 0.95),
     (Joint.KNEE_LEFT, 0.5),
@@ -42,14 +42,14 @@ _ARM_JOINTS = (
     (Joint.WRIST_LEFT, 0.15),
     (Joint.HAND_LEFT, 0.0),
 )
-"""The same for an arm."""
+"""Joints of an arm, and their distance from the tip as a fraction of the limb's length."""
 _RIGHT_JOINT_OFFSET = 4
 """Offset from a left joint's number to the right joint's."""
 
 
-def body_by_extremities(graph: DeformationGraph) -> BodyInMesh:
+def body_from_extremities(graph: DeformationGraph) -> BodyInMesh:
     """Returns the skeleton of a person in the mesh of a graph, from its extremities."""
-    limbs = _Limbs(graph.positions, *extremities(graph))
+    limbs = _Limbs(graph.positions, *find_extremities(graph))
     floor, height = limbs.positions[:, 1].min(), np.ptp(limbs.positions[:, 1]) or 1.0
     level = (limbs.at[:, 1] - floor) / height
     feet, free = np.flatnonzero(level < _MAX_FOOT_HEIGHT), np.flatnonzero(level >= _MAX_FOOT_HEIGHT)
@@ -71,7 +71,7 @@ def body_by_extremities(graph: DeformationGraph) -> BodyInMesh:
     return BodyInMesh(joints, yaw)
 
 
-def extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
+def find_extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
     """Returns the mesh's tips, the length of the limb that ends in each, and geodesic distances from them.
 
     A tip is a local maximum of the geodesic distance from the middle. Its limb extends down to a saddle that
@@ -80,15 +80,15 @@ def extremities(graph: DeformationGraph) -> tuple[Int, Float, Float]:
     Returns:
         (T,) nodes, the farthest first; (T,) metres; (T, N) metres along the graph from each.
     """
-    ways = _Ways(graph)
+    distances = _GeodesicDistances(graph)
     count = len(graph.positions)
-    spread, near = [0], ways.of(0)
+    spread, near = [0], distances.of(0)
     for _ in range(min(count, 48) - 1):
         spread.append(int(np.argmax(near)))
-        near = np.minimum(near, ways.of(spread[-1]))
-    middle = int(np.argmin(np.mean([ways.of(node) for node in spread], axis=0)))
-    tips, lengths = _prominent_peaks(ways.of(middle), graph.edges)
-    return tips, lengths, np.stack([ways.of(int(tip)) for tip in tips])
+        near = np.minimum(near, distances.of(spread[-1]))
+    middle = int(np.argmin(np.mean([distances.of(node) for node in spread], axis=0)))
+    tips, lengths = _prominent_peaks(distances.of(middle), graph.edges)
+    return tips, lengths, np.stack([distances.of(int(tip)) for tip in tips])
 
 
 def _prominent_peaks(height: Float, edges: Int32) -> tuple[Int, Float]:
@@ -128,7 +128,7 @@ def _highest_node(peak: dict[int, int], node: int) -> int:
     return node
 
 
-class _Ways:
+class _GeodesicDistances:
     """Geodesic distances along the graph from a node to all others, metres, each computed once."""
 
     def __init__(self, graph: DeformationGraph) -> None:
@@ -156,7 +156,7 @@ class _Limbs:
     """
 
     def __init__(self, positions: Float, tips: Int, lengths: Float, ways: Float) -> None:
-        self.positions, self.at, self._ways = positions, positions[tips], ways
+        self.positions, self.at, self._distances = positions, positions[tips], ways
         tip_distances = ways[:, tips] + np.where(np.eye(len(tips), dtype=bool), np.inf, 0.0)
         half = (
             np.where(np.isfinite(tip_distances), tip_distances, 0.0).min(
@@ -172,13 +172,13 @@ class _Limbs:
         """Returns (3,) the centre of the limb at a fraction of its length from the tip: a local linear
         fit.
         """
-        own = self._owner == tip
-        way, where = self._ways[tip][own] - share * self.length[tip], self.positions[own]
-        width = max(0.25 * self.length[tip], float(np.sort(np.abs(way))[:6][-1]))
-        weights = np.exp(-0.5 * (way / max(0.5 * width, 1e-9)) ** 2) + 1e-9
-        mean_way, middle = weights @ way / weights.sum(), weights @ where / weights.sum()
-        spread = weights @ (way - mean_way) ** 2
-        slope = (weights * (way - mean_way)) @ (where - middle) / spread if spread > 1e-12 else np.zeros(3)
+        is_own = self._owner == tip
+        offset, where = self._distances[tip][is_own] - share * self.length[tip], self.positions[is_own]
+        width = max(0.25 * self.length[tip], float(np.sort(np.abs(offset))[:6][-1]))
+        weights = np.exp(-0.5 * (offset / max(0.5 * width, 1e-9)) ** 2) + 1e-9
+        mean_way, middle = weights @ offset / weights.sum(), weights @ where / weights.sum()
+        spread = weights @ (offset - mean_way) ** 2
+        slope = (weights * (offset - mean_way)) @ (where - middle) / spread if spread > 1e-12 else np.zeros(3)
         step = float(np.clip(-mean_way, -width, width))
         return np.asarray(middle + slope * step)
 
@@ -187,8 +187,8 @@ def _front_yaw(limbs: _Limbs, heads: Int, feet: Int) -> float:
     """Returns the radians about +Y from +Z to the front.
 
     A long mesh on four or more feet faces along its length, towards the head. A mesh on two feet faces across
-    the line between the legs, towards the head or else the toes. All other meshes face +Z. If both directions
-    look alike, the one nearer to +Z is used.
+    the line between the legs, towards the head or else the toes. All other meshes face +Z. If the two
+    opposite directions cannot be distinguished, the direction nearer to +Z is used.
     """
     middle = limbs.positions.mean(0)
     head = limbs.at[heads].mean(0) - middle if len(heads) else np.zeros(3)

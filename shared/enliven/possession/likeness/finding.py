@@ -8,9 +8,9 @@ from enliven.arrays import Float
 from enliven.deformation.graph import DeformationGraph, limb_ends
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.possession.likeness.any_mesh import body_by_extremities
-from enliven.possession.likeness.five_ends import five_ends, given_ends
-from enliven.possession.likeness.human import human_in_mesh
+from enliven.possession.likeness.any_mesh import body_from_extremities
+from enliven.possession.likeness.five_ends import find_five_ends, five_ends_from_points
+from enliven.possession.likeness.human import human_from_ends
 from enliven.possession.likeness.skeleton import BodyInMesh
 
 _NODE_COUNT = 500
@@ -38,15 +38,15 @@ def find_person_in_mesh(mesh: Mesh, ends: Float | None = None) -> BodyInMesh | N
             problem = f"there are {len(ends)} ends, expected 5"
             raise InputError(problem, where=f"the mesh {mesh.name!r}", mend=mend)
         extremities = limb_ends(mesh, nodes=_NODE_COUNT)
-        return human_in_mesh(extremities, given_ends(extremities, np.asarray(ends, np.float64)))
+        return human_from_ends(extremities, five_ends_from_points(extremities, np.asarray(ends, np.float64)))
     extremities = limb_ends(mesh, nodes=_NODE_COUNT)
-    best = five_ends(extremities, _MAX_PERSON_COST)
+    best = find_five_ends(extremities, _MAX_PERSON_COST)
     if best is None:
         return None
     low, high = mesh.bounds
     if best.points[1:3, 1].max() < low[1] + _MAX_FLOOR_HEIGHT * (high[1] - low[1]):
         return None
-    return human_in_mesh(extremities, best)
+    return human_from_ends(extremities, best)
 
 
 def find_body_in_mesh(mesh: Mesh, graph: DeformationGraph, ends: Float | None = None) -> BodyInMesh:
@@ -59,4 +59,4 @@ def find_body_in_mesh(mesh: Mesh, graph: DeformationGraph, ends: Float | None = 
     Raises:
         InputError: if the number of ends is not five, or the mesh has no area.
     """
-    return find_person_in_mesh(mesh, ends) or body_by_extremities(graph)
+    return find_person_in_mesh(mesh, ends) or body_from_extremities(graph)

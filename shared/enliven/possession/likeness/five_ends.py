@@ -15,7 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.deformation.graph import LimbEnds
-from enliven.possession.likeness.tree_of_limbs import HEAD, LimbTree, ways_misfit, weighted_place
+from enliven.possession.likeness.tree_of_limbs import HEAD, LimbTree, point_at_distances, tree_misfit
 from enliven.rotation import unit
 
 _SAME_LIMB_DISTANCE = 0.12
@@ -25,13 +25,14 @@ _EAR_DISTANCE = 0.8
 """Two ends nearer than this fraction of the longest geodesic distance may be ears or horns, with the head
 between them."""
 _OMITTED_LIMB_COST = 60.0
-"""Cost of a limb that belongs to no chosen end, times its length over the longest geodesic distance."""
+"""Cost of a limb that belongs to no chosen end. It is multiplied by the limb's length divided by the longest
+geodesic distance."""
 _OWN_END_DISTANCE = 0.15
 """Other ends within this fraction of the longest geodesic distance around a chosen end belong to it."""
 _OMITTED_LEG_COST = 25.0
 """Cost of a limb that is left out although it stands on the floor: other legs of a chair or a horse."""
 _MIN_LEG_LENGTH = 0.08
-"""Fraction of the longest geodesic distance above which such a limb is a leg."""
+"""Minimum length of a limb that counts as a leg, as a fraction of the longest geodesic distance."""
 _MAX_COSTED_LENGTH = 0.3
 """Fraction of the longest geodesic distance beyond which a limb that is left out costs no more."""
 _MIN_UPPER_HEIGHT = 0.4
@@ -52,8 +53,8 @@ _EVALUATED_CHOICES = 60
 """Number of choices for which trunk and head are evaluated too: those with the lowest cost from geodesic
 distances."""
 _OTHER_END_DISTANCE = 0.2
-"""Fraction of the longest geodesic distance beyond which an end of another choice counts as a different
-place."""
+"""Minimum distance between two ends that count as different places, as a fraction of the longest geodesic
+distance."""
 
 
 @dataclass(frozen=True)
@@ -62,16 +63,16 @@ class FiveEnds:
 
     Attributes:
         points: (5, 3) metres: head, two hands, two feet; the order within a pair has no meaning.
-        ways: (5, C) metres along the surface from each to all points of the net; those of the head start
-            where its ends part.
+        distances: (5, C) metres along the surface from each end to all points of the net. If the head has two
+            ends, its distances begin where the two ends separate.
         tree: the lengths of the limbs.
         chest, pelvis: (3,) metres, where limbs branch.
         cost: 0 for a person of usual proportions that stands upright.
-        margin: by how much less it costs than the next choice with other limbs.
+        margin: cost of the next best choice with other limbs, minus this cost.
     """
 
     points: Float
-    ways: Float
+    distances: Float
     tree: LimbTree
     chest: Float
     pelvis: Float
@@ -79,13 +80,13 @@ class FiveEnds:
     margin: float
 
 
-def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
+def find_five_ends(limb_ends: LimbEnds, most: float = np.inf) -> FiveEnds | None:
     """Returns the choice with the lowest cost. None if the mesh has fewer than five ends, or all choices
     cost more than ``most``.
     """
-    ways = found.ways_from(found.ends)
-    between = ways[:, found.ends]
-    heads, chosen = _all_choices(between, found.longest)
+    ways = limb_ends.ways_from(limb_ends.ends)
+    between = ways[:, limb_ends.ends]
+    heads, chosen = _enumerate_choices(between, limb_ends.longest)
     if not len(chosen):
         return None
     first, second = heads[chosen[:, 0]].T
@@ -93,37 +94,42 @@ def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
     rows = np.arange(len(chosen))
     distances = [of_head[rows, chosen[:, k]] for k in range(1, 5)]
     distances += [between[chosen[:, a], chosen[:, b]] for a in range(1, 5) for b in range(a + 1, 5)]
-    cost, trees = ways_misfit(np.stack(distances, 1))
-    cost += _omitted_limb_cost(found, between, np.column_stack([first, second, chosen[:, 1:]]))
-    cost += _unlikely_heights(found, heads, chosen)
+    cost, trees = tree_misfit(np.stack(distances, 1))
+    cost += _omitted_limb_cost(limb_ends, between, np.column_stack([first, second, chosen[:, 1:]]))
+    cost += _stance_cost(limb_ends, heads, chosen)
     cheapest = np.argsort(cost, kind="stable")[:_EVALUATED_CHOICES]
     if cost[cheapest[0]] > most:
         return None
-    best, looked, total = None, list[FiveEnds](), list[float]()
+    best, candidates, total = None, list[FiveEnds](), list[float]()
     for k in cheapest:
         if best is not None and cost[k] > best.cost + best.margin:
             break
         head, *others = chosen[k]
-        candidate, more = _evaluate_posture(found, ways, heads[head], np.array(others), LimbTree(*trees[k]))
-        looked.append(candidate)
-        total.append(float(cost[k]) + more)
-        best = _with_margin(looked, np.array(total), _OTHER_END_DISTANCE * found.longest)
+        candidate, posture_cost = _evaluate_posture(
+            limb_ends, ways, heads[head], np.array(others), LimbTree(*trees[k])
+        )
+        candidates.append(candidate)
+        total.append(float(cost[k]) + posture_cost)
+        best = _with_margin(candidates, np.array(total), _OTHER_END_DISTANCE * limb_ends.longest)
     return best if best is not None and best.cost <= most else None
 
 
-def given_ends(found: LimbEnds, points: Float) -> FiveEnds:
+def five_ends_from_points(limb_ends: LimbEnds, points: Float) -> FiveEnds:
     """Returns the choice with the given ends (5, 3) metres: head, two hands, two feet."""
-    nearest = np.array([np.linalg.norm(found.points - point, axis=1).argmin() for point in points])
-    ways = found.ways_from(nearest)
+    nearest = np.array([np.linalg.norm(limb_ends.points - point, axis=1).argmin() for point in points])
+    ways = limb_ends.ways_from(nearest)
     between = ways[:, nearest]
     distances = [between[a, b] for a in range(5) for b in range(a + 1, 5)]
-    cost, trees = ways_misfit(np.array([distances]))
+    cost, trees = tree_misfit(np.array([distances]))
     tree = LimbTree(*trees[0])
-    chest, pelvis = (weighted_place(found.points, ways, want) for want in (tree.from_chest, tree.from_pelvis))
+    chest, pelvis = (
+        point_at_distances(limb_ends.points, ways, wanted_distances)
+        for wanted_distances in (tree.from_chest, tree.from_pelvis)
+    )
     return FiveEnds(np.asarray(points, np.float64), ways, tree, chest, pelvis, float(cost[0]), np.inf)
 
 
-def _all_choices(between: Float, longest: float) -> tuple[Int, Int]:
+def _enumerate_choices(between: Float, longest: float) -> tuple[Int, Int]:
     """Returns all candidate heads and all choices.
 
     Returns:
@@ -171,7 +177,7 @@ def _omitted_limb_cost(extremities: LimbEnds, between: Float, chosen: Int) -> Fl
     return np.asarray(~is_near_chosen @ (_OMITTED_LIMB_COST * length + _OMITTED_LEG_COST * leg), np.float64)
 
 
-def _unlikely_heights(extremities: LimbEnds, heads: Int, chosen: Int) -> Float:
+def _stance_cost(extremities: LimbEnds, heads: Int, chosen: Int) -> Float:
     """Returns (K,) the cost of standing on the head, of feet in the air, and of both hands above the head."""
     level = extremities.points[:, 1] - extremities.points[:, 1].min()
     at = level[extremities.ends] / max(float(level.max()), 1e-12)
@@ -192,11 +198,12 @@ def _evaluate_posture(
     at = extremities.points[extremities.ends[others]]
     crown = extremities.points[int(np.argmin(ways[first] + ways[second] + abs(ways[first] - ways[second])))]
     chest, pelvis = (
-        weighted_place(extremities.points, rows, want) for want in (tree.from_chest, tree.from_pelvis)
+        point_at_distances(extremities.points, rows, wanted_distances)
+        for wanted_distances in (tree.from_chest, tree.from_pelvis)
     )
     up, along = unit(chest - pelvis), unit(crown - chest)
-    more = _TILTED_HEAD_COST * (1.0 - float(along @ up)) + _TILTED_TRUNK_COST * (1.0 - float(up[1]))
-    return FiveEnds(np.vstack([crown, at]), rows, tree, chest, pelvis, 0.0, 0.0), more
+    posture_cost = _TILTED_HEAD_COST * (1.0 - float(along @ up)) + _TILTED_TRUNK_COST * (1.0 - float(up[1]))
+    return FiveEnds(np.vstack([crown, at]), rows, tree, chest, pelvis, 0.0, 0.0), posture_cost
 
 
 def _with_margin(choices: list[FiveEnds], total: Float, far: float) -> FiveEnds:

@@ -22,7 +22,8 @@ generated bodies."""
 _LEG_FRACTIONS = (1.03, 0.6, 0.21, 0.04)
 """Hip, knee, ankle and foot: the same for a leg."""
 _SKULL_FRACTION = 0.85
-"""Fraction of the head's length from its end over which the head joint is averaged: the skull."""
+"""Length of the skull from the head's end, as a fraction of the head's length. The head joint is the mean
+over the skull."""
 _RING_HALF_WIDTH = 0.07
 """Half the width of a ring, as a fraction of the limb's length."""
 _WAIST_POSITION = 0.44
@@ -43,16 +44,16 @@ _MIN_COST_MARGIN = 2.0
 """Minimum margin in cost to the next choice of ends for a choice to be certain."""
 
 
-def human_in_mesh(found: LimbEnds, ends: FiveEnds) -> BodyInMesh:
+def human_from_ends(limb_ends: LimbEnds, ends: FiveEnds) -> BodyInMesh:
     """Returns the skeleton of a person in a mesh with these five ends."""
-    limbs = _Limbs(found, ends)
+    limbs = _Limbs(limb_ends, ends)
     arms = np.array([[limbs.ring(k, share, ends.tree.arm) for share in _ARM_FRACTIONS] for k in (1, 2)])
     legs = np.array([[limbs.ring(k, share, ends.tree.leg) for share in _LEG_FRACTIONS] for k in (3, 4)])
     for leg in legs:
         leg[0] = _hip_at_trunk(leg[0], leg[1], arms[:, 0].mean(0), limbs.trunk())
     if (arms[0, 0] - arms[1, 0]) @ (legs[0, 0] - legs[1, 0]) < 0.0:
         legs = legs[::-1]
-    height = float(np.ptp(found.points[:, 1])) or 1.0
+    height = float(np.ptp(limb_ends.points[:, 1])) or 1.0
     up = arms[:, 0].mean(0) - legs[:, 0].mean(0)
     left = _perpendicular_unit(arms[0, 0] - arms[1, 0] + legs[0, 0] - legs[1, 0], up)
     ahead = np.cross(left, unit(up))
@@ -72,39 +73,41 @@ def human_in_mesh(found: LimbEnds, ends: FiveEnds) -> BodyInMesh:
 
 
 class _Limbs:
-    """The limbs of five ends: each point of the net belongs to the limb that it is deepest in."""
+    """The limbs of five ends. Each point of the net belongs to the limb inside which it is deepest."""
 
-    def __init__(self, found: LimbEnds, ends: FiveEnds) -> None:
+    def __init__(self, limb_ends: LimbEnds, ends: FiveEnds) -> None:
         tree = ends.tree
         length = np.array([tree.head, tree.arm, tree.arm, tree.leg, tree.leg])
-        self._points, self._ways = found.points, ends.ways
-        past = ends.ways - length[:, None]
+        self._points, self._distances = limb_ends.points, ends.distances
+        past = ends.distances - length[:, None]
         self._owner, self._beyond = past.argmin(0), (past > 0).all(0)
 
     def ring(self, limb: int, share: float, length: float) -> Float:
         """Returns (3,) metres: the centre of a limb at a fraction of its length from its end."""
-        way = self._ways[limb] - share * length
-        own = self._owner == limb
-        weights = np.exp(-0.5 * (way[own] / (_RING_HALF_WIDTH * length)) ** 2) + 1e-12
+        offset = self._distances[limb] - share * length
+        is_own = self._owner == limb
+        weights = np.exp(-0.5 * (offset[is_own] / (_RING_HALF_WIDTH * length)) ** 2) + 1e-12
         weights /= weights.sum()
-        mean, middle = float(weights @ way[own]), weights @ self._points[own]
-        spread = float(weights @ (way[own] - mean) ** 2)
-        slope = (weights * (way[own] - mean)) @ (self._points[own] - middle) / max(spread, 1e-12)
+        mean, middle = float(weights @ offset[is_own]), weights @ self._points[is_own]
+        spread = float(weights @ (offset[is_own] - mean) ** 2)
+        slope = (weights * (offset[is_own] - mean)) @ (self._points[is_own] - middle) / max(spread, 1e-12)
         return np.asarray(
             middle + slope * np.clip(-mean, -_RING_HALF_WIDTH * length, _RING_HALF_WIDTH * length)
         )
 
     def trunk(self) -> Float:
-        """Returns (3,) metres: the centre of the points that belong to no limb; of all points if there are
-        none.
+        """Returns (3,) metres: the centre of the points that belong to no limb. If every point belongs to a
+        limb, the centre of all points.
         """
-        own = self._beyond
-        return np.asarray(self._points[own if own.any() else slice(None)].mean(0))
+        is_trunk = self._beyond
+        return np.asarray(self._points[is_trunk if is_trunk.any() else slice(None)].mean(0))
 
     def skull(self, deep: float) -> Float:
         """Returns (3,) metres: the centre of the points within ``deep`` metres of the head's end."""
-        near = self._ways[0] < deep
-        return np.asarray(self._points[near].mean(0) if near.any() else self._points[self._ways[0].argmin()])
+        near = self._distances[0] < deep
+        return np.asarray(
+            self._points[near].mean(0) if near.any() else self._points[self._distances[0].argmin()]
+        )
 
 
 def _hip_at_trunk(hip: Float, knee: Float, neck: Float, middle: Float) -> Float:
@@ -113,14 +116,14 @@ def _hip_at_trunk(hip: Float, knee: Float, neck: Float, middle: Float) -> Float:
     along = float(thigh @ trunk)
     if abs(along) > _MAX_LIFTED_COSINE:
         return hip
-    gap = middle - hip
-    further = float(gap @ thigh - along * (gap @ trunk)) / (1.0 - along * along)
+    to_trunk = middle - hip
+    further = float(to_trunk @ thigh - along * (to_trunk @ trunk)) / (1.0 - along * along)
     return np.asarray(hip + max(further, 0.0) * thigh)
 
 
-def _perpendicular_unit(way: Float, up: Float) -> Float:
-    """Returns (3,) the unit vector of the part of ``way`` that is perpendicular to ``up``."""
-    across = way - up * float(way @ up) / max(float(up @ up), 1e-12)
+def _perpendicular_unit(vector: Float, up: Float) -> Float:
+    """Returns (3,) the unit vector of the part of ``vector`` that is perpendicular to ``up``."""
+    across = vector - up * float(vector @ up) / max(float(up @ up), 1e-12)
     return unit(across)
 
 
@@ -151,13 +154,13 @@ def _order_ends(points: Float, joints: Float) -> list[int]:
     """Returns the indices of the five ends as head, left hand, right hand, left foot, right foot."""
     order = [0]
     for first, left in ((1, Joint.HAND_LEFT), (3, Joint.FOOT_LEFT)):
-        own = [float(np.linalg.norm(points[first + k] - joints[left])) for k in (0, 1)]
-        order += [first, first + 1] if own[0] <= own[1] else [first + 1, first]
+        distances = [float(np.linalg.norm(points[first + k] - joints[left])) for k in (0, 1)]
+        order += [first, first + 1] if distances[0] <= distances[1] else [first + 1, first]
     return order
 
 
 def _doubt_sentences(ends: FiveEnds, sure: float) -> tuple[str, ...]:
-    """Returns a sentence about each property that is nearly undecided."""
+    """Returns a sentence about each property that is uncertain."""
     doubts = []
     if ends.margin < _MIN_COST_MARGIN:
         doubts.append("It is not certain which ends are head, hands and feet.")

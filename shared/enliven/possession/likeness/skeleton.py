@@ -20,10 +20,10 @@ class BodyInMesh:
     Attributes:
         joints: (20, 3) metres, rest space; NaN for joints that the mesh does not have.
         yaw: radians about +Y from +Z to the mesh's front.
-        human: whether the mesh is built as a person is: a head, two arms, two legs and an upright trunk.
+        human: True if the mesh is built like a person: a head, two arms, two legs and an upright trunk.
         ends: (5, 3) metres, ends of head, left and right hand, left and right foot; empty if not human or not
             searched for.
-        doubts: a sentence about each property that is nearly undecided.
+        doubts: a sentence about each property that is uncertain.
         strangeness: 0 for a person of usual proportions that stands upright; higher for less human-like
             meshes.
     """
@@ -47,14 +47,14 @@ class BodyInMesh:
 
     @property
     def certain(self) -> bool:
-        """Whether the mesh is so certainly a person that it is treated as one by default."""
+        """True if the mesh is certainly a person, so that it is treated as a person by default."""
         return self.human and not self.doubts and self.strangeness < _MAX_PERSON_COST
 
     @property
     def leg(self) -> float:
         """Distance from hip to ankle, metres, mean of both legs; NaN without legs."""
-        ways = [
+        lengths = [
             np.linalg.norm(self.joints[j] - self.joints[PARENTS[j]])
             for j in (Joint.KNEE_LEFT, Joint.ANKLE_LEFT, Joint.KNEE_RIGHT, Joint.ANKLE_RIGHT)
         ]
-        return float(np.sum(ways) / 2)
+        return float(np.sum(lengths) / 2)

@@ -13,9 +13,9 @@ HEAD = 0
 _LIMBS_ON_PATH = np.array(
     [(1, 1, 0, 0)] * 2 + [(1, 0, 1, 1)] * 2 + [(0, 2, 0, 0)] + [(0, 1, 1, 1)] * 4 + [(0, 0, 0, 2)], float
 )
-"""(10, 4) how often head, arm, trunk and leg lie on the path between each pair of the five ends."""
+"""(10, 4) number of heads, arms, trunks and legs on the path between each pair of the five ends."""
 _LIMB_SOLVER = np.linalg.pinv(_LIMBS_ON_PATH)
-"""(4, 10) the lengths of limbs from the distances, by least squares."""
+"""(4, 10) matrix that computes the lengths of limbs from the distances, by least squares."""
 _USUAL_DEVIATION = 0.035
 """Usual deviation of a distance from the tree's, as a fraction of arm plus trunk plus leg. Geodesic paths
 go around a thick body."""
@@ -58,15 +58,15 @@ class LimbTree(NamedTuple):
         return (self.head + self.trunk, arm, arm, self.leg, self.leg, self.size)
 
 
-def ways_misfit(apart: Float) -> tuple[Float, Float]:
-    """Returns (K,) the cost of distances that fit no person's tree, and (K, 4) lengths of the nearest trees.
+def tree_misfit(distances: Float) -> tuple[Float, Float]:
+    """Returns (K,) the cost of the deviation from a person's tree, and (K, 4) lengths of the nearest trees.
 
     Args:
-        apart: (K, 10) metres between each pair of head, two hands and two feet, in this order.
+        distances: (K, 10) metres between each pair of head, two hands and two feet, in this order.
     """
-    lengths = apart @ _LIMB_SOLVER.T
+    lengths = distances @ _LIMB_SOLVER.T
     size = np.maximum(lengths[:, 1:].sum(1), 1e-9)[:, None]
-    square = ((apart - lengths @ _LIMBS_ON_PATH.T) / (_USUAL_DEVIATION * size)) ** 2
+    square = ((distances - lengths @ _LIMBS_ON_PATH.T) / (_USUAL_DEVIATION * size)) ** 2
     cost = (square / (1.0 + square / _HALF_WEIGHT_DEVIATION)).sum(1)
     lengths = np.maximum(lengths, 1e-3 * size)
     for part, of, usual, spread in _PROPORTIONS:
@@ -74,16 +74,16 @@ def ways_misfit(apart: Float) -> tuple[Float, Float]:
     return cost, lengths
 
 
-def weighted_place(points: Float, ways: Float, wanted: tuple[float, ...]) -> Float:
+def point_at_distances(points: Float, distances: Float, wanted: tuple[float, ...]) -> Float:
     """Returns (3,) metres: the centre of the points at the given distances along the surface from the five
     ends.
 
     Args:
         points: (C, 3) metres.
-        ways: (5, C) metres from each end.
-        wanted: the five distances, and the size by which errors are divided.
+        distances: (5, C) metres from each end.
+        wanted: the five distances, followed by the size that divides the errors.
     """
     *five, size = wanted
-    square = (((ways - np.array(five)[:, None]) / size) ** 2).sum(0)
+    square = (((distances - np.array(five)[:, None]) / size) ** 2).sum(0)
     weights = np.exp(-(square - square.min()) / (2 * _DISTANCE_TOLERANCE**2))
     return np.asarray(weights @ points / weights.sum())

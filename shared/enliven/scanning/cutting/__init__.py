@@ -1,5 +1,5 @@
-"""Cutting out: selects the object in a scan by a box, or by comparison with a scan of the place without
-it.
+"""Cutting out: selects the object in a scan by a box, or by comparison with a scan of the same place without
+the object.
 """
 
 import lazy_loader

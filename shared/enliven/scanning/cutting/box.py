@@ -10,8 +10,8 @@ from enliven import rotation
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.meshes import Mesh, submesh
-from enliven.scanning.cutting.parts import CutOut, set_down
-from enliven.scanning.ground_plane import GroundPlane, above_plane
+from enliven.scanning.cutting.parts import CutOut, place_on_floor
+from enliven.scanning.ground_plane import GroundPlane, cut_above_plane
 from enliven.scanning.settings import CutOutSettings
 
 _BELOW_FLOOR_M = 0.02
@@ -86,7 +86,7 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
         raise InputError(problem, where="box", mend="Make it higher.")
     inside = _faces_near_box(mesh, box)
     for normal, offset in CutBox(low, box.high, box.upright_from_world).planes():
-        inside = above_plane(inside, normal, offset)
+        inside = cut_above_plane(inside, normal, offset)
     if inside.area < s.least_area:
         level_vertices = mesh.vertices @ box.upright_from_world[:3, :3].T + box.upright_from_world[:3, 3]
         problem = "no surface that was scanned lies in the box"
@@ -94,7 +94,7 @@ def cut_by_box(mesh: Mesh, box: CutBox, settings: CutOutSettings | None = None) 
             ",".join(f"{x:.2f}" for x in corner) for corner in (level_vertices.min(0), level_vertices.max(0))
         )
         raise InputError(problem, where="box", mend=f"The scanned surface reaches from {reach}.")
-    return set_down(inside, box.upright_from_world, float(low[1]), s)
+    return place_on_floor(inside, box.upright_from_world, float(low[1]), s)
 
 
 def _faces_near_box(mesh: Mesh, box: CutBox) -> Mesh:

@@ -1,4 +1,4 @@
-"""Change detection: of a place that was scanned twice, selects the surface that stands in formerly free
+"""Change detection: compares two scans of a place, and selects the new surface that stands in formerly free
 space.
 """
 
@@ -16,15 +16,15 @@ from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import Mesh, shells, submesh
 from enliven.scanning.cutting.box import upright_frame
-from enliven.scanning.cutting.parts import CutOut, set_down
-from enliven.scanning.ground_plane import GroundPlane, above_plane, find_ground
-from enliven.scanning.rigid import inverse
+from enliven.scanning.cutting.parts import CutOut, place_on_floor
+from enliven.scanning.ground_plane import GroundPlane, cut_above_plane, find_ground
+from enliven.scanning.rigid import invert_pose
 from enliven.scanning.settings import CutOutSettings, DepthNoiseModel
 
 _MIN_IMAGES = 2
 """Minimum number of images that must have seen through a point, because one may have a wrong pixel there."""
 _MIN_SEEN_THROUGH_FRACTION = 0.7
-"""Minimum fraction of the images observing a point that saw through it. Next to an edge, only some do."""
+"""Minimum fraction of the images of a point that saw through it. Near an edge, only some of them do."""
 _SURFACE_DEVIATIONS = 3.0
 """Standard deviations of the depth within which a point lies at the observed surface."""
 _POSE_TOLERANCE_M = 0.012
@@ -40,7 +40,7 @@ _MAX_PATCH_M = 0.4
 _SUPPORT_HEIGHT_RANGE_M = 0.1
 """Height range around the lowest new point, metres, in which the supporting plane is searched."""
 _SUPPORT_MARGIN_M = 0.15
-"""Horizontal margin around the new surface, metres, within which the supporting plane is searched."""
+"""Horizontal margin around the new surface, metres, in which the supporting plane is searched."""
 _VOTING_ROUNDS = 2
 """Rounds of majority voting among neighbouring vertices, so that noise makes no holes."""
 
@@ -60,7 +60,9 @@ class KnownImage:
     world_from_camera: Float
 
 
-def compared(points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel | None = None) -> Int32:
+def compare_with_images(
+    points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel | None = None
+) -> Int32:
     """Returns (N,) the earlier state at points (N, 3), world: 1 free space, -1 a surface, 0 unknown."""
     observed, through = np.zeros(len(points), np.int32), np.zeros(len(points), np.int32)
     model = noise or DepthNoiseModel()
@@ -78,7 +80,7 @@ def compared(points: Float, images: Iterable[KnownImage], noise: DepthNoiseModel
         camera = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
         metres = np.asarray(image.depth, np.float32) * np.float32(1e-3)
         _count_seen_through(
-            points, inverse(image.world_from_camera), camera, metres, limits, observed, through
+            points, invert_pose(image.world_from_camera), camera, metres, limits, observed, through
         )
     air = through >= _MIN_SEEN_THROUGH_FRACTION * observed
     return np.where(air, through >= _MIN_IMAGES, -1).astype(np.int32)
@@ -112,7 +114,7 @@ def _count_seen_through(points, pose, camera, depth, limits, seen, through):
         through[n] += deep < surface_depth - near
 
 
-def cut_what_is_new(
+def cut_new_object(
     mesh: Mesh,
     images: Sequence[KnownImage],
     ground: GroundPlane | None = None,
@@ -130,35 +132,35 @@ def cut_what_is_new(
         InputError: if nothing is new.
     """
     s = settings or CutOutSettings()
-    fresh = _smoothed_states(mesh.faces, compared(mesh.vertices, images, noise)) > 0
-    new = np.asarray(fresh[mesh.faces].all(1))
+    is_new = _smooth_states(mesh.faces, compare_with_images(mesh.vertices, images, noise)) > 0
+    new = np.asarray(is_new[mesh.faces].all(1))
     new_part = submesh(mesh, new)
     if not new.any() or new_part.area < s.least_area:
-        problem = "no new object stands there"
+        problem = "no new object was found"
         mend = (
             "Show the same place both times, the second time with the object, and look at it from all sides."
         )
         raise InputError(problem, where="scan", mend=mend)
-    thing = _without_specks(new_part, s)
+    thing = _remove_specks(new_part, s)
     support = _support_plane(mesh, new, thing, ground)
-    above = above_plane(mesh, support.normal, support.offset + s.clearance)
-    earlier = _smoothed_states(above.faces, compared(above.vertices, images, noise))
+    above = cut_above_plane(mesh, support.normal, support.offset + s.clearance)
+    earlier = _smooth_states(above.faces, compare_with_images(above.vertices, images, noise))
     away, _ = cKDTree(thing.vertices).query(above.vertices, distance_upper_bound=_UNSEEN_RADIUS_M)
     # So close to the support, the comparison cannot separate the object from the support. There, everything
     # above the support and next to the object counts as object.
     low = (support.heights(above.vertices) < _FOOT_RADIUS_M) & (away < _FOOT_RADIUS_M)
-    meant = (earlier >= 0) & np.isfinite(away) | low
-    kept_faces = np.asarray(meant[above.faces].any(1))
-    cut = submesh(above, kept_faces | _small_patches(above, ~kept_faces, earlier >= 0))
-    return set_down(cut, upright_frame(support, np.zeros(3)), s.clearance, s)
+    is_kept = (earlier >= 0) & np.isfinite(away) | low
+    kept_faces = np.asarray(is_kept[above.faces].any(1))
+    cut = submesh(above, kept_faces | _find_small_patches(above, ~kept_faces, earlier >= 0))
+    return place_on_floor(cut, upright_frame(support, np.zeros(3)), s.clearance, s)
 
 
-def _small_patches(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
-    """Returns (F,) whether each excluded face lies in a patch that is too small to be another object.
+def _find_small_patches(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
+    """Returns (F,) True for excluded faces in a patch that is too small to be another object.
 
     Args:
         excluded: (F,) the faces that were excluded.
-        free: (V,) whether no surface was observed before.
+        free: (V,) True for vertices at which no surface was observed before.
     """
     faces = mesh.faces[excluded]
     label = np.asarray(shells(faces, len(mesh.vertices)))
@@ -172,8 +174,8 @@ def _small_patches(mesh: Mesh, excluded: Bool, free: Bool) -> Bool:
     return is_island
 
 
-def _without_specks(mesh: Mesh, s: CutOutSettings) -> Mesh:
-    """Returns the parts of a surface without specks: each has at least half the area of the smallest
+def _remove_specks(mesh: Mesh, s: CutOutSettings) -> Mesh:
+    """Returns the surface without specks. Each remaining part has at least half the area of the smallest
     object.
     """
     label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
@@ -182,7 +184,7 @@ def _without_specks(mesh: Mesh, s: CutOutSettings) -> Mesh:
     return submesh(mesh, large[label])
 
 
-def _smoothed_states(faces: Int32, states: Int32) -> Int32:
+def _smooth_states(faces: Int32, states: Int32) -> Int32:
     """Returns (V,) the earlier state at each vertex, after majority voting among its neighbours."""
     for _ in range(_VOTING_ROUNDS):
         votes, of_face = np.zeros(len(states)), states[faces].sum(1)
@@ -196,15 +198,15 @@ def _support_plane(mesh: Mesh, new: Bool, thing: Mesh, ground: GroundPlane | Non
     """Returns the plane that an object stands on: the table top below it, or else the floor."""
     up = np.array([0.0, 1.0, 0.0]) if ground is None else ground.normal
     frame = upright_frame(GroundPlane(up, 0.0, 0.0), np.zeros(3))[:3, :3]
-    place, own = mesh.vertices[mesh.faces].mean(1) @ frame.T, thing.vertices @ frame.T
+    place, object_vertices = mesh.vertices[mesh.faces].mean(1) @ frame.T, thing.vertices @ frame.T
     low, high = (
-        own.min(0) - [_SUPPORT_MARGIN_M, _SUPPORT_HEIGHT_RANGE_M, _SUPPORT_MARGIN_M],
-        own.max(0) + _SUPPORT_MARGIN_M,
+        object_vertices.min(0) - [_SUPPORT_MARGIN_M, _SUPPORT_HEIGHT_RANGE_M, _SUPPORT_MARGIN_M],
+        object_vertices.max(0) + _SUPPORT_MARGIN_M,
     )
-    high[1] = own[:, 1].min() + _SUPPORT_HEIGHT_RANGE_M
-    beside = ~new & (place > low).all(1) & (place < high).all(1)
+    high[1] = object_vertices[:, 1].min() + _SUPPORT_HEIGHT_RANGE_M
+    is_nearby = ~new & (place > low).all(1) & (place < high).all(1)
     try:
-        plane = find_ground(submesh(mesh, beside), up) if beside.any() else None
+        plane = find_ground(submesh(mesh, is_nearby), up) if is_nearby.any() else None
     except InputError:
         plane = None
     if plane is not None:

@@ -12,9 +12,9 @@ from enliven.scanning.holes import close_holes
 from enliven.scanning.settings import CutOutSettings
 
 _MAX_SPECK_FRACTION = 0.02
-"""Surface area below this fraction of the largest part's marks a part as floating noise."""
+"""A part with less than this fraction of the largest part's surface area is floating noise."""
 _ON_PLANE_M = 1e-9
-"""Distance from a plane, metres, within which a vertex lies on it: the rounding error of a cut."""
+"""Maximum distance from a plane, metres, of a vertex that lies on it: the rounding error of a cut."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class CutOut:
     area: float
 
 
-def without_specks(mesh: Mesh) -> tuple[Mesh, int]:
+def remove_specks(mesh: Mesh) -> tuple[Mesh, int]:
     """Returns the mesh without parts that are noise, and the number of parts left."""
     label = np.asarray(shells(mesh.faces, len(mesh.vertices)))[mesh.faces[:, 0]]
     areas = np.bincount(label, np.linalg.norm(mesh.face_vectors(), axis=1))
@@ -40,7 +40,7 @@ def without_specks(mesh: Mesh) -> tuple[Mesh, int]:
     return submesh(mesh, large[label]), int(np.count_nonzero(large))
 
 
-def set_down(mesh: Mesh, level_from_world: Float, cut_at: float, settings: CutOutSettings) -> CutOut:
+def place_on_floor(mesh: Mesh, level_from_world: Float, cut_at: float, settings: CutOutSettings) -> CutOut:
     """Returns a mesh that was cut along a horizontal plane as a standing object, closed at its base.
 
     Args:
@@ -48,7 +48,7 @@ def set_down(mesh: Mesh, level_from_world: Float, cut_at: float, settings: CutOu
         level_from_world: (4, 4) to a frame with +y up and the supporting plane at y = 0.
         cut_at: metres above y = 0 of the cut. The feet are extended down again by this height.
     """
-    cleaned, parts = without_specks(mesh)
+    cleaned, parts = remove_specks(mesh)
     area = cleaned.area
     vertices = cleaned.vertices @ level_from_world[:3, :3].T + level_from_world[:3, 3]
     feet = vertices[:, 1] < cut_at + _ON_PLANE_M

@@ -60,7 +60,7 @@ class FrameHistory:
 
     def frames(self, numbers: list[int] | None = None) -> Iterator[tuple[int, DepthFrame]]:
         """Yields the stored images with the given numbers, or all, with their numbers."""
-        wanted = None if numbers is None else set(numbers)
+        requested = None if numbers is None else set(numbers)
         for stored in self._kept:
-            if wanted is None or stored.number in wanted:
+            if requested is None or stored.number in requested:
                 yield stored.number, unpack_depth(stored.packed)

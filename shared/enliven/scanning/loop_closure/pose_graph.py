@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 from enliven import rotation
 from enliven.arrays import Float
-from enliven.scanning.rigid import cross_matrix, moved
+from enliven.scanning.rigid import cross_matrix, move_pose
 
 _MAX_STEPS = 30
 """Maximum number of Levenberg-Marquardt steps in each round."""
@@ -22,7 +22,7 @@ _INITIAL_DAMPING = 1e-6
 _TRUST_ROUNDS = 6
 """Rounds in which the trust in inconsistent loops is gradually reduced, from full trust on."""
 _TOLERANCE_SHRINK = 5.0
-"""Shrink factor per round of the tolerated error of a loop (graduated non-convexity)."""
+"""Divisor of the tolerated error of a loop in each round (graduated non-convexity)."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class PoseLink:
         first_from_second: (4, 4) the second pose in the first one's frame.
         information: (6, 6) inverse covariance of its translation (m) and rotation (rad), the first pose's
             axes.
-        sure: whether the link is certain; a loop that is not sure may turn out to be false.
+        sure: True if the link is certain. A loop is not certain: it may turn out to be false.
     """
 
     first: int
@@ -44,7 +44,7 @@ class PoseLink:
     sure: bool = True
 
 
-def settled(
+def optimize_poses(
     poses: Sequence[Float],
     links: Sequence[PoseLink],
     ups: Sequence[Float | None] | None = None,
@@ -53,8 +53,8 @@ def settled(
 ) -> tuple[list[Float], Float]:
     """Returns the poses at which the links agree best, and the trust in each link, 0 to 1.
 
-    The first pose is fixed. Links that are not sure are weighted by the Geman-McClure function, starting
-    wide.
+    The first pose is fixed. Links that are not sure are weighted by the Geman-McClure function. Its width is
+    large at first.
 
     Args:
         poses: (4, 4) each, world_from_pose, initial estimates.
@@ -63,38 +63,38 @@ def settled(
         level: radians, standard deviation of these.
         doubt: squared Mahalanobis distance at which a link that is not sure has a quarter of its weight.
     """
-    current, felt = [pose.copy() for pose in poses], list(ups or [None] * len(poses))
-    belief = np.ones(len(links))
+    current, measured_ups = [pose.copy() for pose in poses], list(ups or [None] * len(poses))
+    trusts = np.ones(len(links))
     if not links or len(poses) < 2:
-        return current, belief
-    loose = np.array([not link.sure for link in links])
-    for turn in range(_TRUST_ROUNDS if loose.any() else 1):
-        current = _solved_poses(current, links, belief, felt, level)
+        return current, trusts
+    is_loop = np.array([not link.sure for link in links])
+    for turn in range(_TRUST_ROUNDS if is_loop.any() else 1):
+        current = _solve_poses(current, links, trusts, measured_ups, level)
         squares = _squared_errors(current, links)
         scale = doubt * _TOLERANCE_SHRINK ** (_TRUST_ROUNDS - 1 - turn)
-        belief = np.where(loose, (scale / (scale + squares)) ** 2, 1.0)
-    return _solved_poses(current, links, belief, felt, level), belief
+        trusts = np.where(is_loop, (scale / (scale + squares)) ** 2, 1.0)
+    return _solve_poses(current, links, trusts, measured_ups, level), trusts
 
 
-def cost_of(
+def pose_graph_cost(
     poses: Sequence[Float],
     links: Sequence[PoseLink],
-    belief: Float,
+    trusts: Float,
     ups: Sequence[Float | None],
     level: float,
 ) -> float:
-    """Returns half the weighted sum of squares that :func:`settled` minimizes, for given trust in the
+    """Returns half the weighted sum of squares that :func:`optimize_poses` minimizes, for given trust in the
     links.
     """
-    total = float(belief @ _squared_errors(poses, links))
-    aim = _up_direction(poses, ups)
+    total = float(trusts @ _squared_errors(poses, links))
+    world_up = _up_direction(poses, ups)
     for pose, up in zip(poses, ups, strict=True):
-        if up is not None and aim is not None:
-            total += float(np.square(pose[:3, :3] @ up - aim).sum()) / level**2
+        if up is not None and world_up is not None:
+            total += float(np.square(pose[:3, :3] @ up - world_up).sum()) / level**2
     return total / 2
 
 
-def residual_of(link: PoseLink, first: Float, second: Float) -> Float:
+def link_residual(link: PoseLink, first: Float, second: Float) -> Float:
     """Returns (6,) the error of a link, metres and radians: the actual second pose relative to the link's."""
     turn, relative = first[:3, :3].T, link.first_from_second
     place = turn @ (second[:3, 3] - first[:3, 3]) - relative[:3, 3]
@@ -104,7 +104,7 @@ def residual_of(link: PoseLink, first: Float, second: Float) -> Float:
 
 def _squared_errors(poses: Sequence[Float], links: Sequence[PoseLink]) -> Float:
     """Returns (L,) squared Mahalanobis distances of the links."""
-    errors = [residual_of(link, poses[link.first], poses[link.second]) for link in links]
+    errors = [link_residual(link, poses[link.first], poses[link.second]) for link in links]
     return np.array([e @ link.information @ e for e, link in zip(errors, links, strict=True)])
 
 
@@ -113,17 +113,17 @@ def _up_direction(poses: Sequence[Float], ups: Sequence[Float | None]) -> Float 
     return next((pose[:3, :3] @ up for pose, up in zip(poses, ups, strict=True) if up is not None), None)
 
 
-def _solved_poses(
-    poses: list[Float], links: Sequence[PoseLink], belief: Float, ups: list[Float | None], level: float
+def _solve_poses(
+    poses: list[Float], links: Sequence[PoseLink], trusts: Float, ups: list[Float | None], level: float
 ) -> list[Float]:
     """Returns the poses after Levenberg-Marquardt steps, for given trust in the links."""
-    damping, cost = _INITIAL_DAMPING, cost_of(poses, links, belief, ups, level)
+    damping, cost = _INITIAL_DAMPING, pose_graph_cost(poses, links, trusts, ups, level)
     for _ in range(_MAX_STEPS):
-        matrix, gradient = _normal_equations(poses, links, belief, ups, level)
+        matrix, gradient = _normal_equations(poses, links, trusts, ups, level)
         diagonal = damping * matrix.diagonal().mean()
         step = -splu(matrix + csc_matrix(diagonal * np.eye(len(gradient)))).solve(gradient)
-        tried = [poses[0], *(moved(pose, step[6 * n : 6 * n + 6]) for n, pose in enumerate(poses[1:]))]
-        after = cost_of(tried, links, belief, ups, level)
+        tried = [poses[0], *(move_pose(pose, step[6 * n : 6 * n + 6]) for n, pose in enumerate(poses[1:]))]
+        after = pose_graph_cost(tried, links, trusts, ups, level)
         if after > cost:
             damping *= 10.0
             continue
@@ -135,14 +135,14 @@ def _solved_poses(
 
 
 def _normal_equations(
-    poses: list[Float], links: Sequence[PoseLink], belief: Float, ups: list[Float | None], level: float
+    poses: list[Float], links: Sequence[PoseLink], trusts: Float, ups: list[Float | None], level: float
 ) -> tuple[csc_matrix, Float]:
     """Returns the (6 N - 6) square normal matrix of all poses except the first, and the gradient."""
     count = len(poses) - 1
     blocks: dict[tuple[int, int], Float] = {(n, n): np.zeros((6, 6)) for n in range(count)}
     gradient = np.zeros((count, 6))
-    for link, trust in zip(links, belief, strict=True):
-        error, of_first, of_second = slopes_of(link, poses[link.first], poses[link.second])
+    for link, trust in zip(links, trusts, strict=True):
+        error, of_first, of_second = link_jacobians(link, poses[link.first], poses[link.second])
         weight = trust * link.information
         for a, slope_a in ((link.first - 1, of_first), (link.second - 1, of_second)):
             if a < 0:
@@ -151,13 +151,13 @@ def _normal_equations(
             for b, slope_b in ((link.first - 1, of_first), (link.second - 1, of_second)):
                 if b >= 0:
                     blocks[a, b] = blocks.get((a, b), 0.0) + slope_a.T @ weight @ slope_b
-    aim = _up_direction(poses, ups)
+    world_up = _up_direction(poses, ups)
     for n, up in enumerate(ups[1:]):
-        if up is not None and aim is not None:
-            felt = poses[n + 1][:3, :3] @ up
-            slope = -cross_matrix(felt)
+        if up is not None and world_up is not None:
+            measured_up = poses[n + 1][:3, :3] @ up
+            slope = -cross_matrix(measured_up)
             blocks[n, n][3:, 3:] += slope.T @ slope / level**2
-            gradient[n, 3:] += slope.T @ (felt - aim) / level**2
+            gradient[n, 3:] += slope.T @ (measured_up - world_up) / level**2
     rows, columns, values = [], [], []
     down, across = np.mgrid[0:6, 0:6]
     for (a, b), block in blocks.items():
@@ -168,13 +168,13 @@ def _normal_equations(
     return csc_matrix((np.concatenate(values), place), shape=(6 * count, 6 * count)), gradient.ravel()
 
 
-def slopes_of(link: PoseLink, first: Float, second: Float) -> tuple[Float, Float, Float]:
+def link_jacobians(link: PoseLink, first: Float, second: Float) -> tuple[Float, Float, Float]:
     """Returns the residual and its (6, 6) Jacobians for a translation and rotation of either pose, world
     axes.
     """
-    error = residual_of(link, first, second)
+    error = link_residual(link, first, second)
     turn, offset = first[:3, :3].T, second[:3, 3] - first[:3, 3]
-    turned = _inverse_of_turning(error[3:]) @ turn
+    turned = _inverse_left_jacobian(error[3:]) @ turn
     of_first, of_second = np.zeros((6, 6)), np.zeros((6, 6))
     of_first[:3, :3], of_second[:3, :3] = -turn, turn
     of_first[:3, 3:] = turn @ cross_matrix(offset)
@@ -182,7 +182,7 @@ def slopes_of(link: PoseLink, first: Float, second: Float) -> tuple[Float, Float
     return error, of_first, of_second
 
 
-def _inverse_of_turning(turn: Float) -> Float:
+def _inverse_left_jacobian(turn: Float) -> Float:
     """Returns (3, 3) the derivative of a rotation vector for a small rotation after it (the inverse left
     Jacobian).
     """

@@ -11,8 +11,8 @@ from enliven.arrays import Float, Float32
 from enliven.frames import DepthFrame
 from enliven.scanning.depth_view import DepthPreparation, DepthView
 from enliven.scanning.frame_to_model_tracking import CameraTracker
-from enliven.scanning.keyframes import reduced
-from enliven.scanning.rigid import apart
+from enliven.scanning.keyframes import reduce_view
+from enliven.scanning.rigid import pose_difference
 from enliven.scanning.settings import ScanSettings
 from enliven.scanning.tsdf_volume import TsdfVolume
 
@@ -23,7 +23,7 @@ _PIXEL_STRIDE = 4
 """Half-size pixels between the points that are aligned with a submap: a quarter as many points as in
 tracking."""
 _MAX_IMAGES = 3
-"""Maximum number of images of a submap that are fused. Each further image adds less."""
+"""Maximum number of images of a submap that are fused. Further images would add little."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class SubMap:
         return self.numbers[len(self.numbers) // 2]
 
     @property
-    def looks(self) -> list[int]:
+    def fused_numbers(self) -> list[int]:
         """The numbers of the images that are fused when other submaps are aligned with this one."""
         keep = np.unique(
             np.linspace(0, len(self.numbers) - 1, min(_MAX_IMAGES, len(self.numbers))).astype(int)
@@ -50,7 +50,9 @@ class SubMap:
         return [self.numbers[n] for n in keep]
 
 
-def split_way(poses: Sequence[Float], numbers: Sequence[int], metres: float, radians: float) -> list[SubMap]:
+def split_trajectory(
+    poses: Sequence[Float], numbers: Sequence[int], metres: float, radians: float
+) -> list[SubMap]:
     """Returns the submaps of a trajectory. Within each one, the camera stays within the limits from its
     start.
 
@@ -64,7 +66,7 @@ def split_way(poses: Sequence[Float], numbers: Sequence[int], metres: float, rad
     for number in numbers:
         far = not pieces
         if pieces:
-            move, turn = apart(poses[pieces[-1][0]], poses[number])
+            move, turn = pose_difference(poses[pieces[-1][0]], poses[number])
             far = move > metres or turn > radians
         if far:
             pieces.append([])
@@ -82,20 +84,20 @@ class PlacedPiece:
         pose: (4, 4) its anchor's pose.
 
     Args:
-        images: of at least its anchor and its ``looks``, with their poses, by number.
+        images: of at least its anchor and its ``fused_numbers``, with their poses, by number.
     """
 
     def __init__(
         self, piece: SubMap, images: Mapping[int, tuple[DepthFrame, Float]], preparation: DepthPreparation
     ) -> None:
-        self._images, self._preparation = [images[n] for n in piece.looks], preparation
+        self._images, self._preparation = [images[n] for n in piece.fused_numbers], preparation
         frame, self.pose = images[piece.anchor]
         view, empty = preparation.prepare(frame.depth), np.empty((0, 0), np.float32)
         self.view: DepthView = replace(view, planes=empty, weights=empty)
-        self.small: Float32 = reduced(view)
+        self.small: Float32 = reduce_view(view)
 
     def fuse_into(self, volumes: Sequence[TsdfVolume]) -> None:
-        """Clears the volumes and fuses the submap's ``looks`` into them."""
+        """Clears the volumes and fuses the submap's ``fused_numbers`` into them."""
         for volume in volumes:
             volume.clear()
         for frame, pose in self._images:

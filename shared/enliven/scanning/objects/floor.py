@@ -1,4 +1,4 @@
-"""Checks whether floor and object kept their relative position. A part that moves against the floor is the
+"""Measures the position of the floor relative to an object. A part that moves relative to the floor is the
 object.
 """
 
@@ -24,7 +24,7 @@ _PIXEL_STRIDE = 2
 
 
 def floor_plane(
-    view: DepthView, world_from_camera: Float, ground: GroundPlane, middle: Float, own: Bool
+    view: DepthView, world_from_camera: Float, ground: GroundPlane, middle: Float, object_pixels: Bool
 ) -> Float | None:
     """Returns (3,) the floor in an image relative to the ground: metres above it at a point, and two slopes.
 
@@ -32,19 +32,19 @@ def floor_plane(
 
     Args:
         middle: (3,) the point, world: the object's centre.
-        own: (h, w) the object's pixels, which are not floor even if the object lies flat.
+        object_pixels: (h, w) the object's pixels, which are not floor even if the object lies flat.
     """
     turn = world_from_camera[:3, :3]
-    some = (slice(None, None, _PIXEL_STRIDE), slice(None, None, _PIXEL_STRIDE))
-    points = view.points[some] @ turn.T + world_from_camera[:3, 3]
+    subsample = (slice(None, None, _PIXEL_STRIDE), slice(None, None, _PIXEL_STRIDE))
+    points = view.points[subsample] @ turn.T + world_from_camera[:3, 3]
     heights = points @ ground.normal - ground.offset
     across = points - middle
     level = across - (across @ ground.normal)[..., None] * ground.normal
     floor = (
-        (view.worth[some] > 0)
-        & ~own[some]
+        (view.worth[subsample] > 0)
+        & ~object_pixels[subsample]
         & (np.abs(heights) < _FLOOR_BAND_M)
-        & (view.normals[some] @ turn.T @ ground.normal > _MIN_NORMAL_COSINE)
+        & (view.normals[subsample] @ turn.T @ ground.normal > _MIN_NORMAL_COSINE)
         & (np.square(level).sum(-1) < _FLOOR_RADIUS_M**2)
     )
     if np.count_nonzero(floor) < _MIN_FLOOR_POINTS:
@@ -53,5 +53,5 @@ def floor_plane(
     columns = np.stack(
         [np.ones(floor.sum()), level[floor] @ tangent, level[floor] @ np.cross(ground.normal, tangent)], 1
     )
-    root = np.sqrt(view.worth[some][floor])[:, None]
+    root = np.sqrt(view.worth[subsample][floor])[:, None]
     return np.asarray(np.linalg.lstsq(columns * root, heights[floor] * root[:, 0], rcond=None)[0])

@@ -12,13 +12,13 @@ import numpy as np
 from enliven import rotation
 from enliven.arrays import Bool, Float
 from enliven.frames import DepthFrame
-from enliven.scanning.depth_view import DepthView, only
+from enliven.scanning.depth_view import DepthView, restrict_view
 from enliven.scanning.frame_to_model_tracking import Alignment, CameraTracker
 from enliven.scanning.loop_closure import FrameHistory
-from enliven.scanning.objects.nearness import distances_in
+from enliven.scanning.objects.nearness import surface_distances
 from enliven.scanning.objects.object_model import ObjectModel
 from enliven.scanning.objects.rest import ObjectRest
-from enliven.scanning.rigid import inverse
+from enliven.scanning.rigid import invert_pose
 from enliven.scanning.settings import ScanSettings
 
 _FINE_VOLUME = 1
@@ -29,7 +29,7 @@ _TRACKING_RANGE_M = 0.06
 """Distance from the surface, metres, within which a point helps to track the object: its possible motion
 between images."""
 _LOST_TRACKING_RANGE_M = 0.2
-"""The same distance, metres, if the object was lost: the range of the coarsest voxels about a surface."""
+"""The same distance, metres, if the object was lost. The coarsest voxels reach this far from a surface."""
 _LIFT_HEIGHTS_M = 0.06, 0.12, 0.18
 """Heights, metres, above the last position at which the object is searched, because its motion is detected
 late."""
@@ -52,10 +52,10 @@ its pose uncertainty. With fewer observations, noise looks like slopes that rota
 _MIN_OBJECT_PIXELS = 150
 """Minimum number of half-size pixels for tracking an object: a hand's width at two metres."""
 _MAX_ROTATION = 0.5
-"""Maximum rotation between two images, radians. A larger one is a different pose that looks alike."""
+"""Maximum rotation between two images, radians. A larger rotation is a wrong pose that looks similar."""
 _MAX_DISPLACEMENT_M = 0.15
-"""Maximum displacement of the object's centre between two images, metres. A larger one is a different
-place."""
+"""Maximum displacement of the object's centre between two images, metres. A larger displacement is a wrong
+pose."""
 
 
 @dataclass(frozen=True)
@@ -63,16 +63,17 @@ class ObjectTrackingResult:
     """The tracking result of an object in an image.
 
     Attributes:
-        sure: whether it was found; otherwise nothing is fused.
-        object_from_camera: (4, 4) the camera's pose in the object's frame; the last known one if it was not
-            found.
-        own: (h, w) half-size pixels that may belong to the object; they are excluded when tracking the room.
-        alignment: how well it fits; None if too little of it is visible.
+        sure: True if the object was found. If False, nothing is fused.
+        object_from_camera: (4, 4) the camera's pose in the object's frame. If the object was not found, the
+            last known pose.
+        object_points: (h, w) half-size pixels that may belong to the object; they are excluded when tracking
+            the room.
+        alignment: the quality of the fit. None if too little of the object is visible.
     """
 
     sure: bool
     object_from_camera: Float
-    own: Bool
+    object_points: Bool
     alignment: Alignment | None
 
 
@@ -123,9 +124,11 @@ class ObjectFollower:
             )
         sure = alignment is not None and self._is_reliable(alignment)
         pose = alignment.world_from_camera if sure and alignment is not None else self._pose
-        distance = distances_in(self._model.volumes[_COARSE_VOLUME], view, pose)
-        own = np.abs(distance) < _TRACKING_RANGE_M
-        return ObjectTrackingResult(sure, pose, own & self._above_ground(view, room_from_camera), alignment)
+        distance = surface_distances(self._model.volumes[_COARSE_VOLUME], view, pose)
+        object_pixels = np.abs(distance) < _TRACKING_RANGE_M
+        return ObjectTrackingResult(
+            sure, pose, object_pixels & self._above_ground(view, room_from_camera), alignment
+        )
 
     def _lifted_poses(self, room_from_camera: Float) -> list[Float]:
         """Returns (4, 4) candidate camera poses in the frame of an object that was lifted or turned since
@@ -149,39 +152,45 @@ class ObjectFollower:
         return poses
 
     def take(
-        self, frame: DepthFrame, view: DepthView, found: ObjectTrackingResult, room_from_camera: Float
+        self, frame: DepthFrame, view: DepthView, result: ObjectTrackingResult, room_from_camera: Float
     ) -> None:
         """Updates the motion from a tracking result, and fuses the image if the result is reliable.
 
         Args:
             room_from_camera: (4, 4) the tracked camera pose in the room.
         """
-        if not found.sure:
+        if not result.sure:
             self.missed += 1
             self._likely = self._likely @ self._going
             return
         if not self.missed:
-            self._going = inverse(self._pose) @ found.object_from_camera
-        self.missed, self._pose = 0, found.object_from_camera
+            self._going = invert_pose(self._pose) @ result.object_from_camera
+        self.missed, self._pose = 0, result.object_from_camera
         self._likely = self._pose @ self._going
-        own, is_known = self.own(view, room_from_camera)
-        self._model.fuse(only(view, own), self._pose)
+        object_pixels, is_known = self.object_points(view, room_from_camera)
+        self._model.fuse(restrict_view(view, object_pixels), self._pose)
         if self._model.size < self._most:
             points = view.points[is_known] @ self._pose[:3, :3].T + self._pose[:3, 3]
             self._model.grow(points)
         self.history.add(len(self.poses), frame)
         self.poses.append(self._pose)
 
-    def own(self, view: DepthView, room_from_camera: Float) -> tuple[Bool, Bool]:
+    def object_points(self, view: DepthView, room_from_camera: Float) -> tuple[Bool, Bool]:
         """Returns (h, w) the points that are fused, and those of them that were known before."""
-        distance = distances_in(self._model.volumes[_FINE_VOLUME], view, self._pose)
+        distance = surface_distances(self._model.volumes[_FINE_VOLUME], view, self._pose)
         is_known = np.abs(distance) < _OBJECT_DISTANCE_M
         # A point in front of a known surface lies in observed free space, so it belongs to a hand.
         new = np.isnan(distance) | (distance < -_OBJECT_DISTANCE_M)
         local = view.points @ self._pose[:3, :3].T + self._pose[:3, 3]
-        may = self._model.reaches(local, _EXTENT_MARGIN_M) & self._above_ground(view, room_from_camera)
-        own = (is_known | (new & ~self._on_room_surface(view, room_from_camera))) & may & (view.worth > 0)
-        return own, own & is_known
+        is_candidate = self._model.contains(local, _EXTENT_MARGIN_M) & self._above_ground(
+            view, room_from_camera
+        )
+        object_pixels = (
+            (is_known | (new & ~self._on_room_surface(view, room_from_camera)))
+            & is_candidate
+            & (view.worth > 0)
+        )
+        return object_pixels, object_pixels & is_known
 
     def views(self) -> Iterator[tuple[DepthView, Float]]:
         """Yields the fused images, restricted to points on the current surface of the object, and their
@@ -189,43 +198,44 @@ class ObjectFollower:
         """
         scanner = self._rest.scanner
         for number, frame in self.history.frames():
-            view, pose = scanner.prepared(frame), self.poses[number]
-            distance = distances_in(self._model.volumes[_FINE_VOLUME], view, pose)
-            yield only(view, np.abs(distance) < _OBJECT_DISTANCE_M), pose
+            view, pose = scanner.prepare_view(frame), self.poses[number]
+            distance = surface_distances(self._model.volumes[_FINE_VOLUME], view, pose)
+            yield restrict_view(view, np.abs(distance) < _OBJECT_DISTANCE_M), pose
 
     def _best_pose(
         self, view: DepthView, start: Float, room_from_camera: Float, coarsest: int = 1
     ) -> Alignment | None:
-        """Returns the best pose near a start, using only nearby points; None if there are too few."""
-        near = np.abs(distances_in(self._model.volumes[_COARSE_VOLUME], view, start)) < (
+        """Returns the best pose near a start pose, using only points near the surface. None if there are too
+        few such points."""
+        near = np.abs(surface_distances(self._model.volumes[_COARSE_VOLUME], view, start)) < (
             _TRACKING_RANGE_M if coarsest < _COARSE_VOLUME else _LOST_TRACKING_RANGE_M
         )
         near &= self._above_ground(view, room_from_camera)
         if np.count_nonzero(near) < _MIN_OBJECT_PIXELS:
             return None
         tracker = CameraTracker(self._model.volumes, self.settings.tracking)
-        return tracker.align(only(view, near), start, coarsest=coarsest)
+        return tracker.align(restrict_view(view, near), start, coarsest=coarsest)
 
     def _is_reliable(self, alignment: Alignment) -> bool:
-        """Returns whether an alignment determines the object's pose reliably."""
+        """Returns True if an alignment determines the object's pose reliably."""
         s = self.settings.tracking
         if alignment.overlap < s.overlap or alignment.agreeing < s.agreeing:
             return False
         if alignment.deviation > self.settings.moved.unsure and len(self.poses) >= self._fresh:
             return False
         # Compute the motion of the object relative to the camera, about the centre of the object.
-        step = inverse(alignment.world_from_camera) @ self._pose
+        step = invert_pose(alignment.world_from_camera) @ self._pose
         cosine = (np.trace(step[:3, :3]) - 1.0) / 2.0
         middle = np.append(self._model.middle, 1.0)
-        way = inverse(alignment.world_from_camera) @ middle - inverse(self._pose) @ middle
+        displacement = invert_pose(alignment.world_from_camera) @ middle - invert_pose(self._pose) @ middle
         images = 1 + self.missed
         return bool(
             cosine > np.cos(min(_MAX_ROTATION * images, np.pi))
-            and np.linalg.norm(way) < _MAX_DISPLACEMENT_M * images
+            and np.linalg.norm(displacement) < _MAX_DISPLACEMENT_M * images
         )
 
     def _above_ground(self, view: DepthView, room_from_camera: Float) -> Bool:
-        """Returns (h, w) whether each point lies above the ground."""
+        """Returns (h, w) True for each point above the ground."""
         ground = self._rest.ground
         if ground is None:
             return view.worth > 0
@@ -234,13 +244,15 @@ class ObjectFollower:
         return np.asarray((view.worth > 0) & (height > self.settings.cut_out.clearance))
 
     def _on_room_surface(self, view: DepthView, room_from_camera: Float) -> Bool:
-        """Returns (h, w) whether each point lies on the room's surface, except where the object stood in
-        the room.
+        """Returns (h, w) True for each point on the room's surface, except where the object stood in the
+        room.
         """
-        distance = distances_in(self._rest.scanner.volumes[_FINE_VOLUME], view, room_from_camera)
-        return np.asarray((np.abs(distance) < _ROOM_DISTANCE_M) & ~self._rest.held(view, room_from_camera))
+        distance = surface_distances(self._rest.scanner.volumes[_FINE_VOLUME], view, room_from_camera)
+        return np.asarray(
+            (np.abs(distance) < _ROOM_DISTANCE_M) & ~self._rest.object_pixels(view, room_from_camera)
+        )
 
 
 def _fit_score(alignment: Alignment) -> float:
-    """Returns how well an image fits, to choose among several poses."""
+    """Returns a score of the fit of an image, to choose among several poses."""
     return alignment.agreeing * alignment.overlap

@@ -1,4 +1,4 @@
-"""Free space of images: no surface can lie where a camera saw through."""
+"""Free space of images: no surface can lie at points that a camera saw through."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Float32
 from enliven.camera import Intrinsics
 from enliven.scanning.depth_view import DepthView
-from enliven.scanning.rigid import inverse
+from enliven.scanning.rigid import invert_pose
 
 _SUBSAMPLING = 4
 """Subsampling factor from half-size pixels to the stored image."""
@@ -50,12 +50,12 @@ def seen_depth(view: DepthView, frame_from_camera: Float) -> SeenDepth:
 
 
 def seen_through(points: Float, views: Sequence[SeenDepth], clearance: float) -> Bool:
-    """Returns (N,) whether each point lies at least ``clearance`` metres in front of the depth in two of
-    the images.
+    """Returns (N,) True for points that lie at least ``clearance`` metres in front of the depth in two of the
+    images.
     """
     count = np.zeros(len(points), int)
     for view in views:
-        back = inverse(view.frame_from_camera)
+        back = invert_pose(view.frame_from_camera)
         local = points @ back[:3, :3].T + back[:3, 3]
         ahead = np.flatnonzero(local[:, 2] > _MIN_SENSOR_DISTANCE_M)
         x, y, z = local[ahead].T

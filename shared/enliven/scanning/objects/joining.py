@@ -10,23 +10,25 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes import Mesh
-from enliven.scanning.ground_plane import largest
-from enliven.scanning.marching_cubes import surface_of
+from enliven.scanning.ground_plane import largest_component
+from enliven.scanning.marching_cubes import extract_surface
 from enliven.scanning.objects.follower import ObjectFollower
-from enliven.scanning.objects.registration import laid
+from enliven.scanning.objects.registration import align_from_starts
 from enliven.scanning.objects.rest import ObjectRest
-from enliven.scanning.objects.surface_points import nearest_grid, sampled
+from enliven.scanning.objects.surface_points import make_nearest_grid, sample_surface
 from enliven.scanning.settings import ScanSettings
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _MAX_POINTS = 40_000
-"""Points of the surface with which a rest is aligned: some millimetres apart on a chair."""
+"""Number of points of the surface with which a rest is aligned. On a chair they are some millimetres
+apart."""
 _PART_POINTS = 8000
-"""Points of a rest that are aligned with it."""
+"""Number of points of a rest that are aligned with this surface."""
 _CELL_M = 0.006
 """Cell size, metres, of the nearest-point grid."""
 _SEARCH_RADIUS_M = 0.05
-"""Distance around the surface, metres, in which points find it. The remaining error of a rest is smaller."""
+"""Maximum distance, metres, between a point and its nearest surface point in ICP. The remaining pose error of
+a rest is smaller."""
 _ICP_STEPS = 20
 """Number of ICP steps."""
 _RESIDUAL_WIDTHS_M = 0.02, 0.003
@@ -37,7 +39,7 @@ _CLEANING_INTERVAL = 90
 """Images between removals of blocks without a surface."""
 
 
-def joined_object(
+def merge_rests(
     rests: Sequence[ObjectRest], settings: ScanSettings, followers: Sequence[ObjectFollower] = ()
 ) -> Mesh:
     """Returns the surface of an object from all images at rests and in between, metres, the first rest's
@@ -47,7 +49,7 @@ def joined_object(
     for number, rest in enumerate(rests):
         if not rest.parts or rest.object_from_room is None:
             continue
-        before = surface_of(volume) if number else None
+        before = extract_surface(volume) if number else None
         pose = rest.object_from_room
         if before is not None and len(before.faces):
             pose = _refined_pose(rest, pose, before)
@@ -60,15 +62,22 @@ def joined_object(
             volume.integrate(view, pose)
             if count % _CLEANING_INTERVAL == _CLEANING_INTERVAL - 1:
                 volume.clean()
-    return largest(surface_of(volume))
+    return largest_component(extract_surface(volume))
 
 
 def _refined_pose(rest: ObjectRest, pose: Float, earlier: Mesh) -> Float:
     """Returns object_from_room (4, 4) of a rest after its surface was aligned with that of the earlier
     rests.
     """
-    grid = nearest_grid(sampled(largest(earlier), _MAX_POINTS), _CELL_M, _SEARCH_RADIUS_M)
-    poses, _ = laid(
-        grid, sampled(rest.parts[0], _PART_POINTS), pose[None], _ICP_STEPS, _ON_SURFACE_M, _RESIDUAL_WIDTHS_M
+    grid = make_nearest_grid(
+        sample_surface(largest_component(earlier), _MAX_POINTS), _CELL_M, _SEARCH_RADIUS_M
+    )
+    poses, _ = align_from_starts(
+        grid,
+        sample_surface(rest.parts[0], _PART_POINTS),
+        pose[None],
+        _ICP_STEPS,
+        _ON_SURFACE_M,
+        _RESIDUAL_WIDTHS_M,
     )
     return np.asarray(poses[0])

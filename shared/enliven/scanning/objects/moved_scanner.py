@@ -12,15 +12,15 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.frames import DepthFrame
 from enliven.meshes import Mesh
-from enliven.scanning.ground_plane import cut_out, find_ground, focus_of, whole_part
+from enliven.scanning.ground_plane import cut_out, cut_whole_part, find_focus, find_ground
 from enliven.scanning.loop_closure import FrameHistory
 from enliven.scanning.objects.follower import ObjectFollower
-from enliven.scanning.objects.joining import joined_object
+from enliven.scanning.objects.joining import merge_rests
 from enliven.scanning.objects.moved_step import MovedStep, ObjectState
 from enliven.scanning.objects.object_model import ObjectModel
-from enliven.scanning.objects.registration import ScannedSurface, registered
-from enliven.scanning.objects.rest import ObjectRest, known_of
-from enliven.scanning.rigid import inverse
+from enliven.scanning.objects.registration import ScannedSurface, register_part
+from enliven.scanning.objects.rest import ObjectRest, merge_known_surfaces
+from enliven.scanning.rigid import invert_pose
 from enliven.scanning.scanner import ExcludedPixels, Scanner, ScanState, ScanStep
 from enliven.scanning.settings import ScanSettings
 
@@ -40,7 +40,7 @@ _MAX_UNKNOWN_IMAGES = 10
 first image."""
 
 
-def following(settings: ScanSettings) -> ScanSettings:
+def object_tracking_settings(settings: ScanSettings) -> ScanSettings:
     """Returns the settings for tracking an object while it moves; voxels are at most 4 mm."""
     volume = replace(settings.volume, voxel=min(settings.volume.voxel, _MAX_VOXEL_M))
     moved = replace(
@@ -53,11 +53,11 @@ class MovedScanner:
     """A scanner for an object that is moved during the scan, and the room around it.
 
     The settings choose the object among those on the floor. While it stands, room and object form one scan,
-    and both constrain the camera's pose. A part that then moves rigidly against the floor is the object: the
-    rest ends, and nothing is fused while it is carried. When the scene stands still again, a new scan begins,
-    and the object is searched in it in every pose. Images that saw through the object's assumed place count
-    against that pose. At the end, the object is cut out of every rest, and all their images are fused into
-    one surface.
+    and both constrain the camera's pose. A part that then moves rigidly relative to the floor is the object.
+    The rest ends, and nothing is fused while the object is carried. When the scene stands still again, a new
+    scan begins, and the object is searched in it in every pose. Images that saw through the object's assumed
+    place count against that pose. At the end, the object is cut out of every rest, and all their images are
+    fused into one surface.
 
     Attributes:
         rests: those with a known object pose, in their order.
@@ -102,7 +102,7 @@ class MovedScanner:
         if rest is not None:
             step = rest.scanner.add(frame, up, self._doubtful_pixels(rest, frame))
             if step.state is not ScanState.LOST:
-                if not rest.moved(step):
+                if not rest.has_moved(step):
                     self._trial = None
                     rest.look_again()
                     self._fuse_into_model(rest, step)
@@ -113,15 +113,17 @@ class MovedScanner:
         return self._try_resting(frame, up)
 
     def _doubtful_pixels(self, rest: ObjectRest, frame: DepthFrame) -> ExcludedPixels | None:
-        """Returns the pixels of an object that may begin to move, so that the camera tracking does not
-        follow it.
+        """Returns the pixels of the object, which may begin to move, so that the camera tracking can ignore
+        them.
         """
         if not self.settings.moved.followed or rest.ground is None:
             return None
-        return ExcludedPixels(doubtful=rest.held(rest.scanner.prepared(frame), rest.scanner.predicted))
+        return ExcludedPixels(
+            doubtful=rest.object_pixels(rest.scanner.prepare_view(frame), rest.scanner.predicted_pose)
+        )
 
     def _begin_tracking(self, rest: ObjectRest, step: ScanStep) -> bool:
-        """Starts tracking the object from its last rest pose; returns whether that pose is known."""
+        """Starts tracking the object from its last rest pose. Returns True if that pose is known."""
         view = rest.scanner.view
         if self.model is None or rest.object_from_room is None or view is None:
             return False
@@ -135,14 +137,14 @@ class MovedScanner:
         """Tracks object and room separately in an image; None if the object was lost for too long."""
         follower, room = self._follower, self._room
         assert follower is not None and room is not None
-        view = room.scanner.prepared(frame)
-        followed = follower.find(view, room.scanner.predicted)
-        step = room.scanner.add(frame, up, ExcludedPixels(followed.own))
+        view = room.scanner.prepare_view(frame)
+        followed = follower.find(view, room.scanner.predicted_pose)
+        step = room.scanner.add(frame, up, ExcludedPixels(followed.object_points))
         follower.take(frame, view, followed, step.world_from_camera)
         if follower.missed > self.settings.moved.missed:
             self._follower = None
             return None
-        pose = followed.object_from_camera @ inverse(step.world_from_camera)
+        pose = followed.object_from_camera @ invert_pose(step.world_from_camera)
         state = ObjectState.FOLLOWED if followed.sure else ObjectState.LOST
         return MovedStep(step, state, pose if followed.sure else None, len(self.rests), followed=followed)
 
@@ -158,7 +160,7 @@ class MovedScanner:
             if self._follower.missed:
                 return None
             room = self._room.scanner
-            return room, np.asarray(self._follower.pose @ inverse(room.pose))
+            return room, np.asarray(self._follower.pose @ invert_pose(room.pose))
         if self._now is None or self._now.object_from_room is None:
             return None
         return self._now.scanner, self._now.object_from_room
@@ -180,9 +182,9 @@ class MovedScanner:
 
     @property
     def full(self) -> bool:
-        """Whether the memory for voxels is full."""
-        alone = self.model is not None and self.model.full
-        return alone or any(rest.scanner.full for rest in self.rests)
+        """True if the memory for voxels is full."""
+        is_model_full = self.model is not None and self.model.full
+        return is_model_full or any(rest.scanner.full for rest in self.rests)
 
     def surface(self, since: int = 0) -> Mesh:
         """Returns the surface of the first room with the object in it, as :meth:`Scanner.surface` does."""
@@ -198,7 +200,7 @@ class MovedScanner:
         ground = find_ground(surface, settings=self.settings.cut_out)
         self._place_all()
         if len(self.rests) == 1 and not self.followed:
-            focus = focus_of([pose for _, pose in first.scanner.poses])
+            focus = find_focus([pose for _, pose in first.scanner.poses])
             return cut_out(surface, ground, focus, self.settings.cut_out)
         mesh = self.joined()
         if not len(mesh.faces):
@@ -206,14 +208,14 @@ class MovedScanner:
             raise InputError(
                 "the object moved all the time and could not be tracked", where="scan", mend=mend
             )
-        return whole_part(mesh, ground, self.settings.cut_out)
+        return cut_whole_part(mesh, ground, self.settings.cut_out)
 
     def joined(self) -> Mesh:
         """Returns the surface of the object from all rests, metres, in the world of the first rest."""
         self._place_all()
         for rest in self.rests:
-            rest.look(0)
-        return joined_object(self.rests, self.settings, self.followers)
+            rest.search_objects(0)
+        return merge_rests(self.rests, self.settings, self.followers)
 
     @property
     def followed(self) -> int:
@@ -229,7 +231,7 @@ class MovedScanner:
         step = trial.scanner.add(frame, up)
         fits = step.alignment is None or step.alignment.agreeing >= s.agreeing
         self._doubts = 0 if fits and step.state is not ScanState.LOST else self._doubts + 1
-        if self._doubts >= _BAD_IMAGES_TO_END or trial.moved(step):
+        if self._doubts >= _BAD_IMAGES_TO_END or trial.has_moved(step):
             if trial.count >= s.known_after:
                 trial.end()
                 self.unplaced.append(trial)
@@ -253,10 +255,10 @@ class MovedScanner:
         self._now = None
         if self.model is None:
             self.model = ObjectModel(self.settings)
-            if self.settings.moved.followed and not rest.stood_still():
+            if self.settings.moved.followed and not rest.has_stood_still():
                 self.model.begin(rest)
             else:
-                rest.look(0)
+                rest.search_objects(0)
                 self.model.take(rest)
 
     def _fuse_into_model(self, rest: ObjectRest, step: ScanStep) -> None:
@@ -266,7 +268,8 @@ class MovedScanner:
             self.model.add(view, rest, step.world_from_camera)
 
     def _place_all(self) -> None:
-        """Searches again for the object in all rests without it, because more of it is known now."""
+        """Searches for the object again in all rests in which it was not found, because more of its surface
+        is known now."""
         if self._trial is not None and self._trial.count >= self.settings.moved.known_after:
             self.unplaced.append(self._trial)
         self._trial = None
@@ -277,8 +280,8 @@ class MovedScanner:
                     self.model.take(rest)
 
     def _place_rest(self, rest: ObjectRest) -> bool:
-        """Searches for the object in a rest; returns whether it was found."""
-        rest.look(0)
+        """Searches for the object in a rest. Returns True if it was found."""
+        rest.search_objects(0)
         model = self._scanned_object() if rest.parts else None
         if model is None:
             return False
@@ -286,10 +289,10 @@ class MovedScanner:
         for number, part in enumerate(rest.parts):
             if np.linalg.norm(np.ptp(part.bounds, axis=0)) > _MAX_SIZE_RATIO * size:
                 continue
-            registration = registered(model, rest.scanned(number), self.settings.registration)
+            registration = register_part(model, rest.scanned_surface(number), self.settings.registration)
             if registration is not None:
                 rest.object_from_room = registration.model_from_part
-                rest.mean(number)
+                rest.choose_part(number)
                 self.rests.append(rest)
                 return True
         return False
@@ -299,7 +302,7 @@ class MovedScanner:
         none.
         """
         if self._known is None or self._known[0] != len(self.rests):
-            scanned = known_of(self.rests)
+            scanned = merge_known_surfaces(self.rests)
             if scanned is None:
                 return None
             self._known = len(self.rests), scanned

@@ -18,7 +18,7 @@ class ObjectState(Enum):
     RESTING = "resting"
     """It stands, and the image was fused into it. Before it is first moved, it is part of the room."""
     SETTLING = "settling"
-    """Something stands still; it is not known yet whether it is the object, or in which pose."""
+    """Something stands still. It is not known yet if it is the object, and in which pose."""
     FOLLOWED = "followed"
     """It moves, or may move; the image was fused into the object's own model."""
     LOST = "lost"
@@ -35,7 +35,7 @@ class MovedStep:
         object_from_room: (4, 4) the object's pose in that room, or None while it is unknown; the object's
             frame is the first room.
         rests: the number of rests in which it was found.
-        sought: number of failed searches for the object in the scene that stands still now.
+        sought: number of failed searches for the object since the scene stands still.
         followed: the tracking result while the object is tracked.
     """
 
@@ -47,7 +47,7 @@ class MovedStep:
     followed: ObjectTrackingResult | None = None
 
     @property
-    def told(self) -> ScanStep:
+    def scan_step(self) -> ScanStep:
         """The scan's step, LOST while the object is lost. While the object is tracked, the camera pose is
         in its frame.
         """

@@ -8,14 +8,14 @@ from enliven.arrays import Float, Float32
 from enliven.kernels import njit
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.icp import look_up
-from enliven.scanning.threads import in_pieces
+from enliven.scanning.threads import run_in_pieces
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _ROWS_PER_PIECE = 16
 """Rows of points that a thread processes at a time."""
 
 
-def distances_in(volume: TsdfVolume, view: DepthView, world_from_camera: Float) -> Float32:
+def surface_distances(volume: TsdfVolume, view: DepthView, world_from_camera: Float) -> Float32:
     """Returns (h, w) signed distances, metres, of a view's points in front of a volume's surface, NaN if
     unknown.
 
@@ -23,7 +23,7 @@ def distances_in(volume: TsdfVolume, view: DepthView, world_from_camera: Float) 
         world_from_camera: (4, 4) pose of the camera in the volume's world.
     """
     distances = np.full(view.worth.shape, np.nan, np.float32)
-    in_pieces(
+    run_in_pieces(
         _fill_distances,
         len(distances),
         _ROWS_PER_PIECE,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Bool, Float
-from enliven.scanning.depth_view import DepthView, only
+from enliven.scanning.depth_view import DepthView, restrict_view
 from enliven.scanning.objects.rest import ObjectRest
 from enliven.scanning.scanner import empty_volumes
 from enliven.scanning.settings import ScanSettings
@@ -21,7 +21,7 @@ class ObjectModel:
 
     Attributes:
         volumes: from the finest to the coarsest, in the object's frame.
-        full: whether the memory is full; nothing new is added after that.
+        full: True if the memory is full. Then nothing more is added.
     """
 
     def __init__(self, settings: ScanSettings) -> None:
@@ -45,9 +45,9 @@ class ObjectModel:
         """(3,) metres, the centre of that box."""
         return np.asarray(self._box.mean(0))
 
-    def reaches(self, points: Float, margin: float) -> Bool:
-        """Returns (...) whether points (..., 3), in the object's frame, lie in the bounding box or within
-        the margin.
+    def contains(self, points: Float, margin: float) -> Bool:
+        """Returns (...) True for points (..., 3), in the object's frame, that lie in the bounding box or
+        within the margin around it.
         """
         inside = (points > self._box[0] - margin) & (points < self._box[1] + margin)
         return np.asarray(inside.all(-1))
@@ -69,24 +69,24 @@ class ObjectModel:
         view = rest.scanner.view
         if view is not None and rest.object_from_room is not None and rest.parts:
             pose = rest.scanner.poses[-1][1]
-            own = only(view, rest.held(view, pose))
+            object_view = restrict_view(view, rest.object_pixels(view, pose))
             rest.images = 0
-            self.grow(own.points[own.worth > 0] @ pose[:3, :3].T + pose[:3, 3])
-            self.fuse(own, rest.object_from_room @ pose)
+            self.grow(object_view.points[object_view.worth > 0] @ pose[:3, :3].T + pose[:3, 3])
+            self.fuse(object_view, rest.object_from_room @ pose)
 
     def add(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> None:
         """Fuses a new image of a rest: the points in the object's box that lie above the floor."""
         if rest.object_from_room is not None and rest.ground is not None:
-            own = self._object_points(view, rest, room_from_camera)
-            self.fuse(only(view, own), rest.object_from_room @ room_from_camera)
+            object_view = self._object_points(view, rest, room_from_camera)
+            self.fuse(restrict_view(view, object_view), rest.object_from_room @ room_from_camera)
 
     def _object_points(self, view: DepthView, rest: ObjectRest, room_from_camera: Float) -> Bool:
-        """Returns (h, w) whether each point of a view belongs to the object."""
+        """Returns (h, w) True for each point of a view that belongs to the object."""
         assert rest.ground is not None and rest.object_from_room is not None
         room = view.points @ room_from_camera[:3, :3].T + room_from_camera[:3, 3]
-        own = room @ rest.object_from_room[:3, :3].T + rest.object_from_room[:3, 3]
+        points = room @ rest.object_from_room[:3, :3].T + rest.object_from_room[:3, 3]
         above = rest.ground.heights(room) > self.settings.cut_out.clearance
-        return np.asarray((view.worth > 0) & self.reaches(own, _EXTENT_MARGIN_M) & above)
+        return np.asarray((view.worth > 0) & self.contains(points, _EXTENT_MARGIN_M) & above)
 
     def grow(self, points: Float) -> None:
         """Extends the bounding box to points (N, 3) that belong to the object."""

@@ -11,12 +11,13 @@ from enliven.arrays import Bool, Float
 from enliven.meshes import Mesh
 from enliven.scanning.depth_view import DepthView
 from enliven.scanning.ground_plane import GroundPlane
-from enliven.scanning.objects.surface_points import sampled
+from enliven.scanning.objects.surface_points import sample_surface
 
 _CELL_M = 0.01
 """Cell size of a region, metres: half the floor's clearance."""
 _SURFACE_POINTS = 60_000
-"""Points that mark the cells of a surface: more than one per cell for objects as large as a chair."""
+"""Number of sample points that mark the cells of a surface: more than one per cell for objects as large as a
+chair."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class ObjectRegion:
 
     Attributes:
         origin: (3,) metres, corner of the first cell.
-        near: (X, Y, Z) whether each cell lies near the surface.
+        near: (X, Y, Z) True for each cell near the surface.
         ground: the plane that the object stands on.
         clearance: height above it, metres, that does not belong to the object.
     """
@@ -36,16 +37,16 @@ class ObjectRegion:
     clearance: float
 
     def holds(self, points: Float) -> Bool:
-        """Returns (...) whether points (..., 3) lie in the region."""
+        """Returns (...) True for points (..., 3) that lie in the region."""
         at = np.floor((points - self.origin) / _CELL_M).astype(int)
         inside: Bool = np.asarray(((at >= 0) & (at < self.near.shape)).all(-1))
         x, y, z = np.moveaxis(np.where(inside[..., None], at, 0), -1, 0)
         return np.asarray(inside & self.near[x, y, z] & (self.ground.heights(points) > self.clearance))
 
 
-def region_about(mesh: Mesh, ground: GroundPlane, clearance: float, width: float) -> ObjectRegion:
+def region_around(mesh: Mesh, ground: GroundPlane, clearance: float, width: float) -> ObjectRegion:
     """Returns the space within ``width`` metres of a surface."""
-    points = sampled(mesh, _SURFACE_POINTS).points
+    points = sample_surface(mesh, _SURFACE_POINTS).points
     origin = points.min(0) - width - _CELL_M
     shape = np.ceil((points.max(0) + width + _CELL_M - origin) / _CELL_M).astype(int) + 1
     empty = np.ones(shape, bool)
@@ -54,7 +55,7 @@ def region_about(mesh: Mesh, ground: GroundPlane, clearance: float, width: float
     return ObjectRegion(origin, near, ground, clearance)
 
 
-def shown_in(region: ObjectRegion, view: DepthView, world_from_camera: Float) -> Bool:
-    """Returns (h, w) whether each point of a view lies in a region."""
+def points_in_region(region: ObjectRegion, view: DepthView, world_from_camera: Float) -> Bool:
+    """Returns (h, w) True for each point of a view that lies in a region."""
     world = view.points @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
     return np.asarray((view.worth > 0) & region.holds(world))

@@ -13,10 +13,10 @@ from enliven import rotation
 from enliven.arrays import Float
 from enliven.kernels import njit
 from enliven.scanning.objects.free_space import SeenDepth, seen_through
-from enliven.scanning.objects.surface_points import NearestGrid, SurfacePoints, nearest_grid
-from enliven.scanning.rigid import apart, inverse
+from enliven.scanning.objects.surface_points import NearestGrid, SurfacePoints, make_nearest_grid
+from enliven.scanning.rigid import invert_pose, pose_difference
 from enliven.scanning.settings import RegistrationSettings
-from enliven.scanning.threads import in_pieces
+from enliven.scanning.threads import run_in_pieces
 
 _SPIRAL_NUMBER = 1.533751168755204288118041
 """Real root of x^4 = x + 4, the second number of super-Fibonacci spirals."""
@@ -44,8 +44,9 @@ class Registration:
     Attributes:
         model_from_part: (4, 4).
         agreeing: fraction of the part's points that lie on the model's surface.
-        through: fraction of points that lie in observed free space, the larger of both directions.
-        margin: how much better its score is than that of the best other result.
+        through: fraction of the points of one surface that lie in free space seen by the other's images. The
+            larger value of both directions.
+        margin: its score minus the score of the best other result.
     """
 
     model_from_part: Float
@@ -62,7 +63,7 @@ class ScannedSurface:
     views: Sequence[SeenDepth]
 
 
-def turns(count: int) -> Float:
+def spread_rotations(count: int) -> Float:
     """Returns (count, 3, 3) evenly spread rotations: super-Fibonacci spirals (Alexa, CVPR 2022)."""
     s = np.arange(count) + 0.5
     inner, outer = np.sqrt(s / count), np.sqrt(1.0 - s / count)
@@ -79,7 +80,7 @@ def turns(count: int) -> Float:
     return np.asarray(rotation.to_matrix(spiral))
 
 
-def registered(
+def register_part(
     model: ScannedSurface, part: ScannedSurface, settings: RegistrationSettings | None = None
 ) -> Registration | None:
     """Returns the pose of a part relative to the earlier scan of the object, or None if it is not certain.
@@ -93,13 +94,13 @@ def registered(
         part: the current scan, anywhere.
     """
     s = settings or RegistrationSettings()
-    grid = nearest_grid(model.surface, s.cell, s.margin)
-    some = part.surface.some(s.points)
-    starts = _start_poses(model.surface, some, s.turns)
-    poses, scores = laid(grid, some, starts, _ICP_STEPS, s.near)
+    grid = make_nearest_grid(model.surface, s.cell, s.margin)
+    coarse_points = part.surface.first_points(s.points)
+    starts = _start_poses(model.surface, coarse_points, s.turns)
+    poses, scores = align_from_starts(grid, coarse_points, starts, _ICP_STEPS, s.near)
     best = _distinct_poses(poses, scores, s.looked_at)
-    more = part.surface.some(s.fine_points)
-    poses, agreeing = laid(grid, more, poses[best], _FINE_STEPS, s.near)
+    refinement_points = part.surface.first_points(s.fine_points)
+    poses, agreeing = align_from_starts(grid, refinement_points, poses[best], _FINE_STEPS, s.near)
     distinct = _distinct_poses(poses, agreeing, s.looked_at)
     poses, agreeing = poses[distinct], agreeing[distinct]
     through = np.array([_seen_through_fraction(model, part, pose, s) for pose in poses])
@@ -118,13 +119,13 @@ def registered(
 def _seen_through_fraction(
     model: ScannedSurface, part: ScannedSurface, pose: Float, s: RegistrationSettings
 ) -> float:
-    """Returns the fraction of points in space that the other's images saw through, the larger of both
-    directions.
+    """Returns the fraction of the points of one surface that the other's images saw through. The larger value
+    of both directions.
     """
-    moved_part = part.surface.some(s.fine_points).moved(pose)
+    moved_part = part.surface.first_points(s.fine_points).transformed(pose)
     part_share = seen_through(moved_part.points, model.views, s.clearance).mean()
-    back = inverse(pose)
-    moved_model = model.surface.some(s.fine_points).moved(back)
+    back = invert_pose(pose)
+    moved_model = model.surface.first_points(s.fine_points).transformed(back)
     return float(max(part_share, seen_through(moved_model.points, part.views, s.clearance).mean()))
 
 
@@ -133,13 +134,13 @@ def _start_poses(model: SurfacePoints, part: SurfacePoints, count: int) -> Float
     model's.
     """
     starts = np.tile(np.eye(4), (count, 1, 1))
-    starts[:, :3, :3] = turns(count)
+    starts[:, :3, :3] = spread_rotations(count)
     middles = [(points.max(0) + points.min(0)) / 2 for points in (model.points, part.points)]
     starts[:, :3, 3] = middles[0] - starts[:, :3, :3] @ middles[1]
     return starts
 
 
-def laid(
+def align_from_starts(
     grid: NearestGrid,
     part: SurfacePoints,
     starts: Float,
@@ -156,7 +157,7 @@ def laid(
     """
     poses, shares = starts.copy(), np.zeros(len(starts))
     softs = np.geomspace(*widths, steps)
-    in_pieces(
+    run_in_pieces(
         _align_poses,
         len(poses),
         _ROTATIONS_PER_PIECE,
@@ -175,7 +176,7 @@ def _distinct_poses(poses: Float, scores: Float, most: int) -> list[int]:
     """Returns the indices of the best poses without duplicates, best first."""
     chosen: list[int] = []
     for n in np.argsort(-scores, kind="stable"):
-        near = (apart(poses[n], poses[k]) for k in chosen)
+        near = (pose_difference(poses[n], poses[k]) for k in chosen)
         if not any(
             move < _MAX_DUPLICATE_DIFFERENCE[0] and turn < _MAX_DUPLICATE_DIFFERENCE[1] for move, turn in near
         ):

@@ -1,5 +1,5 @@
-"""A rest: a separate scan of the room with an object at one place, while floor and object do not move
-apart.
+"""A rest: a separate scan of the room with the object at one place, as long as the object does not move
+relative to the floor.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.scanning.depth_view import DepthView, only
-from enliven.scanning.ground_plane import GroundPlane, find_ground, focus_of, parts_about
-from enliven.scanning.marching_cubes import surface_of
+from enliven.scanning.depth_view import DepthView, restrict_view
+from enliven.scanning.ground_plane import GroundPlane, find_focus, find_ground, find_parts
+from enliven.scanning.marching_cubes import extract_surface
 from enliven.scanning.objects.floor import floor_plane
 from enliven.scanning.objects.free_space import SeenDepth, seen_depth
-from enliven.scanning.objects.region import ObjectRegion, region_about, shown_in
+from enliven.scanning.objects.region import ObjectRegion, points_in_region, region_around
 from enliven.scanning.objects.registration import ScannedSurface
-from enliven.scanning.objects.surface_points import SurfacePoints, sampled
-from enliven.scanning.objects.vacated import share_vacated
+from enliven.scanning.objects.surface_points import SurfacePoints, sample_surface
+from enliven.scanning.objects.vacated import vacated_fraction
 from enliven.scanning.scanner import Scanner, ScanState, ScanStep
 from enliven.scanning.settings import ScanSettings
 
@@ -31,7 +31,8 @@ _OBJECT_DISTANCE_M = 0.02
 """Distance from an object's surface, metres, within which an image's points belong to it: the tracking
 error."""
 _APART_IMAGES = 2
-"""Number of successive images in which object and floor must be apart, because one may be wrong."""
+"""Number of successive images in which the object must have moved relative to the floor, because one image
+may be wrong."""
 _EXCLUDED_IMAGES = 15
 """Number of images before a detected motion that are excluded from the rest, because hands already touched
 the object."""
@@ -61,7 +62,7 @@ class ObjectRest:
     """A scan of the room with the object at one place.
 
     Args:
-        choice: number of the object among those on the floor, 1 for the one that is looked at most.
+        choice: number of the object among those on the floor. 1 is the object that the camera looks at most.
 
     Attributes:
         object_from_room: (4, 4) the object's pose, or None while it is unknown.
@@ -97,46 +98,46 @@ class ObjectRest:
         """
         if self.count >= self._next:
             self._next = 2 * self.count
-            self.look()
+            self.search_objects()
 
-    def look(self, level: int = 1) -> None:
+    def search_objects(self, level: int = 1) -> None:
         """Searches for the ground and the objects on it, in one of the volumes."""
-        mesh, cut = surface_of(self.scanner.volumes[level]), self.settings.cut_out
+        mesh, cut = extract_surface(self.scanner.volumes[level]), self.settings.cut_out
         try:
             ground = find_ground(mesh, settings=cut)
         except InputError:
             return
-        focus = focus_of([pose for _, pose in self.scanner.poses])
-        parts = parts_about(mesh, ground, focus, cut)
+        focus = find_focus([pose for _, pose in self.scanner.poses])
+        parts = find_parts(mesh, ground, focus, cut)
         if len(parts) < self._choice:
             return
         self.ground, self.parts = ground, parts[: max(_MAX_PARTS, self._choice)]
-        self._stood = [sampled(part, _TESTED_POINTS).points for part in self.parts]
+        self._stood = [sample_surface(part, _TESTED_POINTS).points for part in self.parts]
         number = self._choice - 1
         if self._middle is not None:
             number = int(np.argmin([np.linalg.norm(part.bounds.mean(0) - self._middle) for part in parts]))
-        self.mean(number)
+        self.choose_part(number)
 
-    def mean(self, number: int) -> None:
+    def choose_part(self, number: int) -> None:
         """Chooses one of the parts as the object."""
         if self.ground is not None:
             part = self.parts.pop(number)
             self.parts.insert(0, part)
             self._stood.insert(0, self._stood.pop(number))
-            self._region = region_about(
+            self._region = region_around(
                 part, self.ground, self.settings.cut_out.clearance, _COMPARISON_DISTANCE_M
             )
             self._middle = np.mean(part.bounds, axis=0)
             self._floors = []
 
-    def held(self, view: DepthView, room_from_camera: Float) -> Bool:
-        """Returns (h, w) whether each point lies in the object's region at rest."""
+    def object_pixels(self, view: DepthView, room_from_camera: Float) -> Bool:
+        """Returns (h, w) True for each point in the object's region at rest."""
         if self._region is None:
             return np.zeros(view.worth.shape, bool)
-        return shown_in(self._region, view, room_from_camera)
+        return points_in_region(self._region, view, room_from_camera)
 
-    def moved(self, step: ScanStep) -> bool:
-        """Returns whether floor and object were apart in the last image and in the one before."""
+    def has_moved(self, step: ScanStep) -> bool:
+        """Returns True if the object had moved relative to the floor in the last two images."""
         view, pose = self.scanner.view, step.world_from_camera
         s = self.settings.moved
         # If the room has too little structure for a reliable camera pose, the pose is still approximately
@@ -146,16 +147,18 @@ class ObjectRest:
             return False
         if self.ground is None or self._region is None or self._middle is None:
             return False
-        own = shown_in(self._region, view, pose)
-        floor, is_apart = floor_plane(view, pose, self.ground, self._middle, own), False
+        object_pixels = points_in_region(self._region, view, pose)
+        floor, is_apart = floor_plane(view, pose, self.ground, self._middle, object_pixels), False
         if floor is not None and len(self._floors) < _FLOOR_IMAGES:
             # The ground was found in coarse voxels. So measure the reference height of the floor in the first
             # images instead.
             self._floors.append(floor)
         elif floor is not None:
-            gap = floor - np.median(self._floors, axis=0)
-            is_apart = bool(abs(gap[0]) > s.lifted or np.hypot(gap[1], gap[2]) > s.tilted)
-        fit = self.scanner.tracker.judged(only(view, own), pose)
+            floor_change = floor - np.median(self._floors, axis=0)
+            is_apart = bool(
+                abs(floor_change[0]) > s.lifted or np.hypot(floor_change[1], floor_change[2]) > s.tilted
+            )
+        fit = self.scanner.tracker.evaluate(restrict_view(view, object_pixels), pose)
         is_apart = is_apart or (
             fit.overlap > self.settings.tracking.overlap and fit.agreeing < _MIN_SURFACE_FRACTION
         )
@@ -164,29 +167,29 @@ class ObjectRest:
         return self._apart >= _APART_IMAGES
 
     def _has_left(self, view: DepthView, pose: Float) -> bool:
-        """Returns whether a part has left its place at least partly. If so, that part becomes the object."""
-        shares = [share_vacated(points, view, pose, self._clearance_m) for points in self._stood]
+        """Returns True if a part has left its place at least partly. That part then becomes the object."""
+        shares = [vacated_fraction(points, view, pose, self._clearance_m) for points in self._stood]
         if not shares or max(shares) < _MIN_VACATED_FRACTION:
             return False
         number = int(np.argmax(shares))
         if number:
-            self.mean(number)
+            self.choose_part(number)
         return True
 
-    def stood_still(self) -> bool:
-        """Returns whether the images until the end of the rest show the object at one place, without
+    def has_stood_still(self) -> bool:
+        """Returns True if the images until the end of the rest show the object at one place, without
         rotation.
         """
         numbers = self.numbers
         if not self._stood or not numbers:
             return False
         points = self._stood[0]
-        some = numbers[:: max(len(numbers) // _CHECKED_IMAGES, 1)]
+        checked_numbers = numbers[:: max(len(numbers) // _CHECKED_IMAGES, 1)]
         shares = [
-            share_vacated(
-                points, self.scanner.prepared(frame), self.scanner.poses[number][1], self._clearance_m
+            vacated_fraction(
+                points, self.scanner.prepare_view(frame), self.scanner.poses[number][1], self._clearance_m
             )
-            for number, frame in self.scanner.history.frames(some)
+            for number, frame in self.scanner.history.frames(checked_numbers)
         ]
         return float(np.median(shares)) < _MIN_VACATED_FRACTION
 
@@ -211,12 +214,14 @@ class ObjectRest:
         """Yields images restricted to the object's points, and their (4, 4) room_from_camera."""
         if self.ground is None or not self.parts:
             return
-        region = region_about(self.parts[0], self.ground, self.settings.cut_out.clearance, _OBJECT_DISTANCE_M)
+        region = region_around(
+            self.parts[0], self.ground, self.settings.cut_out.clearance, _OBJECT_DISTANCE_M
+        )
         for number, frame in self.scanner.history.frames(numbers):
-            view, pose = self.scanner.prepared(frame), self.scanner.poses[number][1]
-            yield only(view, shown_in(region, view, pose)), pose
+            view, pose = self.scanner.prepare_view(frame), self.scanner.poses[number][1]
+            yield restrict_view(view, points_in_region(region, view, pose)), pose
 
-    def scanned(self, number: int = 0) -> ScannedSurface:
+    def scanned_surface(self, number: int = 0) -> ScannedSurface:
         """Returns points of a part, and free space observations from some of the images, in the room's
         world.
         """
@@ -224,26 +229,31 @@ class ObjectRest:
             numbers = self.scanner.history.numbers
             chosen = numbers[:: max(len(numbers) // _FREE_SPACE_VIEWS, 1)]
             frames = self.scanner.history.frames(chosen)
-            views = [seen_depth(self.scanner.prepared(f), self.scanner.poses[n][1]) for n, f in frames]
-            self._scanned = self.count, ScannedSurface(sampled(self.parts[0], _REGISTRATION_POINTS), views)
+            views = [seen_depth(self.scanner.prepare_view(f), self.scanner.poses[n][1]) for n, f in frames]
+            self._scanned = (
+                self.count,
+                ScannedSurface(sample_surface(self.parts[0], _REGISTRATION_POINTS), views),
+            )
         if not number:
             return self._scanned[1]
-        return ScannedSurface(sampled(self.parts[number], _REGISTRATION_POINTS), self._scanned[1].views)
+        return ScannedSurface(
+            sample_surface(self.parts[number], _REGISTRATION_POINTS), self._scanned[1].views
+        )
 
 
-def known_of(rests: Sequence[ObjectRest]) -> ScannedSurface | None:
+def merge_known_surfaces(rests: Sequence[ObjectRest]) -> ScannedSurface | None:
     """Returns the surface of an object from all rests, in its own frame; None if no rest shows it."""
     points, normals, views = list[Float](), list[Float](), list[SeenDepth]()
     for rest in rests:
-        rest.look(0)
+        rest.search_objects(0)
         pose = rest.object_from_room
         if pose is None or not rest.parts:
             continue
-        own = rest.scanned()
-        moved = own.surface.moved(pose)
+        surface = rest.scanned_surface()
+        moved = surface.surface.transformed(pose)
         points.append(moved.points)
         normals.append(moved.normals)
-        views += [replace(v, frame_from_camera=pose @ v.frame_from_camera) for v in own.views]
+        views += [replace(v, frame_from_camera=pose @ v.frame_from_camera) for v in surface.views]
     if not points:
         return None
     return ScannedSurface(SurfacePoints(np.concatenate(points), np.concatenate(normals)), views)

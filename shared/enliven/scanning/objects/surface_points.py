@@ -24,17 +24,17 @@ class SurfacePoints:
     points: Float
     normals: Float
 
-    def moved(self, pose: Float) -> SurfacePoints:
+    def transformed(self, pose: Float) -> SurfacePoints:
         """Returns the points after a rigid transform (4, 4)."""
         turn = pose[:3, :3].T
         return SurfacePoints(self.points @ turn + pose[:3, 3], self.normals @ turn)
 
-    def some(self, count: int) -> SurfacePoints:
-        """Returns the first ``count`` points, which are also spread evenly."""
+    def first_points(self, count: int) -> SurfacePoints:
+        """Returns the first ``count`` points. They are also spread evenly, because the order is random."""
         return SurfacePoints(self.points[:count], self.normals[:count])
 
 
-def sampled(mesh: Mesh, count: int, seed: int = 0) -> SurfacePoints:
+def sample_surface(mesh: Mesh, count: int, seed: int = 0) -> SurfacePoints:
     """Returns ``count`` random points of a mesh, evenly by area, in random order."""
     random, areas = np.random.default_rng(seed), np.linalg.norm(mesh.face_vectors(), axis=1)
     face = random.choice(len(areas), count, p=areas / areas.sum())
@@ -61,7 +61,7 @@ class NearestGrid(NamedTuple):
     normals: Float
 
 
-def nearest_grid(surface: SurfacePoints, cell: float, margin: float) -> NearestGrid:
+def make_nearest_grid(surface: SurfacePoints, cell: float, margin: float) -> NearestGrid:
     """Returns the grid around a surface, from the exact distance transform of the cells that contain points.
 
     Args:

@@ -7,7 +7,7 @@ from scipy.ndimage import minimum_filter
 
 from enliven.arrays import Float
 from enliven.scanning.depth_view import DepthView
-from enliven.scanning.rigid import inverse
+from enliven.scanning.rigid import invert_pose
 
 _MIN_SENSOR_DISTANCE_M = 0.2
 """Distance from a camera, metres, below which it cannot measure."""
@@ -18,7 +18,7 @@ _MIN_POINTS = 50
 """Minimum number of visible points for a decision."""
 
 
-def share_vacated(points: Float, view: DepthView, world_from_camera: Float, clearance: float) -> float:
+def vacated_fraction(points: Float, view: DepthView, world_from_camera: Float, clearance: float) -> float:
     """Returns the fraction, 0 to 1, of the visible points (N, 3) that lie in front of the depth in an image.
 
     Occluded points behind the depth are ignored, as are points at pixels with unknown depth.
@@ -26,7 +26,7 @@ def share_vacated(points: Float, view: DepthView, world_from_camera: Float, clea
     Args:
         clearance: metres that a point must lie in front of the depth.
     """
-    back = inverse(world_from_camera)
+    back = invert_pose(world_from_camera)
     local = points @ back[:3, :3].T + back[:3, 3]
     x, y, z = local[local[:, 2] > _MIN_SENSOR_DISTANCE_M].T
     # Set unknown depth to 1e9, so that the minimum around a pixel considers only known depth.
@@ -37,8 +37,10 @@ def share_vacated(points: Float, view: DepthView, world_from_camera: Float, clea
     row = np.floor((lens.fy * y / z + lens.cy + 0.5) / 2).astype(int)
     inside = (column >= 0) & (row >= 0) & (row < depth.shape[0]) & (column < depth.shape[1])
     measured, z = nearest[row[inside], column[inside]], z[inside]
-    shown = (measured < 1e8) & (z < measured + clearance)
-    count = int(np.count_nonzero(shown))
+    is_visible = (measured < 1e8) & (z < measured + clearance)
+    count = int(np.count_nonzero(is_visible))
     return (
-        float(np.count_nonzero(shown & (z < measured - clearance))) / count if count >= _MIN_POINTS else 0.0
+        float(np.count_nonzero(is_visible & (z < measured - clearance))) / count
+        if count >= _MIN_POINTS
+        else 0.0
     )

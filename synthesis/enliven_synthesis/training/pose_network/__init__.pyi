@@ -1,8 +1,8 @@
 from .quantisation import quantise as quantise
-from .weight_import import between as between, restored as restored
+from .weight_import import interpolate_networks as interpolate_networks, restore_network as restore_network
 from .training import (
-    KEPT_BACK as KEPT_BACK,
-    RATE_OF_START as RATE_OF_START,
+    VALIDATION_SAMPLES as VALIDATION_SAMPLES,
+    FINE_TUNING_RATE as FINE_TUNING_RATE,
     TrainingSettings as TrainingSettings,
     export as export,
     measure as measure,

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from enliven.person import MIRROR
 from enliven_edge.tracking.estimator import FACINGS
-from enliven_synthesis.training.dataset import OTHER_SIDE, Dataset
+from enliven_synthesis.training.dataset import MIRRORED_LABELS, Dataset
 
 
 @dataclass(frozen=True)
@@ -38,19 +38,22 @@ class TensorBatch:
     @property
     def ways(self) -> Tensor:
         """Returns the (N,) facing class, 0 to 7, or 8 without a person."""
-        ways = torch.round(self.facing.nan_to_num() * FACINGS / (2.0 * torch.pi)).long() % FACINGS
-        return torch.where(self.is_person, ways, FACINGS)
+        classes = torch.round(self.facing.nan_to_num() * FACINGS / (2.0 * torch.pi)).long() % FACINGS
+        return torch.where(self.is_person, classes, FACINGS)
 
-    def mirrored(self, some: Tensor) -> TensorBatch:
+    def mirrored(self, mask: Tensor) -> TensorBatch:
         """Returns the batch with left and right exchanged in the samples selected by a mask (N,)."""
         device = self.image.device
-        other_side, opposite = torch.from_numpy(OTHER_SIDE).to(device), torch.tensor(MIRROR, device=device)
+        other_side, opposite = (
+            torch.from_numpy(MIRRORED_LABELS).to(device),
+            torch.tensor(MIRROR, device=device),
+        )
         across = torch.tensor([-1.0, 1.0, 1.0], device=device)
         return TensorBatch(
-            torch.where(some[:, None, None, None], self.image.flip(3), self.image),
-            torch.where(some[:, None, None], other_side[self.parts.flip(2).long()], self.parts),
-            torch.where(some[:, None, None], self.joints[:, opposite] * across, self.joints),
-            torch.where(some, -self.facing, self.facing),
+            torch.where(mask[:, None, None, None], self.image.flip(3), self.image),
+            torch.where(mask[:, None, None], other_side[self.parts.flip(2).long()], self.parts),
+            torch.where(mask[:, None, None], self.joints[:, opposite] * across, self.joints),
+            torch.where(mask, -self.facing, self.facing),
             self.cell,
         )
 
@@ -60,11 +63,11 @@ class TensorDataset:
 
     def __init__(self, dataset: Dataset, device: torch.device) -> None:
         self._device = device
-        kept = {name: torch.from_numpy(array) for name, array in dataset.arrays.items()}
+        tensors = {name: torch.from_numpy(array) for name, array in dataset.arrays.items()}
         try:
-            self._tensors = {name: tensor.to(device) for name, tensor in kept.items()}
+            self._tensors = {name: tensor.to(device) for name, tensor in tensors.items()}
         except torch.cuda.OutOfMemoryError:
-            self._tensors = kept
+            self._tensors = tensors
 
     def __len__(self) -> int:
         return len(self._tensors["cell"])
@@ -72,6 +75,6 @@ class TensorDataset:
     def batch(self, which: Tensor) -> TensorBatch:
         """Returns the samples with the given numbers (N,), which must be ascending, so that they are read
         from disk in one sweep."""
-        some = which.sort().values.to(self._tensors["cell"].device)
-        drawn = {name: tensor[some].to(self._device) for name, tensor in self._tensors.items()}
-        return TensorBatch(**(drawn | {"image": drawn["image"].float()}))
+        indices = which.sort().values.to(self._tensors["cell"].device)
+        samples = {name: tensor[indices].to(self._device) for name, tensor in self._tensors.items()}
+        return TensorBatch(**(samples | {"image": samples["image"].float()}))

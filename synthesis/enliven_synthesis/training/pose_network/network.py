@@ -33,19 +33,19 @@ class PoseNetwork(nn.Module):
     def __init__(self, widths: tuple[int, int, int, int] = WIDTHS) -> None:
         super().__init__()
         a, b, c, d = widths
-        self.down_2 = nn.Sequential(_block(CHANNELS, a, stride=2), _block(a, a))
-        self.down_4 = nn.Sequential(_block(a, b, stride=2), _Residual(b))
-        self.down_8 = nn.Sequential(_block(b, c, stride=2), _Residual(c), _Residual(c))
-        self.waist = nn.Sequential(_block(c, d, stride=2), _Residual(d))
+        self.down_2 = nn.Sequential(_make_block(CHANNELS, a, stride=2), _make_block(a, a))
+        self.down_4 = nn.Sequential(_make_block(a, b, stride=2), _Residual(b))
+        self.down_8 = nn.Sequential(_make_block(b, c, stride=2), _Residual(c), _Residual(c))
+        self.waist = nn.Sequential(_make_block(c, d, stride=2), _Residual(d))
         self.facing = nn.Linear(d, FACINGS + 1)
         self.told = nn.Linear(3, d)
         self.mixed = _Residual(d)
-        self.to_8, self.up_8 = _block(d, c, size=1), _block(c, c)
-        self.to_4, self.up_4 = _block(c, b, size=1), _block(b, 2 * b)
+        self.to_8, self.up_8 = _make_block(d, c, size=1), _make_block(c, c)
+        self.to_4, self.up_4 = _make_block(c, b, size=1), _make_block(b, 2 * b)
         self.maps = nn.Conv2d(2 * b, 3 * JOINTS, 1)
-        self.to_2, self.up_2 = _block(2 * b, a, size=1), _block(a, 2 * a)
+        self.to_2, self.up_2 = _make_block(2 * b, a, size=1), _make_block(a, 2 * a)
         self.parts = nn.Conv2d(2 * a, PARTS, 1)
-        self.register_buffer("cells", _cells(ROWS // 4, COLUMNS // 4))
+        self.register_buffer("cells", _cell_positions(ROWS // 4, COLUMNS // 4))
 
     def forward(self, image: Tensor, told: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """Estimates the pose in N crops.
@@ -68,10 +68,10 @@ class PoseNetwork(nn.Module):
         size = (told[:, 2:] - USUAL_CELL) / CELL_SPREAD
         condition = self.told(torch.cat([told[:, :2], size], 1))
         x = self.mixed(relu(waist + condition[:, :, None, None]))
-        x = self.up_8(eighth + _doubled(self.to_8(x)))
-        x = self.up_4(quarter + _doubled(self.to_4(x)))
+        x = self.up_8(eighth + _double_resolution(self.to_8(x)))
+        x = self.up_4(quarter + _double_resolution(self.to_4(x)))
         joints, spread = self._read(self.maps(x).flatten(2).float(), told[:, 2:])
-        parts = self.parts(self.up_2(half + _doubled(self.to_2(x))))
+        parts = self.parts(self.up_2(half + _double_resolution(self.to_2(x))))
         return joints, spread, facing, parts
 
     def _read(self, maps: Tensor, cell: Tensor) -> tuple[Tensor, Tensor]:
@@ -89,22 +89,22 @@ class _Residual(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
         last = nn.Conv2d(channels, channels, 3, 1, 1, bias=False)
-        self.branch = nn.Sequential(_block(channels, channels), last, nn.BatchNorm2d(channels))
+        self.branch = nn.Sequential(_make_block(channels, channels), last, nn.BatchNorm2d(channels))
 
     def forward(self, x: Tensor) -> Tensor:
         return relu(x + self.branch(x))
 
 
-def _block(inward: int, outward: int, stride: int = 1, size: int = 3) -> nn.Sequential:
+def _make_block(inward: int, outward: int, stride: int = 1, size: int = 3) -> nn.Sequential:
     convolution = nn.Conv2d(inward, outward, size, stride, size // 2, bias=False)
     return nn.Sequential(convolution, nn.BatchNorm2d(outward), nn.ReLU(inplace=True))
 
 
-def _doubled(x: Tensor) -> Tensor:
+def _double_resolution(x: Tensor) -> Tensor:
     return interpolate(x, scale_factor=2.0, mode="nearest")
 
 
-def _cells(rows: int, columns: int) -> Tensor:
+def _cell_positions(rows: int, columns: int) -> Tensor:
     """Returns (rows x columns, 2) positions of a map's cells relative to the middle: right and down, in cells
     of the crop."""
     down, right = torch.meshgrid(torch.arange(rows), torch.arange(columns), indexing="ij")

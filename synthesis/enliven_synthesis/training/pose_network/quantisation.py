@@ -1,5 +1,5 @@
-"""Quantises the trained network to eight bits. It becomes a third of the size, and more than twice as fast on
-one core.
+"""Quantises the trained network to eight bits. The result has a third of the size, and is more than twice as
+fast on one core.
 
 Two layers stay in full precision. The first is the layer of the joint maps: rounding its logits moves the
 mean over a softmax by centimetres. The second is the first convolution: all channels of a crop share one
@@ -28,14 +28,14 @@ _quantization = load_onnxruntime("onnxruntime.quantization")
 _CALIBRATION_SAMPLES = 600
 """Number of training samples for calibrating the value ranges. Some hundreds are enough."""
 _RANGE_PERCENTILE = 99.99
-"""Percentile of a layer's values that its range covers. Covering rare outliers would make all other values
-coarser."""
+"""Percentile of a layer's values that its range covers. If the range covered rare outliers, all other values
+would be coarser."""
 _BATCH_SIZE = 4
 """Samples per run of the network. It limits the memory for intermediate values."""
 
 
-def quantise(whole: Path, made: Path, dataset: Dataset, first: int) -> None:
-    """Writes an eight-bit version of the exported network ``whole`` to ``made``.
+def quantise(exported: Path, quantised: Path, dataset: Dataset, first: int) -> None:
+    """Writes an eight-bit version of the exported network ``exported`` to ``quantised``.
 
     Args:
         dataset: its samples from number ``first`` on calibrate the value ranges.
@@ -49,24 +49,24 @@ def quantise(whole: Path, made: Path, dataset: Dataset, first: int) -> None:
     ):  # Discard the calibrator's output, because it prints its histogram bins.
         folded = Path(spare) / "folded.onnx"
         preparation = load_onnxruntime("onnxruntime.quantization.shape_inference")
-        preparation.quant_pre_process(whole, folded, skip_symbolic_shape=True)
+        preparation.quant_pre_process(exported, folded, skip_symbolic_shape=True)
         _quantization.quantize_static(
             folded,
-            made,
-            _Values(dataset, first),
+            quantised,
+            _CalibrationReader(dataset, first),
             quant_format=_quantization.QuantFormat.QDQ,
             per_channel=True,
             reduce_range=True,
             activation_type=_quantization.QuantType.QUInt8,
             weight_type=_quantization.QuantType.QInt8,
             op_types_to_quantize=["Conv", "Add", "Relu"],
-            nodes_to_exclude=_kept_whole(onnx.load(folded)),
+            nodes_to_exclude=_full_precision_layers(onnx.load(folded)),
             calibrate_method=_quantization.CalibrationMethod.Percentile,
             extra_options={"CalibPercentile": _RANGE_PERCENTILE},
         )
 
 
-class _Values(_quantization.CalibrationDataReader):  # type: ignore[misc]
+class _CalibrationReader(_quantization.CalibrationDataReader):  # type: ignore[misc]
     """Training samples as inputs of the network. Two of three include the facing."""
 
     def __init__(self, dataset: Dataset, first: int) -> None:
@@ -78,13 +78,13 @@ class _Values(_quantization.CalibrationDataReader):  # type: ignore[misc]
         self._next = 0
 
     def get_next(self) -> dict[str, Float32] | None:
-        some = slice(self._next, self._next + _BATCH_SIZE)
+        samples = slice(self._next, self._next + _BATCH_SIZE)
         self._next += _BATCH_SIZE
-        image = self._image[some]
-        return {"image": image, "told": self._told[some]} if len(image) else None
+        image = self._image[samples]
+        return {"image": image, "told": self._told[samples]} if len(image) else None
 
 
-def _kept_whole(model: Any) -> list[str]:
+def _full_precision_layers(model: Any) -> list[str]:
     """Returns the names of the layers that stay in full precision: the first convolution and the layer of the
     joint maps."""
     shapes = {weights.name: tuple(weights.dims) for weights in model.graph.initializer}

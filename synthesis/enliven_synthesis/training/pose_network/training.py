@@ -25,7 +25,7 @@ from enliven_synthesis.training.dataset import Batch, Dataset
 from enliven_synthesis.training.pose_network.batches import TensorBatch, TensorDataset
 from enliven_synthesis.training.pose_network.network import PoseNetwork
 
-KEPT_BACK = 3000
+VALIDATION_SAMPLES = 3000
 """Number of samples, from the start of a data set, that are held out for validation."""
 _CONDITIONED_FRACTION = 0.6
 """Fraction of samples in which the network is conditioned on the facing. It must also work without it."""
@@ -35,17 +35,17 @@ _REVERSED_FRACTION = 0.04
 """Fraction of samples in which the given facing is reversed, so that the network does not rely on it
 blindly."""
 _MIN_LOG_SPREAD = -5.0
-"""Logarithm of the smallest predicted error: 7 mm. Better accuracy is not rewarded."""
+"""Logarithm of the smallest predicted error (7 mm). Higher accuracy is not rewarded."""
 _MAX_LOG_SPREAD = 1.0
-"""Logarithm of the largest predicted error: 2.7 m. Above the size of a person it has no meaning."""
+"""Logarithm of the largest predicted error: 2.7 m. An error larger than a person has no meaning."""
 _LIKELIHOOD_WEIGHT = 0.3
 """Weight of the joints' negative log-likelihood in the loss."""
 _DISTANCE_WEIGHT = 2.0
 """Weight of the joints' mean distance, in metres, in the loss. It makes this term comparable with the
 others."""
-_WEIGHTS = [1.0] * 4 + [1.0, 2.0, 2.0, 2.0] * 2 + [1.0] * 8
-"""(20,) Weights of the joints in the loss. Elbows, wrists and hands are the hardest; legs are easy to find in
-depth."""
+_JOINT_WEIGHTS = [1.0] * 4 + [1.0, 2.0, 2.0, 2.0] * 2 + [1.0] * 8
+"""(20,) Weights of the joints in the loss. Elbows, wrists and hands are the hardest to find in depth, and
+legs are easy."""
 _FACING_WEIGHT = 0.3
 """Weight of the facing's cross-entropy in the loss."""
 _PARTS_WEIGHT = 0.5
@@ -58,7 +58,7 @@ _FINAL_RATE = 0.02
 """Final learning rate as a fraction of the peak."""
 
 
-RATE_OF_START = 1.5e-3
+FINE_TUNING_RATE = 1.5e-3
 """Peak learning rate for fine-tuning a trained network. A higher rate would first undo its training."""
 
 
@@ -66,7 +66,9 @@ RATE_OF_START = 1.5e-3
 class TrainingSettings:
     """The size of the data set and the length of the training."""
 
-    pictures: int = setting(110_000, "Number of rendered images.", low=2 * KEPT_BACK, high=10_000_000)
+    pictures: int = setting(
+        110_000, "Number of rendered images.", low=2 * VALIDATION_SAMPLES, high=10_000_000
+    )
     steps: int = setting(12_000, "Number of training steps.", low=1)
     batch: int = setting(128, "Number of images per training step.", low=1)
     rate: float = setting(4e-3, "Maximum learning rate.", low=1e-6, high=1.0)
@@ -108,9 +110,9 @@ def train(
     Raises:
         InputError: if no samples are left for training.
     """
-    if len(dataset) <= KEPT_BACK:
+    if len(dataset) <= VALIDATION_SAMPLES:
         raise InputError(
-            f"{len(dataset)} lessons are too few: {KEPT_BACK} are kept back to measure on",
+            f"{len(dataset)} samples are too few: {VALIDATION_SAMPLES} are held out for validation",
             where="train-estimator",
             mend="Render more pictures.",
         )
@@ -123,8 +125,8 @@ def train(
     for step in range(settings.steps):
         for group in optimizer.param_groups:
             group["lr"] = settings.rate * _schedule(step, settings.steps)
-        some = torch.randint(KEPT_BACK, len(samples), (settings.batch,), device=device)
-        batch = samples.batch(some)
+        indices = torch.randint(VALIDATION_SAMPLES, len(samples), (settings.batch,), device=device)
+        batch = samples.batch(indices)
         batch = batch.mirrored(torch.rand(settings.batch, device=device) < 0.5)
         image = batch.image.contiguous(memory_format=torch.channels_last)
         with torch.autocast(device.type, torch.bfloat16):
@@ -142,19 +144,19 @@ def measure(path: Path, dataset: Dataset) -> NetworkScores:
     session = load_onnxruntime().InferenceSession(path, providers=["CPUExecutionProvider"])
     near: list[list[AnyArray]] = [[], []]
     facing, parts, persons = [], [], []
-    for first in range(0, KEPT_BACK, 250):
+    for first in range(0, VALIDATION_SAMPLES, 250):
         batch = dataset.batch(np.arange(first, first + 250))
         people = batch.is_person
         for k, sure in enumerate((1.0, 0.0)):
             angle = sure * np.nan_to_num(batch.facing)
             condition = np.stack([sure * np.cos(angle), sure * np.sin(angle), batch.cell], 1)
             inputs = {"image": batch.image, "told": condition.astype(np.float32)}
-            joints, _, ways, part_logits = session.run(None, inputs)
+            joints, _, facing_logits, part_logits = session.run(None, inputs)
             near[k].append(np.linalg.norm(joints - batch.joints, axis=2)[people] < 0.1)
-        facing.append((ways[:, :FACINGS].argmax(1) == _ways(batch))[people])
-        persons.append((ways.argmax(1) < FACINGS) == people)
-        shown = batch.parts != NOBODY
-        parts.append((part_logits.argmax(1) == batch.parts)[shown])
+        facing.append((facing_logits[:, :FACINGS].argmax(1) == _facing_classes(batch))[people])
+        persons.append((facing_logits.argmax(1) < FACINGS) == people)
+        is_body = batch.parts != NOBODY
+        parts.append((part_logits.argmax(1) == batch.parts)[is_body])
     shares = [float(np.concatenate(each).mean()) for each in (*near, facing, parts, persons)]
     return NetworkScores((shares[0], shares[1]), *shares[2:])
 
@@ -177,11 +179,11 @@ def export(network: PoseNetwork, path: Path) -> None:
     )
     assert program is not None
     model = program.model_proto
-    _strip(model.graph)
+    _strip_source_locations(model.graph)
     onnx.save(model, path)
 
 
-def _strip(graph: Any) -> None:
+def _strip_source_locations(graph: Any) -> None:
     """Removes the source location of every node, since it contains folder names of the training machine."""
     for part in (graph, *graph.node, *graph.input, *graph.output, *graph.value_info, *graph.initializer):
         part.ClearField("doc_string")
@@ -209,19 +211,19 @@ def _loss(out: tuple[Tensor, Tensor, Tensor, Tensor], batch: TensorBatch) -> Ten
     """Returns the training loss, a scalar: likelihood, distance, and cross-entropies of facing and body
     parts."""
     joints, spread, facing, parts = out
-    weight = torch.tensor(_WEIGHTS, device=joints.device) * batch.is_person[:, None]
+    weight = torch.tensor(_JOINT_WEIGHTS, device=joints.device) * batch.is_person[:, None]
     weight = weight / weight.sum().clamp(min=1.0)
     distance = ((joints - batch.joints).square().sum(2) + 1e-6).sqrt()
     spread = spread.clamp(_MIN_LOG_SPREAD, _MAX_LOG_SPREAD)
     likelihood = distance * torch.exp(-spread) + 3.0 * spread
     joints_off = _LIKELIHOOD_WEIGHT * likelihood + _DISTANCE_WEIGHT * distance
-    ways = cross_entropy(facing.float(), batch.ways, label_smoothing=0.05)
-    wanted = batch.parts.long()
-    seen = cross_entropy(parts.float(), wanted.masked_fill(wanted == NOBODY, -100))
-    return (weight * joints_off).sum() + _FACING_WEIGHT * ways + _PARTS_WEIGHT * seen
+    facing_loss = cross_entropy(facing.float(), batch.ways, label_smoothing=0.05)
+    true_parts = batch.parts.long()
+    seen = cross_entropy(parts.float(), true_parts.masked_fill(true_parts == NOBODY, -100))
+    return (weight * joints_off).sum() + _FACING_WEIGHT * facing_loss + _PARTS_WEIGHT * seen
 
 
-def _ways(batch: Batch) -> AnyArray:
+def _facing_classes(batch: Batch) -> AnyArray:
     """Returns (N,) the facing class, 0 to 7, or 8 without a person."""
-    ways = np.round(np.nan_to_num(batch.facing) * FACINGS / (2.0 * np.pi)).astype(np.int64) % FACINGS
-    return np.where(batch.is_person, ways, FACINGS)
+    classes = np.round(np.nan_to_num(batch.facing) * FACINGS / (2.0 * np.pi)).astype(np.int64) % FACINGS
+    return np.where(batch.is_person, classes, FACINGS)

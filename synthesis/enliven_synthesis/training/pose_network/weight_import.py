@@ -27,7 +27,9 @@ _FORMER_LAYER_NAMES = {".branch.": ".way."}
 """Parts of layer names, with their names in networks exported by earlier versions."""
 
 
-def between(one: PoseNetwork, other: PoseNetwork, share: float) -> PoseNetwork:
+def interpolate_networks(
+    first_network: PoseNetwork, second_network: PoseNetwork, share: float
+) -> PoseNetwork:
     """Returns the network with interpolated weights of two networks. The second was fine-tuned from the
     first.
 
@@ -37,7 +39,11 @@ def between(one: PoseNetwork, other: PoseNetwork, share: float) -> PoseNetwork:
     Args:
         share: weight of the second network, 0 to 1.
     """
-    interpolated, first, second = copy.deepcopy(other), one.state_dict(), other.state_dict()
+    interpolated, first, second = (
+        copy.deepcopy(second_network),
+        first_network.state_dict(),
+        second_network.state_dict(),
+    )
     for name, value in second.items():
         if value.is_floating_point():
             second[name] = torch.lerp(first[name], value, share)
@@ -45,7 +51,7 @@ def between(one: PoseNetwork, other: PoseNetwork, share: float) -> PoseNetwork:
     return interpolated
 
 
-def restored(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
+def restore_network(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
     """Returns the network of an exported .onnx file, ready for further training.
 
     Args:
@@ -54,18 +60,18 @@ def restored(path: Path, dataset: Dataset, first: int) -> PoseNetwork:
     Raises:
         InputError: if the file is missing, damaged, or of a network with other layers.
     """
-    weights = _weights(path)
+    weights = _read_weights(path)
     network = PoseNetwork().eval()
     biases = {}
     for name, layer in network.named_modules():
         if isinstance(layer, (nn.Conv2d, nn.Linear)):
-            layer.weight.data = _fitting(weights, f"{name}.weight", tuple(layer.weight.shape), path)
+            layer.weight.data = _checked_weights(weights, f"{name}.weight", tuple(layer.weight.shape), path)
             bias = f"{name}.bias" if layer.bias is not None else f"{name}.weight_bias"
-            biases[name] = _fitting(weights, bias, (layer.weight.shape[0],), path)
+            biases[name] = _checked_weights(weights, bias, (layer.weight.shape[0],), path)
             if layer.bias is not None:
                 layer.bias.data = biases[name]
     hooks = [
-        layer.register_forward_pre_hook(_normalising(biases[_convolution_before(name)]))
+        layer.register_forward_pre_hook(_normalising_hook(biases[_convolution_before(name)]))
         for name, layer in network.named_modules()
         if isinstance(layer, nn.BatchNorm2d)
     ]
@@ -85,11 +91,11 @@ def _convolution_before(normalisation: str) -> str:
     return f"{sequence}.{int(place) - 1}"
 
 
-def _normalising(bias: Tensor) -> Callable[[nn.BatchNorm2d, tuple[Tensor]], None]:
+def _normalising_hook(bias: Tensor) -> Callable[[nn.BatchNorm2d, tuple[Tensor]], None]:
     """Returns a hook that sets a normalisation from its first input, so that it only adds a bias."""
 
-    def hook(layer: nn.BatchNorm2d, given: tuple[Tensor]) -> None:
-        values = given[0].transpose(0, 1).flatten(1)
+    def hook(layer: nn.BatchNorm2d, inputs: tuple[Tensor]) -> None:
+        values = inputs[0].transpose(0, 1).flatten(1)
         mean, variance = values.mean(1), values.var(1)
         layer.running_mean, layer.running_var = mean, variance
         layer.weight.data = (variance + layer.eps).sqrt()
@@ -98,7 +104,7 @@ def _normalising(bias: Tensor) -> Callable[[nn.BatchNorm2d, tuple[Tensor]], None
     return hook
 
 
-def _weights(path: Path) -> dict[str, Float32]:
+def _read_weights(path: Path) -> dict[str, Float32]:
     """Returns the weights of an exported network by name. Eight-bit weights are converted to floats."""
     # Imported here, so that PyTorch, which belongs to the same extra, is reported first if it is missing.
     import onnx
@@ -107,7 +113,7 @@ def _weights(path: Path) -> dict[str, Float32]:
     try:
         graph = onnx.load(path).graph
     except Exception as error:  # The errors of onnx.load have no common base class.
-        raise _unfit(path, f"it cannot be read as a network ({type(error).__name__})") from None
+        raise _mismatch_error(path, f"it cannot be read as a network ({type(error).__name__})") from None
     arrays = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
     weights = {name: array for name, array in arrays.items() if array.dtype == np.float32}
     for node in graph.node:
@@ -119,7 +125,7 @@ def _weights(path: Path) -> dict[str, Float32]:
     return weights
 
 
-def _fitting(weights: dict[str, Float32], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
+def _checked_weights(weights: dict[str, Float32], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
     """Returns the weights with a name, after checking their shape.
 
     Raises:
@@ -131,9 +137,9 @@ def _fitting(weights: dict[str, Float32], name: str, shape: tuple[int, ...], pat
     array = weights.get(name, weights.get(former))
     if array is None or array.shape != shape:
         has = "nothing of that name" if array is None else f"{array.shape}"
-        raise _unfit(path, f"its layers are others: {name} should be {shape}, and it has {has}")
+        raise _mismatch_error(path, f"its layers are different: {name} should be {shape}, and it has {has}")
     return torch.from_numpy(array.copy())
 
 
-def _unfit(path: Path, what: str) -> InputError:
-    return InputError(what, where=str(path), mend="Name a network that train-estimator made.")
+def _mismatch_error(path: Path, problem: str) -> InputError:
+    return InputError(problem, where=str(path), mend="Name a network that train-estimator made.")

@@ -23,10 +23,10 @@ from enliven.document import (
 from enliven.modeling.edits import key_layer, keys_of, layer_keys, rig_of
 from enliven.rotation import (
     conjugate,
-    continuous,
     from_matrix,
     multiply,
     nearest_rotation,
+    remove_sign_jumps,
     to_rotation_vector,
 )
 
@@ -93,7 +93,7 @@ def groups_of(project: Project, thing: CurveSubject, times: Float) -> dict[str, 
     moving = _moving(project, character, thing)
     if moving is not None:
         rows = [moving(float(time)) for time in times]
-        turns = continuous(np.stack([turn for turn, _ in rows])[:, None])[:, 0]
+        turns = remove_sign_jumps(np.stack([turn for turn, _ in rows])[:, None])[:, 0]
         groups.append(CurveGroup("turn", "\u00b0", AXES, _unwrap_rotations(turns)))
         groups.append(CurveGroup("place", "m", AXES, np.stack([place for _, place in rows])))
     layer = layer_of_thing(project, thing)

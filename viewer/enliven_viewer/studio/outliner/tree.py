@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.document import GraphShape, Project, Puppet, RigBase
-from enliven.takes import ONLOOKER
+from enliven.takes import ONLOOKER_SUFFIX
 from enliven_viewer.language import later, tr
 
 GROUP, CHARACTER, HANDLE, TAKE, LIVE = "group", "character", "handle", "take", "live"
@@ -105,7 +105,7 @@ def _every(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
 
 def _is_onlooker(name: str) -> bool:
     """Returns True if the take's performer controlled nothing while others did, according to its name."""
-    return name.rstrip("0123456789").rstrip().endswith(ONLOOKER)
+    return name.rstrip("0123456789").rstrip().endswith(ONLOOKER_SUFFIX)
 
 
 def _handles(character: RigBase) -> Iterator[Row]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
-from enliven.files import own_folder
+from enliven.files import user_data_folder
 
 _MAX_ADDRESSES = 6
 """Maximum number of stored addresses: a list that can be read at a glance."""
@@ -40,4 +40,4 @@ class Addresses:
 
     @property
     def _path(self) -> Path:
-        return (self._folder or own_folder()) / "edges.txt"
+        return (self._folder or user_data_folder()) / "edges.txt"

@@ -13,7 +13,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Character, GraphShape, Project, RigBase, Shape
 from enliven.matching import MatchList
-from enliven.takes import LiveLayer, LiveOverdub, plays
+from enliven.takes import LiveLayer, LiveOverdub, has_motion
 from enliven_viewer.render import Scene, SceneCharacter
 from enliven_viewer.studio.editor import Editor
 
@@ -96,7 +96,7 @@ class LiveOverlay:
     def _overdubs(self, shape: GraphShape, actor: SceneCharacter, told: OverlayConditions) -> bool:
         """Returns True if the live motion of a possessed mesh is added to its own."""
         performed = shape.id in told.held_ids and told.plays_live and not told.replaces_motion
-        return performed and _same(shape, actor) and plays(self.editor.project, shape)
+        return performed and _same(shape, actor) and has_motion(self.editor.project, shape)
 
     def _add_performance(self, shape: GraphShape, actor: SceneCharacter) -> SceneCharacter:
         """Returns a possessed mesh with its own motion and the live motion added."""

@@ -8,7 +8,7 @@ from typing import Literal
 from enliven.document import Project
 from enliven.errors import InputError
 from enliven.modeling.edits import alternatives_of, choose_take
-from enliven.takes import PerformedMotion, with_performed
+from enliven.takes import PerformedMotion, add_performance
 from enliven_viewer.language import later, tr
 from enliven_viewer.live import LiveStage
 from enliven_viewer.studio.editor import Editor
@@ -299,7 +299,7 @@ def _insert_recording(
     after, names = project, list[str]()
     for recording in performed:
         begin = recording.since_ns - round(start * 1e9)
-        after, new = with_performed(after, recording, begin, replaces=replaces, beside=beside)
+        after, new = add_performance(after, recording, begin, replaces=replaces, beside=beside)
         names += new
     if not names:
         problem, mend = tr("nothing moved"), tr("Step in front of the sensor, or take hold of a character.")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from enliven.arrays import Int16
-from enliven.sounds import SOUND_RATE, Sound, mixed
+from enliven.sounds import SOUND_RATE, Sound, mix_sounds
 from enliven_viewer.language import tr
 from enliven_viewer.studio.editor import Editor
 
@@ -103,4 +103,4 @@ class SoundPlayer:
     def _fill(self, out: Int16, count: int, times: Any, fault: Any) -> None:
         """Writes the next samples; called in the device's thread."""
         first, self._next = self._next, self._next + count
-        out[:, 0] = mixed(self._sounds, first, count)
+        out[:, 0] = mix_sounds(self._sounds, first, count)

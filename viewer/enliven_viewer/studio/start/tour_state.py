@@ -9,7 +9,7 @@ from typing import Protocol
 
 from enliven.arrays import Float, Float32
 from enliven.document import GraphShape
-from enliven.takes import plays
+from enliven.takes import has_motion
 from enliven_viewer.studio.actions import ActionTable
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform import PerformSession
@@ -171,7 +171,7 @@ class TourState:
     def dances(self) -> bool:
         """Returns True if the chair has its own motion."""
         chair = self.chair
-        return chair is not None and plays(self.desk.editor.project, chair)
+        return chair is not None and has_motion(self.desk.editor.project, chair)
 
     @property
     def records(self) -> bool:

@@ -21,7 +21,7 @@ from enliven.mapping import (
     softened,
     stilled,
 )
-from enliven.motion.layers import bind_chain, goes_down
+from enliven.motion.layers import bind_chain, is_downward
 from enliven_viewer.language import later, tr, tr_n
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.sources import Chain, MotionMatch, SourceView, apply_match, rank_matches
@@ -100,7 +100,7 @@ class MapTool(Tool):
         skeleton = self.editor.project.shape(hit.character).skeleton
         chain = skeleton.path(self._start[1], hit.handle)
         self._start = None
-        if len(chain) > 1 and not goes_down(skeleton, chain) and goes_down(skeleton, chain[::-1]):
+        if len(chain) > 1 and not is_downward(skeleton, chain) and is_downward(skeleton, chain[::-1]):
             chain = chain[::-1]
         self.editor.select(handle=None, chain=chain)
         if self.source.take is not None and self.source.chain:

@@ -11,7 +11,7 @@ from enliven.document import Project, Puppet, RigBase
 from enliven.errors import InputError
 from enliven.exporters import Performance, exporter_of, performance_of
 from enliven.files import replace_file
-from enliven.sounds import heard_from
+from enliven.sounds import mix_from
 from enliven_viewer.language import tr, tr_n
 from enliven_viewer.studio.background import WorkProgress
 from enliven_viewer.studio.workspace.files import exportable
@@ -103,7 +103,7 @@ def write_export(
         rate, keyed = float(options.rate), exporter.keyed
         performances.append(performance_of(project, character, first, last, rate, how=how, keyed=keyed))
     if exporter.heard and project.sounds:
-        more["sound"] = heard_from(project.sounds.values(), first)
+        more["sound"] = mix_from(project.sounds.values(), first)
     if film:
         more["progress"] = _later(progress, _SAMPLING_PROGRESS)
     with replace_file(path, tr("Save it elsewhere.")) as part:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from enliven.document import Project
 from enliven.errors import EnlivenError, InputError
-from enliven.files import PART, own_folder, read_file, write_file
+from enliven.files import PART_SUFFIX, read_file, user_data_folder, write_file
 from enliven.formats.project import (
     project_bytes,
     project_of,
@@ -60,7 +60,7 @@ class ProjectStore:
         self.editor = editor
         self.recording: StageRecording | None = None
         self.path: Path | None = None
-        self.folder = folder or own_folder()
+        self.folder = folder or user_data_folder()
         self._saved: Project = editor.history.project
         self._autosaved: Project = self._saved
         self._since = time.monotonic()
@@ -244,7 +244,7 @@ class ProjectStore:
         """
         if not self.folder.is_dir():
             return []
-        for part in self.folder.glob(f".recovery-*{PROJECT}*{PART}"):
+        for part in self.folder.glob(f".recovery-*{PROJECT}*{PART_SUFFIX}"):
             if not _running(Path(part.name.removeprefix(".").partition(PROJECT)[0] + PROJECT)):
                 part.unlink(missing_ok=True)
         recovery_files = [path for path in self.folder.glob(f"recovery-*{PROJECT}") if not _running(path)]
