@@ -1,4 +1,5 @@
-"""enliven doctor: checks this machine or a running edge, and gives the remedy for each fault."""
+"""The command ``enliven doctor``: checks this machine or a running edge, and gives the remedy for each
+fault."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ _FAILED_CHECK_EXIT_CODE = 4
 """Exit code if a check fails. It equals the exit code 4 of :class:`enliven.errors.ResourceError`."""
 
 PATIENCE_S = 5.0
-"""Longest wait for a heartbeat of an edge, in seconds. An edge sends ten in this time."""
+"""Maximum wait for a heartbeat of an edge, in seconds. An edge sends ten heartbeats in this time."""
 
 
 def doctor(
@@ -48,7 +49,7 @@ def edge_checks(address: str) -> list[Check]:
     """Checks the edge at an address, HOST or HOST:PORT or HOST:PORT:CONTROL_PORT.
 
     Raises:
-        InputError: for an address that is none.
+        InputError: if the address is invalid.
     """
     from enliven.wire import hear_edge, parse_endpoint
 

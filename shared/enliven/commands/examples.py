@@ -1,4 +1,4 @@
-"""enliven examples: a mesh moved by a few example poses, without a window."""
+"""The command ``enliven examples``: moves a mesh by a few example poses, without a window."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def fit(
 
 
 def _path_from_session(session: Path, file: Path) -> str:
-    """Returns a file's path as a session beside it names it: relative where the file lies near."""
+    """Returns a file's path for a session: relative to the session if the file is near it, else absolute."""
     home, there = session.resolve().parent, file.resolve()
     return there.relative_to(home).as_posix() if there.is_relative_to(home) else there.as_posix()
 

@@ -1,4 +1,5 @@
-"""enliven export: what moves in a recording, a project or a motion file, written for other programs."""
+"""The command ``enliven export``: writes the motion of a recording, a project or a motion file for other
+programs."""
 
 from __future__ import annotations
 
@@ -79,10 +80,11 @@ def export(
 def _chosen_characters(
     found: list[Exportable], exporter: Exporter, wanted: list[str], source: Path
 ) -> list[Exportable]:
-    """Returns the characters of these names, or where none is named, those that the kind of file can hold.
+    """Returns the characters with the given names. Without names, returns those that the kind of file can
+    contain.
 
     Raises:
-        InputError: where a name is not there, or the file cannot hold it, or only one of several.
+        InputError: if a name does not exist, or if the file can contain none, or only one, of the characters.
     """
     by_name = {exportable.name: exportable for exportable in found}
     for name in wanted:

@@ -1,4 +1,5 @@
-"""enliven retarget: a motion from a file onto a model from another, without a window."""
+"""The command ``enliven retarget``: transfers a motion from a file to a model from another file, without a
+window."""
 
 from __future__ import annotations
 
@@ -159,7 +160,7 @@ def retarget(
 
 
 def _tell_quality(made: RetargetedShape, rig: Rig, write_map: Path | None) -> None:
-    """Prints how good the motion is, and warns with a better mapping where it has faults that are seen."""
+    """Prints the quality of the motion. If it has visible faults, warns and suggests a better mapping."""
     from enliven.mapping import idle_limbs, limb_of, next_best, quality_of, write_plan
 
     for limb in idle_limbs(made.clip, made.plan):
@@ -194,7 +195,8 @@ def _tell_quality(made: RetargetedShape, rig: Rig, write_map: Path | None) -> No
 
 
 def _exceeded_bounds(quality: MotionQuality, pinned: bool) -> list[str]:
-    """What is beyond its bound, with the joints where it is; ``pinned``: whether feet are held already."""
+    """Returns a sentence for each exceeded bound, with the affected joints. ``pinned`` is True if feet are
+    locked."""
     from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH
 
     sunk, afloat, feet = quality.sunk or 0.0, quality.afloat or 0.0, ", ".join(quality.feet)

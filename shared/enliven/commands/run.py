@@ -1,4 +1,4 @@
-"""enliven run: the edge and the viewer as two processes of their own, started and ended together."""
+"""The command ``enliven run``: starts and ends the edge and the viewer together, as two processes."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ from enliven.files import need_folder
 from enliven.wire import free_ports
 
 _FILM_SECONDS = 10.0
-"""Length of a film if no length is given, in seconds. The shipped recording has nine seconds, and this
-includes its end."""
+"""Default length of a film, in seconds. The shipped recording has nine seconds, so its end is included."""
 _COMPILE_TIMEOUT_S = 3600.0
-"""Longest wait for an edge to compile everything, in seconds. On a small machine with much other work, over
-600 s were measured at a load of 10. An edge that fails ends the run at once."""
+"""Maximum wait for an edge to compile all kernels, in seconds. On a small machine with a load of 10, more
+than 600 s were measured. An edge that fails ends the run at once."""
 
 
 def run(
@@ -132,14 +131,14 @@ def run(
 
 
 def _record_again(record: Path | None) -> Path | None:
-    """Returns where an edge that is started again keeps its take: the take before stays."""
+    """Returns the path for the take of a restarted edge. The take before the restart is kept."""
     if record is None or "{number}" in record.name or "{time}" in record.name:
         return record
     return record.with_stem(f"{record.stem}-restart{{number}}")
 
 
 def has_display() -> bool:
-    """Returns whether a window can be opened on this machine."""
+    """Returns True if a window can be opened on this machine."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
@@ -155,7 +154,8 @@ def _need_both_programs() -> None:
 
 
 def _command_words(program: str, /, **options: Any) -> list[str]:
-    """Returns a command line: None and False are left out, True is an option alone, a list several of one."""
+    """Returns a command line. None and False are left out, True gives an option without a value, and a list
+    repeats it."""
     words = [program]
     for option, value in options.items():
         for item in value if isinstance(value, list) else [value]:

@@ -19,7 +19,8 @@ _LEVEL = 9
 _MAX_UNUSED_S = 60 * 86400.0
 """Seconds after which an unused file in the user's folder is deleted: two months."""
 _SHIPPED = "enliven_kernels"
-"""Package with the compiled kernels of a release. Its folder ``kernels`` has the user folder's format."""
+"""Name of the package with the compiled kernels of a release. Its folder ``kernels`` has the user folder's
+format."""
 
 
 @functools.cache

@@ -69,7 +69,7 @@ class EqualLimbs:
         kind: "rotation": limbs rotated about the axis; "mirror": two limbs, left and right of a plane.
         joint: their common parent joint.
         axis: (3,) unit vector along the axis, or normal to the plane; both go through the joint.
-        limbs: two or more, by angle about the axis.
+        limbs: two or more limbs, sorted by their angle about the axis.
     """
 
     kind: Literal["rotation", "mirror"]

@@ -34,7 +34,7 @@ _MAX_CURVE_DEVIATION = 1e-4
 def with_cubic_keys(
     clip: Clip, animation: int, start: float, surface: GltfSurface, tree: Tree, chosen: list[int]
 ) -> Clip:
-    """Returns the clip with those cubic keys of its animation that can be converted to its bones.
+    """Returns the clip with the cubic keys of its animation, as far as they can be converted to its bones.
 
     Args:
         clip: the clip.
@@ -184,7 +184,7 @@ def _rotation_of(matrix: Float) -> Float | None:
 
 
 def _checked_curves(clip: Clip, made: list[CubicKeys]) -> Clip:
-    """Returns the clip with those curves that agree with all of its frames."""
+    """Returns the clip with only those curves that agree with all of its frames."""
     parents, finest = clip.skeleton.parents, clip.finest
     even = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     seconds: Float = np.asarray(even if clip.fine is None else clip.fine.seconds, np.float64)

@@ -1,4 +1,4 @@
-"""Rigged models from glTF 2.0 (.gltf, .glb), as shapes with the clips that came with them.
+"""Reads rigged models from glTF 2.0 (.gltf, .glb) as shapes, with the clips in the file.
 
 The rest pose is the bind pose, in the world of the file (metres, +Y up). See ``rig_tree`` for how joints
 become bones. Translations and scales of joints in an animation become the offsets and strains of its clip.

@@ -1,7 +1,8 @@
 """Frames at the ends of a capture that are not part of the motion: a T-pose, or a pose for calibration.
 
-Many conversions of CMU's captures begin with one: frame 0 is a T-pose, frame 1 is the motion. Played, the
-body jumps. Such frames are found by their speed: no person moves that fast, while the rest is smooth.
+Many conversions of CMU's captures begin with such a pose: frame 0 is a T-pose, and the motion starts at frame
+1. During playback, the body jumps. The frames are detected by the speed of the jump: no person moves that
+fast, and the rest of the motion is smooth.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from enliven.arrays import Float
 from enliven.formats.motion.capture import Capture
 
 _TOO_FAST = 8.0
-"""Body sizes a second of a joint that no person reaches: 14 m/s for an adult. Kicks reach 10 m/s."""
+"""Speed of a joint that no person reaches, in body sizes per second: 14 m/s for an adult. Kicks reach 10
+m/s."""
 _MIN_JUMP_SPEED_RATIO = 4.0
 """Minimum speed of the jump after an added pose, relative to the fastest motion in the rest of the take.
 Captures have smaller glitches of their own."""
@@ -29,7 +31,7 @@ _MIN_JUMP_BODY_SIZES = 0.15
 _LONGEST_HOLD_S = 2.0
 """Longest time for which an added pose is held, in seconds."""
 _SAME_POSE_BODY_SIZES = 1e-5
-"""Body sizes within which a held pose is one and the same: people are never that still."""
+"""Maximum motion of a joint between two frames of a held pose, in body sizes. People are never that still."""
 _LEAST_REST = 5
 """Minimum number of frame intervals in the rest of a take. With fewer, it cannot be judged as smooth."""
 _AT_REST = 0.05
@@ -40,13 +42,14 @@ size."""
 def added_frames(
     places: Float, seconds: float, rest: Float | None = None, only_rest: bool = False
 ) -> tuple[int, int]:
-    """How many frames at the begin and at the end of a motion are an added pose.
+    """Returns the numbers of frames at the start and at the end of a motion that show an added pose.
 
     Args:
         places: (F, N, 3) the joints over time, in any unit.
-        seconds: from one frame to the next.
-        rest: (N, 3) the joints in the file's rest pose. A take that begins in it may fade into the motion.
-        only_rest: added frames show the rest pose; else any pose can be added.
+        seconds: time from one frame to the next.
+        rest: (N, 3) the joints in the file's rest pose. A take that begins in this pose may fade into the
+            motion.
+        only_rest: True if only frames in the rest pose count as added, and False if any pose counts.
     """
     return (
         _added_frame_count(places, seconds, rest, only_rest),
@@ -55,7 +58,7 @@ def added_frames(
 
 
 def without_added_poses(capture: Capture) -> Capture:
-    """The capture without added poses at its ends, with a note on them."""
+    """Returns the capture without the added poses at its ends, with a note about the removed frames."""
     begin, end = added_frames(capture.positions, capture.seconds)
     if not (begin or end):
         return capture
@@ -66,7 +69,7 @@ def without_added_poses(capture: Capture) -> Capture:
 
 
 def told_added(begin: int, end: int) -> tuple[str, ...]:
-    """Notes on frames that were left out at the begin and at the end."""
+    """Returns notes about the frames that were removed at the start and at the end."""
     return tuple(
         f"the {where} {f'{count} frames are' if count > 1 else 'frame is'} not part of the motion (an added "
         "pose, such as a T-pose): left out"
@@ -76,7 +79,7 @@ def told_added(begin: int, end: int) -> tuple[str, ...]:
 
 
 def _added_frame_count(places: Float, seconds: float, rest: Float | None, only_rest: bool) -> int:
-    """How many frames at the begin are an added pose."""
+    """Returns the number of frames at the start that show an added pose."""
     size = float(np.ptp(places[len(places) // 2], axis=0).max())
     if len(places) < _LEAST_REST + 2 or size <= 0.0:
         return 0
@@ -103,6 +106,6 @@ def _added_frame_count(places: Float, seconds: float, rest: Float | None, only_r
 
 
 def _is_rest_pose(pose: Float, rest: Float, size: float) -> bool:
-    """Whether a pose (N, 3) is the rest pose, wherever its root is."""
+    """Returns True if a pose (N, 3) is the rest pose, independent of the root's position."""
     apart = np.linalg.norm((pose - pose[0]) - (rest - rest[0]), axis=1)
     return bool(apart.mean() < _AT_REST * size)

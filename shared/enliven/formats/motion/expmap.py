@@ -1,8 +1,9 @@
-"""CMU motions as tables of exponential maps: 117 comma-separated numbers a frame, 120 frames a second.
+"""Reads CMU motions stored as tables of exponential maps: 117 comma-separated numbers per frame, 120 frames a
+second.
 
-Three numbers are the root's position, then come 38 rotation vectors. The rows were made for row vectors, so
-that a joint's own rotation is the inverse of its map. In these files the root's Euler angles Z, Y, X were
-composed as Z, X, Y; they are taken apart and composed again in their right order.
+The first three numbers are the root's position. The others are 38 rotation vectors. The files use the row
+vector convention, so a joint's rotation is the inverse of its map. The root's Euler angles Z, Y, X were
+composed in the wrong order Z, X, Y. The reader decomposes them and composes them in the correct order.
 """
 
 from __future__ import annotations
@@ -63,17 +64,18 @@ _JOINTS: tuple[tuple[str, int, tuple[float, float, float]], ...] = (
     ("RThumb", 32, (0.0, 0.0, 0.0)),
     ("RThumb end", 36, (-0.59786, 0.0, 0.59786)),
 )
-"""Name, parent and offset (CMU units) of each joint; the maps come in this order."""
+"""Name, parent and offset (in CMU units) of each joint, in the order of the maps."""
 
 
 def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
     """Reads a table of exponential maps.
 
     Args:
-        mend_root: put the root's angles into their right order; False takes the file at its word.
+        mend_root: True to correct the order of the root's Euler angles, False to use the file's rotation
+            unchanged.
 
     Raises:
-        InputError: where the file cannot be read or a line is wrong, with its number.
+        InputError: if the file cannot be read or a line is wrong. The message contains the line number.
     """
     path = Path(path)
     lines = decode_text(read_file(path)).split("\n")

@@ -1,8 +1,9 @@
-"""Project files (.enliven): everything an artist has made, in one file that every later version reads.
+"""Reads and writes project files (.enliven): an artist's complete work in one file that every later version
+reads.
 
-A zip archive of project.json (the document with its version) and arrays/<name>.npy, where the name is a
-checksum of the content, so that other tools can read it and damage is noticed. Writing is atomic: the
-previous file stays until the new one is complete.
+The file is a zip archive of project.json (the document with its version) and arrays/<name>.npy, so other
+tools can read it. The name of an array is a checksum of its content, which reveals damage. Writing is atomic:
+the previous file stays until the new one is complete.
 """
 
 from __future__ import annotations
@@ -31,19 +32,21 @@ from enliven.formats.project.upgrades import characters_of_kinds
 from enliven.formats.project.values import UnknownFieldError, name_of, packed, unpacked
 
 VERSION = 2
-"""Of the format. An added field needs no new version; a changed meaning of a written field does."""
+"""The version of the format. An added field needs no new version, but a changed meaning of an existing field
+does."""
 _UPGRADE_BY_VERSION: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: characters_of_kinds}
-"""For each older version: the function that turns its project object into that of the next version."""
+"""For each older version: the function that converts its project object to that of the next version."""
 _FORMAT = "enliven project"
 _HEADER, _ARRAYS = "project.json", "arrays/"
 _READABLE_ZIP_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""Zip methods that are read: stored and deflated; other methods can ask for gigabytes before the first byte.
+"""Accepted zip methods: stored and deflated. Other methods can allocate gigabytes before the first byte.
 """
 _FREE_BYTES = 1 << 28
-"""Size, in bytes, to which any file may unpack: 256 MB, because equal numbers of that size pack to 300 kB."""
+"""Unpacked size, in bytes, that is allowed for every file: 256 MB. Equal numbers of that size pack to 300
+kB."""
 _MOST_RATIO = 20
-"""Further bytes that a file may unpack to for each byte that it has: motion packs to a third, so this leaves
-room."""
+"""Maximum number of additional unpacked bytes per byte of the file. Motion packs to a third, so the limit has
+a margin."""
 _COMPRESSION_LEVEL = 1
 """Compression level of zip. The file is 3 % larger than with the default 6, but takes a quarter of the time.
 An edit on a stage waits for it."""
@@ -52,11 +55,11 @@ _LONG_AGO = (1980, 1, 1, 0, 0, 0)
 
 
 def write_project(path: Path | str, project: Project) -> None:
-    """Writes a project; the same project makes the same bytes.
+    """Writes a project. Equal projects give equal bytes.
 
     Raises:
-        InputError: if the file is a project of a later version; it stays.
-        ResourceError: where the file cannot be written; one that was there stays.
+        InputError: if the existing file is a project of a later version, which is not replaced.
+        ResourceError: if the file cannot be written. An existing file stays unchanged.
     """
     refuse_later_project(Path(path))
     write_file(Path(path), project_bytes(project), "Save it elsewhere.")
@@ -83,8 +86,9 @@ def read_project(path: Path | str) -> Project:
     """Reads a project of this or any earlier version.
 
     Raises:
-        InputError: where the file is missing, no project, cut short, damaged, or of a later version. Motion
-            of a possessed mesh that is damaged or missing, and can be solved again, stands still.
+        InputError: if the file is missing, not a project, truncated, damaged, or of a later version. Damaged
+            or missing motion of a possessed mesh raises no error if it can be solved again. The mesh then
+            stays at rest.
     """
     path = Path(path)
     return project_of(read_file(path), str(path))
@@ -109,10 +113,10 @@ def project_bytes(project: Project) -> bytes:
 
 
 def project_of(data: bytes, where: str = "project", most: int | None = None) -> Project:
-    """Reads the project from the bytes of a file; ``where`` is named in errors.
+    """Reads the project from the bytes of a file. ``where`` is its name in error messages.
 
     Args:
-        most: bytes that it may unpack to; None: as many as a file may.
+        most: maximum unpacked size in bytes. None uses the limits of a file.
     """
     if not data.startswith(b"PK"):
         raise _foreign_file_error(data, where)
@@ -144,10 +148,10 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
 
 
 def _mend_unknown(made_by: Any) -> str:
-    """Returns what to do about a field that is not known here.
+    """Returns the advice about a field that this version does not know.
 
     Args:
-        made_by: the version of enliven that the file states.
+        made_by: the version of enliven that wrote the file, as stated in the file.
     """
     if made_by == __version__:
         return "Take an earlier copy."
@@ -155,14 +159,14 @@ def _mend_unknown(made_by: Any) -> str:
 
 
 def _zip_entry(name: str) -> zipfile.ZipInfo:
-    """Returns a zip entry without a time, so that the same project makes the same file."""
+    """Returns a zip entry with a fixed date, so that equal projects give equal files."""
     info = zipfile.ZipInfo(name, _LONG_AGO)
     info.compress_type = zipfile.ZIP_DEFLATED
     return info
 
 
 def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, most: int | None) -> None:
-    """Refuses a file that states a larger size than a project packs to; nothing of it is unpacked."""
+    """Raises an error, before unpacking, if the declared unpacked size is larger than that of any project."""
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
     if total > (_FREE_BYTES + _MOST_RATIO * packed if most is None else most):
@@ -173,14 +177,15 @@ def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, most: int | 
 
 
 def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
-    """Returns an entry's bytes, at most as many as it states; the archive's own reader has no limit."""
+    """Returns an entry's bytes, at most one more than its declared size. The archive's own reader has no
+    limit."""
     entry = archive.getinfo(name)
     with archive.open(entry) as file:
         return file.read(entry.file_size + 1)
 
 
 def _foreign_file_error(data: bytes, where: str) -> InputError:
-    """Returns the error about a file that is something else, with what it is."""
+    """Returns the error about a file of another kind. The message names the kind."""
     kind, ending = kind_of(data)
     mend = "Choose a project that was saved by enliven."
     if ending:
@@ -219,7 +224,8 @@ def _is_whole(version: Any) -> TypeGuard[int]:
 
 
 def _read_arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str]]:
-    """Returns all arrays by their names, which their content must have; and the names of damaged ones."""
+    """Returns the arrays by name, and the names of the damaged ones. The content of an array must match its
+    name."""
     arrays, damaged = dict[str, AnyArray](), set[str]()
     for entry in archive.namelist():
         if not entry.startswith(_ARRAYS):

@@ -1,4 +1,5 @@
-"""Motion that is missing in a project file, or damaged, and can be solved again from performers."""
+"""Replaces missing or damaged motion in a project file by the rest pose, if it can be solved again from
+performers."""
 
 from __future__ import annotations
 
@@ -12,13 +13,14 @@ from enliven.formats.project.values import ARRAY, KIND, name_of
 
 
 def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, set[str]]:
-    """Returns the project object; a lost stream that can be solved again is the mesh at rest, and says so.
+    """Returns the project object with each lost stream replaced by the mesh at rest, if it can be solved
+    again. The possession of such a part is marked as not solved.
 
     Args:
-        arrays: those that are there, by name; those of the streams at rest are added.
+        arrays: the readable arrays by name. The function adds those of the streams at rest.
 
     Returns:
-        The object, and the names of the arrays of the lost streams.
+        The project object, and the names of the arrays of the lost streams.
     """
     streams, characters = (
         _as_table(_as_table(project).get("streams")),
@@ -47,7 +49,7 @@ def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, se
 def _mended_part(
     part: Any, streams: dict[str, Any], found: dict[str, Any], arrays: dict[str, AnyArray]
 ) -> Any:
-    """A part that plays something; a stream at rest goes into ``found`` where its own is lost."""
+    """Returns a part whose stream is complete. If its stream is lost, adds a stream at rest to ``found``."""
     possession, name = _as_table(_as_table(part).get("possession")), _as_table(part).get("take")
     rest = arrays.get(str(_as_table(possession.get("rest")).get(ARRAY)))
     stream = _as_table(streams.get(str(name)))

@@ -1,9 +1,9 @@
-"""Values of a document as JSON and arrays, and back, by the type hints of its dataclasses.
+"""Converts a document to JSON and arrays, and back, by the type hints of its dataclasses.
 
-A dataclass becomes an object of its fields, a mapping an object, a tuple an array, and a NumPy array
-``{"array": <name>}`` with its numbers kept elsewhere, each once. Numbers come back bit for bit: JSON has the
-shortest decimal that is the same float64. A field that a file lacks gets its default, so a document that
-grew a field still reads what was written before it. The object of a rig says of which kind it is.
+A dataclass becomes an object of its fields, a mapping an object, and a tuple an array. A NumPy array becomes
+``{"array": <name>}``, and its numbers are stored separately, each array once. Numbers are restored bit for
+bit, because JSON contains the shortest decimal that gives the same float64. A field that is missing in a file
+gets its default, so new fields can be added without a new version. The object of a rig contains its kind.
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ KIND = "kind"
 
 
 class UnknownFieldError(InputError):
-    """A field, a value or a kind of character that is not known here; a later version may know it."""
+    """A field, a value or a kind of character that this version does not know. A later version may know
+    it."""
 
 
 def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
-    """Returns ``value`` as JSON; its arrays are put into ``arrays`` by a name made of their content."""
+    """Returns ``value`` as JSON, and adds its arrays to ``arrays`` by a checksum of their content."""
     if isinstance(value, np.ndarray):
         name = name_of(value)
         arrays[name] = value
@@ -51,7 +52,7 @@ def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
 
 
 def name_of(array: AnyArray) -> str:
-    """Returns a name made of an array's type, shape and numbers: equal for equal arrays, and a checksum."""
+    """Returns the name of an array: a checksum of its type, shape and numbers."""
     digest = hashlib.blake2b(f"{array.dtype.str}{array.shape}".encode(), digest_size=16)
     digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
@@ -61,7 +62,7 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
     """Converts JSON to a value of the type ``hint``.
 
     Raises:
-        InputError: where it does not fit the type; ``where`` is the path to it.
+        InputError: if the value does not match the type. ``where`` is the path to the value, for the message.
     """
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (types.UnionType, typing.Union):
@@ -93,7 +94,7 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
 
 
 def _read_rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
-    """A character of the rig that its object names."""
+    """Returns a character of the kind of rig that the object names."""
     kind = table.get(KIND)
     if kind not in RigBase.kinds:
         raise UnknownFieldError(f"a character of kind {kind!r} is not known here", where=where)
@@ -129,7 +130,7 @@ def _read_tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, 
 
 
 def _checked_type(value: Any, kind: Any, where: str) -> Any:
-    """The value, which must be of a plain kind; a whole number will do for a float."""
+    """Returns the value after checking its plain type. An integer is accepted as a float."""
     wanted = (int, float) if kind is float else kind
     if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):
         name = getattr(kind, "__name__", str(kind))

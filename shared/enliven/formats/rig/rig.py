@@ -1,10 +1,10 @@
-"""Rigged models: a shape with the clips from its file.
+"""A rigged model: a shape with the clips from its file.
 
 rig = read_gltf("horse.glb")
 rig.shape        # enliven.document.rigged.Shape, at rest in its bind pose, metres, +Y up
 rig.clips        # its own animations, on the same skeleton
 rig.notes        # what was changed or left out, with its size
-project, shape = playing(Project(), rig.shape, rig.clips[0])    # as it moves by itself
+project, shape = playing(Project(), rig.shape, rig.clips[0])    # the shape plays its own clip
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from enliven.meshes import Mesh
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A model as read from a file.
+    """A model that was read from a file.
 
     Attributes:
-        shape: at rest; its skeleton has a bone for each link of the file's joints.
+        shape: the model at rest. Its skeleton has a bone for each link between joints of the file.
         clips: its animations, on that skeleton.
-        notes: what was unusual, a sentence each.
+        notes: a sentence for each unusual property of the file.
     """
 
     shape: Shape
@@ -38,7 +38,7 @@ def resized(rig: Rig, height: float) -> Rig:
     """Returns the model scaled to ``height`` metres.
 
     Raises:
-        InputError: where the model is flat from above, or the height is none.
+        InputError: if the model has no vertical extent, or the height is not above 0.
     """
     mesh = rig.shape.mesh
     points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
@@ -75,9 +75,11 @@ def _resized_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Cl
 
 
 def welded(shape: Shape) -> Shape:
-    """Returns the shape with vertices of one place and one skin merged into one, as surgery needs it.
+    """Returns the shape with vertices merged if they have the same position and skin weights. Cuts and merges
+    need this.
 
-    Flat-shaded files have every face apart. Where two colours meet, the first vertex's stays.
+    In files with flat shading, faces do not share vertices. A merged vertex keeps the colour of the first
+    one.
     """
     if shape.mesh is None or shape.skin is None:
         return shape
@@ -97,14 +99,14 @@ def welded(shape: Shape) -> Shape:
 
 
 def playing(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]:
-    """Returns the project with the shape added and moved by a clip of its own skeleton: every bone, and the
-    root.
+    """Returns the project with the shape added. All bones and the root play a clip of the shape's own
+    skeleton.
 
-    Every bone has a layer of its own (the chain from the joint above it to it), so each turns, moves and
-    stretches just as the clip says.
+    Each bone has a layer of its own, for the chain from its parent joint to its joint. So each bone rotates,
+    moves and stretches exactly as in the clip.
 
     Raises:
-        InputError: where the clip is of another skeleton.
+        InputError: if the clip has another skeleton.
     """
     skeleton = shape.skeleton
     if not np.array_equal(clip.skeleton.parents, skeleton.parents):

@@ -1,8 +1,9 @@
 """Finds the parent of each joint of a rig: the file's parent, unless the animations contradict it.
 
-Files of animators have controllers: a foot that inverse kinematics drove hangs on the ground, and is only
-moved to the end of the shin. A skeleton with bones that only turn needs the foot on the shin. So a link that
-does not hold over the animations is cut, and the cut branch is attached to the joint that it follows best.
+Animators' files contain controllers. For example, a foot driven by inverse kinematics is a child of a
+controller on the ground, and its animation keeps it at the end of the shin. A skeleton with bones that only
+rotate needs the foot as a child of the shin. So a link that does not keep its length and direction in the
+animations is cut. The cut branch is attached to the joint that it follows best.
 """
 
 from __future__ import annotations
@@ -32,19 +33,21 @@ cost is quadratic in the joints."""
 
 @dataclass
 class LinkBody:
-    """A joint of a rig, with everything that is rigid with it.
+    """A joint of a rig, with the vertices and leaf nodes that move rigidly with it.
 
     Attributes:
-        name: its own.
-        parent: the number of another body, or -1.
-        rest: (3,) metres.
-        turns: (F, 4) world turns since rest, all the animations one after the other.
-        places: (F, 3) metres.
-        mass: the surface that follows it, m2, each vertex by its weight.
+        name: name of the joint.
+        parent: number of the parent body, or -1.
+        rest: (3,) metres, the rest position.
+        turns: (F, 4) world rotations relative to rest, for the frames of all animations in sequence.
+        places: (F, 3) metres, the positions in these frames.
+        mass: area of the surface that follows it, in m2. Each vertex counts by its weight.
         reach: (3,) metres, the far end of those vertices, or None.
-        leaves: name and (3,) metres of its child nodes that are no joints.
-        strains: (F, 6) the Hencky strains since rest, before the turns; None where it is never stretched.
-        mirrors: (F,) -1 where it is mirrored against its rest, else 1; None where it never is.
+        leaves: name and (3,) metres of each child node that is not a joint.
+        strains: (F, 6) the Hencky strains relative to rest, applied before the rotations. None if it is never
+            stretched.
+        mirrors: (F,) -1 in frames in which it is mirrored relative to rest, else 1. None if it is never
+            mirrored.
     """
 
     name: str
@@ -59,7 +62,8 @@ class LinkBody:
     mirrors: Float | None = None
 
     def moved(self, way: Float) -> Float:
-        """(F, 3) where vectors (3,) or (F, 3) of the rest pose lead: stretched and mirrored, then turned."""
+        """Returns vectors (3,) or (F, 3) of the rest pose in each frame (F, 3): mirrored and stretched, then
+        rotated."""
         if self.mirrors is not None:
             way = self.mirrors[:, None] * way
         if self.strains is not None:
@@ -72,9 +76,9 @@ class Links:
     """The tree of the joints.
 
     Attributes:
-        parents: of each body that is kept, -1 at the root.
-        merged: bodies that were above the root: their vertices follow the root.
-        notes: what was changed, a sentence each.
+        parents: the parent of each body that is kept, -1 for the root.
+        merged: bodies that were above the root in the file. Their vertices follow the root.
+        notes: a sentence for each change.
     """
 
     parents: dict[int, int]
@@ -83,18 +87,19 @@ class Links:
 
     @property
     def root(self) -> int:
-        """The number of the body at the root."""
+        """The number of the root body."""
         return next(j for j, parent in self.parents.items() if parent < 0)
 
 
 def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
-    """Returns the tree of the joints; of all loose parts the root is the one that leaves the smallest misfit.
+    """Returns the tree of the joints. Among all detached parts, the root is the one that gives the smallest
+    misfit.
 
-    Joints that neither move a vertex nor carry one that does are dropped; where they were, their parents
-    have a leaf. A root that moves nothing and carries one joint is dropped too.
+    Joints without vertices, also below them, are removed, and their parents get a leaf at their positions. A
+    root that moves no vertex and has a single child is removed too.
 
     Args:
-        as_is: believe the file's parents, however loose their links are.
+        as_is: True to keep the file's parents, even if their links do not hold.
     """
     before = [body.parent for body in bodies]
     off = _rest_misfits(bodies)
@@ -136,7 +141,8 @@ def downward(parents: dict[int, int]) -> list[int]:
 
 
 def _rest_misfits(bodies: list[LinkBody]) -> Float:
-    """Returns (J, J) metres (root mean square) that body j strays from its rest place on body p."""
+    """Returns (J, J) metres, the root mean square deviation of body j from its rest position relative to body
+    p."""
     count, frames = len(bodies), len(bodies[0].places)
     looked = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _LOOKED_AT)).astype(int))
     if frames == 0:
@@ -156,7 +162,7 @@ def _rest_misfits(bodies: list[LinkBody]) -> Float:
 
 
 def _subtree_surfaces(bodies: list[LinkBody], parents: list[int]) -> list[float]:
-    """Returns for each body the surface that it and all bodies below it move."""
+    """Returns for each body the area of the surface that it and all bodies below it move."""
     weight = [body.mass for body in bodies]
     for j in range(len(bodies) - 1, -1, -1):
         if parents[j] >= 0:
@@ -225,7 +231,8 @@ def _carrying_bodies(bodies: list[LinkBody], parents: list[int], inside: set[int
 
 
 def _mean_misfit(bodies: list[LinkBody], links: Links, off: Float) -> float:
-    """Returns metres: the mean over the surface of the distance by which moved vertices leave their place."""
+    """Returns the mean distance in metres, over the surface, between the vertices and their true
+    positions."""
     away = {j: 0.0 if p < 0 else float(off[j, p]) for j, p in links.parents.items()}
     for j in downward(links.parents):
         if links.parents[j] >= 0:
@@ -235,7 +242,7 @@ def _mean_misfit(bodies: list[LinkBody], links: Links, off: Float) -> float:
 
 
 def _drop_controller_roots(bodies: list[LinkBody], links: Links) -> None:
-    """Drops roots that move no vertex and carry one joint: a controller at the feet is no bone."""
+    """Removes roots that move no vertex and have a single child, such as a controller at the feet."""
     while True:
         root = links.root
         below = [j for j, parent in links.parents.items() if parent == root]

@@ -1,19 +1,21 @@
-"""From joints that turn about themselves (glTF, FBX, BVH) to bones that turn about their upper end.
+"""Converts joints that rotate about themselves (glTF, FBX, BVH) to bones that rotate about their upper end.
 
-A joint of such a rig turns, about its own place, all the links to its children, and the vertices that follow
-it. Here a *bone* is one link, and turns about the joint it begins at. So:
+A joint of such a rig rotates the links to all of its children, and its vertices, about its own position. Here
+a *bone* is a single link, and rotates about the joint at which it begins. The rules of the conversion:
 
-- the links from joint j to its children are bones that turn as j does;
-- vertices of joint j follow a bone that begins at j and goes on straight from the bone that comes in (of a
-  chest: the neck, not a shoulder); of several that do, the one that carries the most. Where none does, the
-  vertices get a bone of their own, so that no ear takes the head along. Vertices of the root (a pelvis)
-  follow the turn of the whole, for the same reason;
-- a joint without children gets a *tip*: where the rig has a leaf node below it (as Blender's exporter
-  writes), else at the far end of the vertices that it moves;
-- joints at one place are one joint: a rig needs one for each limb that turns on its own, here each bone does;
-- joints that neither move a vertex nor carry one that does are dropped (pole targets, controllers), and so is
-  a root that moves nothing and carries one joint only;
-- a link that does not hold is cut, and what is cut off hung elsewhere: see ``rig_links``.
+- The links from joint j to its children are bones with the rotation of j.
+- Vertices of joint j follow a bone that begins at j and continues the bone to j in a straight line (for a
+  chest: the neck, not a shoulder). If several bones do, it is the one with the most descendants. If none
+  does, the vertices get a bone of their own, so that an ear does not move the head. For the same reason,
+  vertices of the root (a pelvis) follow the rotation of the whole skeleton.
+- A joint without children gets a *tip*. It is at the leaf node below the joint if the rig has one (Blender's
+  exporter writes one), else at the far end of the joint's vertices.
+- Joints at the same position become one joint. A rig needs one joint for each limb that rotates separately,
+  but here each bone rotates separately.
+- Joints without vertices, also below them, are removed (pole targets, controllers). So is a root that moves
+  no vertex and has a single child.
+- A link that does not hold in the animations is cut, and the cut branch gets another parent: see
+  ``rig_links``.
 """
 
 from __future__ import annotations
@@ -46,20 +48,21 @@ _MAX_PAIR_DIFFERENCE = 0.02
 their lengths, and the difference of the cosines of their bends. Such a pair can be two shoulders, so
 neither of them is the neck."""
 _MAX_STUB_LENGTH_RATIO = 0.4
-"""Length of a forking joint's own bone, in lengths of the bone that comes in: too short for a limb."""
+"""Length of the bone that a forking joint gets for its own vertices, relative to the bone to that joint. A
+limb is longer."""
 
 
 @dataclass
 class Tree:
-    """A skeleton made of a rig.
+    """A skeleton that was converted from a rig.
 
     Attributes:
-        skeleton: joints and tips.
-        driver: for each bone the body that it turns with.
-        body: for each joint the body that it is the place of, -1 for a tip.
-        bone: for each body that vertices follow, the bone that they follow now.
-        root: the body that the root joint is at.
-        notes: what was changed, a sentence each.
+        skeleton: its joints, including tips.
+        driver: for each bone the body that rotates it.
+        body: for each joint the body at its position, -1 for a tip.
+        bone: for each body with vertices, the bone that these vertices follow now.
+        root: the body at the position of the root joint.
+        notes: a sentence for each change.
     """
 
     skeleton: Skeleton
@@ -74,9 +77,9 @@ def tree_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree:
     """Returns the skeleton of a rig.
 
     Args:
-        bodies: parents before children, one at least moves vertices.
-        size: metres, of the whole model.
-        as_is: believe the file's parents: a file of ours has been through this before.
+        bodies: the joints, parents before children. At least one of them moves vertices.
+        size: size of the whole model in metres.
+        as_is: True to keep the file's parents, for a file that enliven has written from such a skeleton.
     """
     links = links_of(bodies, size, as_is)
     places = _joined_bodies(bodies, links.parents, size)
@@ -87,7 +90,8 @@ def tree_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree:
 
 
 def _parts_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> bool:
-    """Whether a body above the root moves against it with more of the surface than stray weights."""
+    """Returns True if a body above the root moves relative to it, and carries more surface than stray weights
+    do."""
     if bodies[j].mass <= _MAX_STRAY_SURFACE_FRACTION * sum(body.mass for body in bodies):
         return False
     expected = bodies[root].places + bodies[root].moved(bodies[j].rest - bodies[root].rest)
@@ -97,7 +101,8 @@ def _parts_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> 
 
 
 def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
-    """Returns each joint that leaves the bone that its vertices follow, and by how many metres."""
+    """Returns for each joint with vertices its name and its largest distance in metres from its place on
+    their bone."""
     skeleton, drifts, tracks = tree.skeleton, [], joint_tracks(bodies, tree)
     for number, bone in tree.bone.items():
         body, start = bodies[number], max(int(skeleton.parents[bone]), 0)
@@ -109,7 +114,7 @@ def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
 
 
 def joint_tracks(bodies: list[LinkBody], tree: Tree) -> Float:
-    """(F, N, 3) metres, the joints over time: where their bodies are, and tips where they are carried to."""
+    """Returns (F, N, 3) metres, the positions of the joints over time. A tip moves rigidly with its bone."""
     skeleton = tree.skeleton
     at = np.empty((len(bodies[0].places), len(skeleton), 3))
     for j, body in enumerate(tree.body):
@@ -121,7 +126,8 @@ def joint_tracks(bodies: list[LinkBody], tree: Tree) -> Float:
 
 
 def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float | None, Float | None]:
-    """(F, N, 3) offsets and (F, N, 6) strains of the bones, as a clip has them; None where none is seen."""
+    """Returns (F, N, 3) offsets and (F, N, 6) strains of the bones, in a clip's format. Each is None if it is
+    zero or not visible."""
     skeleton, at = tree.skeleton, joint_tracks(bodies, tree)
     offsets, strains = np.zeros_like(at), np.zeros((*at.shape[:2], 6))
     for j in range(len(skeleton)):
@@ -137,7 +143,8 @@ def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float 
 
 
 def _joined_bodies(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
-    """Returns for each body the first body at its place that is beside or above it in the tree."""
+    """Returns for each body the first body at the same position that is its parent or sibling, or else
+    itself."""
     first: dict[int, int] = {}
     for j in downward(parents):
         if parents[j] < 0:
@@ -151,7 +158,7 @@ def _joined_bodies(bodies: list[LinkBody], parents: dict[int, int], size: float)
 
 
 def _is_same_place(bodies: list[LinkBody], a: int, b: int, size: float) -> bool:
-    """Whether two bodies are at one place, at rest and always."""
+    """Returns True if two bodies are at the same position at rest and in all frames."""
     if np.linalg.norm(bodies[a].rest - bodies[b].rest) > _SAME_PLACE * size:
         return False
     away = np.linalg.norm(bodies[a].places - bodies[b].places, axis=1)
@@ -166,9 +173,10 @@ def _build_skeleton(
     notes: list[str],
     apart: list[int],
 ) -> Tree:
-    """The skeleton: one joint for each place, one bone for each link, and the tips.
+    """Builds the skeleton: one joint for each position, one bone for each link, and the tips.
 
-    ``apart`` are bodies above the root that do not go with it, and get a limb of their own there.
+    ``apart`` contains bodies above the root that move relative to it. Each gets a limb of its own at the
+    root.
     """
     names: dict[int, str] = {}
     for j, home in first.items():
@@ -205,7 +213,7 @@ def _build_skeleton(
 
 
 class _Joints:
-    """The joints that have been made so far."""
+    """The joints of a skeleton under construction."""
 
     def __init__(self, size: float) -> None:
         self.names: list[str] = []
@@ -216,7 +224,8 @@ class _Joints:
         self._size = size
 
     def add(self, name: str, parent: int, rest: Float, driver: int, body: int = -1) -> int:
-        """The number of a new joint, the place of a body or a tip; a name that is taken gets a number."""
+        """Adds the joint of a body, or a tip, and returns its number. If the name is taken, a number is
+        appended to it."""
         self.names.append(unused(name, self.names))
         self.parents.append(parent)
         self.rest.append(np.asarray(rest, np.float64))
@@ -225,7 +234,7 @@ class _Joints:
         return len(self.names) - 1
 
     def straightest(self, home: int, bones: list[int]) -> int:
-        """Returns the bone that goes on from ``home``, of those that begin there; -1 where all turn off."""
+        """Returns the one of ``bones`` that continues straight beyond joint ``home``, or -1 if none does."""
         if len(bones) == 1:
             return bones[0]
         into = self.rest[home] - self.rest[max(self.parents[home], 0)]
@@ -241,13 +250,14 @@ class _Joints:
         return max(onward, key=lambda k: (self._descendant_count(k), -k), default=-1)
 
     def beyond(self, home: int, share: float) -> Float:
-        """Returns (3,) metres: the point beyond a joint by a share of the bone that comes in."""
+        """Returns (3,) metres, a point beyond a joint, at the fraction ``share`` of the length of the bone to
+        that joint."""
         into = self.rest[home] - self.rest[max(self.parents[home], 0)]
         length = float(np.linalg.norm(into))
         return self.rest[home] + (share * into if length > 1e-3 * self._size else [0.0, 0.05 * self._size, 0])
 
     def _descendant_count(self, joint: int) -> int:
-        """How many joints hang on one."""
+        """Returns the number of joints in the subtree of a joint."""
         inside = {joint}
         for k in range(joint + 1, len(self.names)):
             if self.parents[k] in inside:
@@ -255,7 +265,8 @@ class _Joints:
         return len(inside)
 
     def sorted(self, bone: dict[int, int]) -> tuple[Skeleton, list[int], list[int], dict[int, int]]:
-        """Returns a skeleton, a branch at a time, with drivers, bodies and bones by its numbers."""
+        """Returns the skeleton with joints in depth-first order, and the drivers, bodies and bones in this
+        order."""
         order = downward(dict(enumerate(self.parents)))
         new = {old: k for k, old in enumerate(order)}
         above = [-1 if self.parents[old] < 0 else new[self.parents[old]] for old in order]
@@ -266,7 +277,7 @@ class _Joints:
 
 
 def _bone_tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:
-    """Returns the name and the place of the end of the bone of a joint without children."""
+    """Returns the name and position of the tip of a joint without children."""
     body = bodies[j]
     for name, place in body.leaves:
         if np.linalg.norm(place - body.rest) > 1e-3 * size:
