@@ -67,11 +67,11 @@ def edge_checks(address: str) -> list[Check]:
         Check(
             "sensor", bool(status.sensor), status.sensor or "none", "Connect one, or wait until it is found."
         ),
-        Check("rate", True, f"{status.fps:.0f} poses a second, {status.dropped} frames passed over"),
+        Check("rate", True, f"{status.fps:.0f} poses a second, {status.dropped} frames skipped"),
         Check(
             "delay",
             True,
-            f"{status.latency_p50_ms:.0f} ms, of the slowest in a hundred {status.latency_p99_ms:.0f} ms",
+            f"{status.latency_p50_ms:.0f} ms (median), {status.latency_p99_ms:.0f} ms (99th percentile)",
         ),
     ]
     return checks + [

@@ -46,5 +46,5 @@ def _span_in_words(start_ns: int | None, end_ns: int | None, origin_ns: int) -> 
     if start is None and end is None:
         return "everything"
     if start is None:
-        return f"what came before {end}"
-    return f"whatever came after {start}" if end is None else f"between {start} and {end}"
+        return f"everything before {end}"
+    return f"everything after {start}" if end is None else f"between {start} and {end}"

@@ -38,11 +38,11 @@ class SessionFile:
             raise InputError("it has no [mesh]", where=str(path), mend='Add [mesh] file = "...".')
 
     def has(self, name: str) -> bool:
-        """Returns whether the file has a table of that name."""
+        """Returns True if the file has a table of that name."""
         return name in self._found
 
     def one(self, name: str, kind: type[T]) -> T:
-        """Returns a table that may occur at most once; its default values if it is missing."""
+        """Returns a table that may occur at most once. If it is missing, returns its default values."""
         value = self._found.get(name, {})
         if not isinstance(value, Mapping):
             mend = f"Write [{name}], once."
@@ -67,7 +67,8 @@ class SessionFile:
         return load_settings(kind, value, where=f"{self._path}, {where}")
 
     def said(self, where: str, step: Callable[P, None], *values: P.args, **named: P.kwargs) -> None:
-        """Runs a step. If it raises an InputError, reports the error as one in this table."""
+        """Runs a step, and adds the name of the table to the location of an InputError that the step
+        raises."""
         try:
             step(*values, **named)
         except InputError as error:
@@ -89,7 +90,7 @@ class SessionFile:
         return self._path.parent / Path(text).expanduser()
 
     def _table_list(self, found: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
-        """Returns the tables of an array of tables; an empty list if it is missing."""
+        """Returns the tables of an array of tables, or an empty list if it is missing."""
         value = found.get(name, [])
         if not isinstance(value, list) or not all(isinstance(item, Mapping) for item in value):
             mend = f"Write [[{name}]] for each."

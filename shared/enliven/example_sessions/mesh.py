@@ -38,7 +38,7 @@ def mesh_of(table: MeshTable, path: Path) -> SessionMesh:
 
 
 def fitted(mesh: Mesh, table: MeshTable) -> Mesh:
-    """Returns the mesh upright, scaled to the table's height, and standing on the floor. The mesh of a
+    """Returns the mesh upright, scaled to the table's height, and standing on the floor. A mesh from a
     project is returned unchanged."""
     if Path(table.file).suffix.lower() != ".enliven" or table.height is not None or table.up != "y":
         axis = "xyz".index(table.up)

@@ -21,9 +21,9 @@ class Coverage:
 
     Attributes:
         take: id of the take.
-        gap: metres, a root mean square over the joints: the largest distance of a pose from its nearest
-            example.
-        frame, time: frame and seconds of that pose, in the take.
+        gap: the largest distance of a pose from its nearest example, in metres (root mean square over the
+            joints).
+        frame, time: frame and time in seconds of that pose in the take.
         share: the gap divided by the largest distance between two examples.
     """
 
@@ -56,8 +56,8 @@ def coverage_of(project: Project, puppet: Puppet, layer: int) -> Coverage:
 
 
 def unposed(puppet: Puppet) -> tuple[str, ...]:
-    """Returns a sentence if all key poses are equal because none has been posed yet. Otherwise returns
-    nothing."""
+    """Returns a sentence if all key poses are equal, because none has been posed yet. Otherwise the result is
+    empty."""
     if len(puppet.poses) < 2:
         return ()
     near = _SAME_POSE_DISTANCE * float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))

@@ -25,7 +25,8 @@ from enliven.examples.puppet_examples import Weak
 from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_about_y
 
 _LIMB_MIDDLE_COST = 0.65
-"""Cost, in widths and heights, of following the middle of a limb. The end of a limb costs nothing."""
+"""Cost of a joint in the middle of a limb. Costs are distances, in widths and heights of the body. The end of
+a limb costs nothing."""
 _TRUNK_COST = 0.5
 """Cost of following the trunk, which moves less than a limb."""
 _OTHER_JOINT_COST = 0.9
@@ -41,7 +42,8 @@ _WRONG_SIDE_COST = 0.3
 """Cost of following a side joint from the middle, or a middle joint from a side. The opposite side costs
 twice that."""
 _MAX_POST_HALF_WIDTH = 0.1
-"""Maximum half width, in heights, of a mesh that counts as a post without sides."""
+"""Maximum half width of a mesh that counts as a post without left and right side, as a fraction of its
+height."""
 _BASE_HEIGHT_FRACTION = 0.1
 """Fraction of the height below which a control point is at the base of a mesh."""
 _MIN_DEPTH_RATIO = 1.5
@@ -49,16 +51,16 @@ _MIN_DEPTH_RATIO = 1.5
 _MIN_JOINT_MOTION = 0.01
 """A joint is still if it moves less than this fraction of body height relative to the hips."""
 _MIN_UPRIGHT_RATIO = 0.6
-"""Minimum ratio of height to length for a mesh without two feet to stand on one. A fish is longer."""
+"""Minimum ratio of height to length of a mesh that stands on a single foot. A fish is longer."""
 _LAST_RESORT_COST = 1000.0
 """Cost of a joint that is chosen only if no other joint is left."""
 _SIDE_WIDTH_FRACTION = 0.15
-"""Fraction of half the width beyond which a position is on a side."""
+"""Minimum distance of a position on a side from the middle, as a fraction of half the width."""
 _WRONG_GROUND_COST = 0.3
 """Cost of a foot joint for a point above the ground, and of another joint for a point on it, if the feet
 move."""
 _STILL_JOINT_COST = 0.8
-"""Cost, in widths and heights, of a joint that hardly moves. The joint that moves most costs nothing."""
+"""Cost of a joint that hardly moves. The joint that moves most costs nothing."""
 _SAME_END_COST = 5.0
 """Cost of a wrist or a finger relative to the end of the hand, which moves in the same way."""
 _CROSSED_SIDES_COST = 100.0
@@ -211,9 +213,9 @@ def foot_joints(skeleton: Skeleton) -> frozenset[str]:
 
 
 def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> list[int]:
-    """Returns control points such that each hand or foot follows one joint only.
+    """Selects control points such that only one joint of each hand or foot is followed.
 
-    Points that share a joint for lack of others are kept.
+    Points that share a joint because there are not enough joints are kept.
 
     Args:
         joints: (P,) the joint of each point, the most important first.
@@ -345,7 +347,7 @@ def _with_arms_out(level: Float, anatomy: Anatomy) -> Float:
 
 
 def _joint_costs(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
-    """Returns every joint once, with the cost of its kind: end of a limb, middle of a limb, trunk, or other.
+    """Returns each joint once, with the cost of its kind: end of a limb, middle of a limb, trunk, or other.
 
     Joints near the end, such as a wrist before fingers, have a high cost, since the end moves in the same
     way.

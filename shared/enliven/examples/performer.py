@@ -1,4 +1,5 @@
-"""The performer's body frame: joints relative to the root, without its yaw (section 5, law 1).
+"""Converts a performer's joints to the body frame: relative to the root, without the root's yaw (section 5,
+law 1).
 
 The pose does not depend on the performer's position and heading. Leaning and tumbling are part of it.
 

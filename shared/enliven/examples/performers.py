@@ -1,7 +1,7 @@
-"""Converts one performer's poses to another performer: the same joints, size and facing direction.
+"""Converts the poses of one performer to another performer's joints, size and facing direction.
 
-One performer may show the key poses while another plays the take: an adult may pose, and a child perform.
-Poses are compared by joints in the body frame, so every performer is converted to the reference:
+The key poses and the take may be from different performers, such as an adult and a child. Poses are compared
+by joints in the body frame, so every performer is converted to the reference:
 
 - joints are found by name, or else by their part of the body (:mod:`enliven.mapping.anatomy`),
 - positions are scaled joint by joint, by the joint's distance from the root along the bones,
@@ -32,10 +32,10 @@ class Role:
     """The conversion from a performer to the reference.
 
     Attributes:
-        joints: (P,) names of the performer's own joints.
+        joints: (P,) names of the corresponding joints of this performer.
         factors: (P,) ratio of the reference's size to the performer's, per joint.
         turn: radians about +Y from the performer's facing direction to the reference's.
-        notes: which joints were found by their part of the body.
+        notes: sentences about the joints that were found by their part of the body.
         size: the length of the reference's legs over the performer's; without legs, the ratio of overall
             sizes.
     """
@@ -60,7 +60,8 @@ def cast(reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: st
         who: the take's name, for messages.
 
     Raises:
-        InputError: if the skeleton lacks a joint and has none like it; the message lists its joints.
+        InputError: if the skeleton has neither the joint nor a corresponding one. The message lists its
+            joints.
     """
     if reference is skeleton or _is_same_performer(reference, skeleton):
         for name in joints:

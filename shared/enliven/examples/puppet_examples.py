@@ -37,13 +37,13 @@ T = TypeVar("T")
 
 
 class Weak(Generic[T]):
-    """A key by identity that does not keep its object alive, for a cache of results about the object."""
+    """A cache key that compares its object by identity, and does not keep the object alive."""
 
     def __init__(self, value: T) -> None:
         self._value, self._id = weakref.ref(value), id(value)
 
     def __call__(self) -> T:
-        """Returns the referenced value. The creator of the key must keep it alive."""
+        """Returns the referenced object. The creator of the key must keep the object alive."""
         value = self._value()
         assert value is not None
         return value
@@ -62,13 +62,13 @@ class Material:
     """The inputs of a layer's motion, by value or by identity: the key of its cache.
 
     Attributes:
-        points, poses, symmetry: of the puppet.
-        mesh: of the puppet.
-        shown: the takes of the poses.
+        points, poses, symmetry: attributes of the puppet.
+        mesh: the puppet's mesh.
+        shown: the takes of the key poses.
         take: the take that the layer plays.
         layer: the layer without attributes that only affect its timing.
         examples, locomotion: the settings.
-        puppet: its name, for messages.
+        puppet: the puppet's name, for messages.
     """
 
     points: tuple[ControlPoint, ...]
@@ -111,7 +111,7 @@ def examples_with(
     takes: Sequence[Clip],
     symmetry: Plane | None,
 ) -> Examples:
-    """Returns the examples of some control points, from key poses in these takes."""
+    """Returns the examples of these control points, from key poses in these takes."""
     lacking = lacks(mesh, points, [take.skeleton for take in takes], symmetry)
     if lacking:
         raise InputError(lacking[0], where=f"puppet {name!r}", mend=" ".join(lacking[1:]))
@@ -147,8 +147,8 @@ def _left_right_axis(reference: Skeleton, joints: Sequence[str], partners: Seque
 
 
 def reference_of(project: Project, puppet: Puppet) -> Skeleton:
-    """Returns the performer that defines size and joints of a puppet's examples; see
-    :mod:`enliven.examples.performers`.
+    """Returns the skeleton of the reference performer, which defines size and joints of a puppet's examples;
+    see :mod:`enliven.examples.performers`.
 
     Raises:
         InputError: if the puppet has no key poses.
@@ -160,7 +160,7 @@ def reference_of(project: Project, puppet: Puppet) -> Skeleton:
 
 
 def reference_among(skeletons: Sequence[Skeleton], joints: Sequence[str]) -> Skeleton:
-    """Returns the first skeleton that has all of the joints, or else the first one."""
+    """Returns the first skeleton that has all of the joints, or the first skeleton if none has."""
     return next((skeleton for skeleton in skeletons if set(joints) <= set(skeleton.names)), skeletons[0])
 
 

@@ -5,7 +5,7 @@
     motion_of(project, puppet, layer)         # a whole take, solved once (section 5)
 
 The puppet's frame is that of the mesh. The motion starts at the modeled position and facing direction,
-independent of the performer's. A layer that travels adds a yaw and a root position from then on
+independent of the performer's. A layer that travels adds a yaw and a root position to this start
 (:mod:`enliven.examples.spacetime.locomotion`).
 """
 
@@ -76,7 +76,8 @@ def state_of(project: Project, puppet: Puppet, time: float) -> State:
         played = sum(share * motion.places_at(frame) for share, frame in zip(shares, frames, strict=True))
         places[moved] += layer.weight * at.weight * (np.asarray(played)[moved] - places[moved])
         if motion.travels:
-            # The path comes from the layers that travel. The first one decides, in proportion to its weight.
+            # The path comes from the layers that travel. The first one determines it, in proportion to its
+            # weight.
             for share, frame in zip(shares, frames, strict=True):
                 turned, way = motion.way_at(frame, at.rounds, ends)
                 yaw, root = yaw + free * at.weight * share * turned, root + free * at.weight * share * way

@@ -1,5 +1,5 @@
-"""Solves a layer's whole take through a puppet's examples: trajectories, and the path in the world (section
-5)."""
+"""Solves the motion of a layer's whole take by a puppet's examples: trajectories, and the path in the world
+(section 5)."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ class _Solve:
 
     @cached_property
     def path(self) -> Complex:
-        """Returns (F,) metres on the floor, the path that the mesh follows."""
+        """The path on the floor that the mesh follows, (F,) metres as x + iz."""
         facing, mirrored = facing_of(self._take.skeleton), self._layer.mirrored
         return self._layer.weight * self._travel.path_of(self.took, facing, self._role.size, mirrored)
 
@@ -201,7 +201,7 @@ class _Solve:
 
     @cached_property
     def _alternating_stance(self) -> Bool:
-        """(F, K) true for alternating feet that stand."""
+        """(F, K) True for alternating feet while they stand."""
         assert self._performer_feet is not None
         return self._performer_feet.stands() & np.isin(self._feet, self._travel.feet)
 

@@ -1,4 +1,5 @@
-"""Symmetric control points: examples for the left also apply to the right (section 6.1).
+"""Mirrors examples at the mesh's symmetry plane, so that an example for the left side also applies to the
+right (section 6.1).
 
 partners = partners_of(rest (P, 3), point, normal)         # (P,) each point's mirror image on the mesh
 more = doubled(examples, partners, rest, normal)           # each example, and its mirror image
@@ -25,7 +26,7 @@ def partners_of(
     the plane.
 
     Args:
-        point, normal: (3,) of the mesh's symmetry plane.
+        point, normal: (3,) a point on the mesh's symmetry plane, and its normal.
         tolerance: maximum error of a mirror image, as a fraction of the points' extent.
         names: (P,) of the control points, for messages; None for their numbers.
 

@@ -1,4 +1,5 @@
-"""The locomotion of a puppet: the feet with which it steps, and its distance per metre of the performer.
+"""The locomotion of a puppet: the feet with which it steps, and its travel per metre that the performer
+walks.
 
     travel = travel_of(project, puppet)                # for all takes that it plays, and on the stage
     path = travel.path_of(took, facing, size)          # (F,) target path of the puppet on the floor
@@ -45,9 +46,9 @@ _COMPARED_PATH_S = 1.0
 """Seconds over which the paths of puppet and performer are compared. They contain a stride, so steps average
 out."""
 _EXPLAINED_VARIANCE_RANGE = (0.7, 0.9)
-"""Range of explained variance of the puppet's path. Below it only the sizes determine the stride, and above
-it only the steps. The performer's path explains over 0.9 in walks, and below 0.7 if the performer stays in
-place."""
+"""Range of the explained variance of the puppet's path by the performer's path. Below the range, only the
+sizes determine the stride, and above it only the steps. The value is above 0.9 in walks, and below 0.7 if the
+performer stays in place."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class PuppetTravel:
         Args:
             facing: radians from +Z to the facing direction of the performer's skeleton at rest.
             size: size of the performer of the key poses over the size of this performer.
-            mirrored: whether the puppet moves as in a mirror.
+            mirrored: True if the puppet moves as in a mirror.
         """
         return self.stride * size * way_of(took, facing, mirrored)
 
@@ -93,7 +94,8 @@ def travel_of(project: Project, puppet: Puppet) -> PuppetTravel:
 
 
 def travel_with(material: Material) -> PuppetTravel:
-    """Returns the feet and the stride of the puppet of a layer. Of the layer, only its mirroring matters.
+    """Returns the feet and the stride of the puppet of a layer. The only attribute of the layer that matters
+    is its mirroring.
 
     Raises:
         InputError: if the puppet lacks data.
@@ -139,7 +141,7 @@ class PerformerFeet:
         feet: (K,) numbers of the control points.
         legs: mean length of the bones from the root to the feet, metres.
         step: seconds between frames.
-        how: the settings.
+        how: the locomotion settings.
     """
 
     seen: Float
@@ -173,7 +175,7 @@ def stepping(
     """Returns the feet of a performer in a take.
 
     Args:
-        skeleton: the performer's.
+        skeleton: the performer's skeleton.
         took: the take, one row per joint of the role.
         feet: numbers of the control points.
         rows: for each foot the row of its joint in the role; None: the same number.

@@ -12,10 +12,11 @@ from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
 _MAX_CURVE_DEVIATION = 1e-2
 """Maximum deviation of a curve from the sampled motion, in radians or as a fraction of the skeleton's length.
 
-Frames at 120 Hz lose up to this much of a fast rotation between them. If a curve deviates more, something
-else moves the bone, too."""
+Interpolation between frames at 120 Hz has errors of this size during fast rotations. If a curve deviates
+more, something else also moves the bone."""
 _MAX_POSED_CHANGE = 1e-9
-"""Maximum change of a quaternion entry, or of the root in metres, that counts as rounding. More is a pose."""
+"""Maximum change of a quaternion entry, or of the root in metres, that counts as rounding. A larger change
+was posed by an artist."""
 
 
 _MAX_RIGID_STRETCH = 1e-6
@@ -63,7 +64,8 @@ def _only_turns(linear: Float) -> bool:
 
 
 def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | None]:
-    """Returns the clip that all bones of a shape play alike and one of the layers, or (None, None)."""
+    """Returns the clip that all bones of a shape play in the same way, and one of the layers, or (None,
+    None)."""
     if not shape.layers or shape.root_layers or shape.pins:
         return None, None
     layer = shape.layers[0]

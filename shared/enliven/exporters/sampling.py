@@ -46,7 +46,8 @@ _SAME_TIME = 1e-4
 """Maximum difference of two times that count as equal, in seconds. It is shorter than a jump in a glTF
 file."""
 _MOST_ROUNDS = 1000
-"""Maximum rounds of a looped clip with keys at their own times. Later ones are sampled evenly."""
+"""Maximum number of repetitions of a looped clip that are sampled at its keys. Later repetitions are sampled
+evenly."""
 
 
 def performance_of(
@@ -65,14 +66,15 @@ def performance_of(
     Args:
         character: a rigged shape, a possessed mesh or a puppet of the project, or the id of one.
         end: end time in seconds. If None, it is the end of the character's last layer. Loops repeat until all
-            characters of the project have ended, and then complete their round.
-        how: a puppet is baked as transforms with skin weights, or as morph targets.
+            characters of the project have ended, and then finish the current repetition.
+        how: bakes a puppet as transforms with skin weights, or as morph targets.
         settings: accuracy of baking a puppet.
         keyed: True to also sample at the key times of its clips' files, so that no jump becomes a ramp. Their
             cubic keys are kept if nothing else moves the character, instead of sampled frames.
 
     Raises:
-        InputError: if the character does not exist, the times are invalid, or it lacks something to move.
+        InputError: if the character does not exist, lacks data that it needs to move, or the times are
+            invalid.
     """
     rig = project.character(character) if isinstance(character, str) else character
     if end is None:
@@ -206,7 +208,8 @@ _BY_RIG: dict[str, Callable[..., Performance]] = {Shape.kind: _of_shape, Puppet.
 
 
 def sticks(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
-    """Returns an octahedron for each bone with skin weights. None if no bone has a length."""
+    """Returns a mesh with an octahedron for each bone, and its skin weights. Returns None if no bone has a
+    length."""
     bones = np.flatnonzero(skeleton.lengths > 0)
     if not len(bones):
         return None, None

@@ -23,7 +23,7 @@ class NextBest:
     """An alternative mapping of a take to a shape.
 
     Attributes:
-        how: how it differs from the current mapping, with the options of the command line.
+        how: the difference from the current mapping, in words or as options of the command line.
         plan: the mapping.
         quality: its measures.
     """
@@ -59,7 +59,8 @@ def _measured_quality(retargeted: RetargetedShape, shape: Shape, plan: Plan) -> 
 
 
 def _other_mappings(retargeted: RetargetedShape, shape: Shape) -> Iterator[tuple[str, Plan]]:
-    """Yields each mapping that differs from the current one in one choice, after a description of how."""
+    """Yields each mapping that differs from the current one in one choice, with a description of the
+    difference."""
     plan, clip = retargeted.plan, retargeted.clip
     soft = softened(plan, clip, shape)
     if soft != plan:

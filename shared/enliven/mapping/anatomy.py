@@ -34,18 +34,17 @@ skeleton's size."""
 _MIN_BRANCH_FRACTION = 0.15
 """A branch shorter than this fraction of the longest branch is a twig, not a limb."""
 _MIN_FORK_FRACTION = 0.5
-"""A branch shorter than this fraction of the path from the root to its fork is a twig.
+"""A branch shorter than this fraction of the path from the root to its fork is a twig, not a limb.
 
-A branch leads off the middle plane if its end is farther from it than its fork, by more than this fraction of
-its length."""
+A branch leads away from the middle plane if its end is farther from that plane than its fork, by more than
+this fraction of the branch's length."""
 _MIN_SIDE_FORK_FRACTION = 0.6
-"""The first limit of ``_MIN_FORK_FRACTION`` for a branch that leads off the middle plane. Big ears are
-longer than other twigs."""
+"""Replaces ``_MIN_FORK_FRACTION`` for a branch that leads away from the middle plane. Big ears are longer
+than other twigs."""
 _MIN_FORK_BRANCHES = 5
-"""Minimum number of branches with which a fork is a face or a hand. The root is exempt."""
+"""Minimum number of branches of a face or a hand. A fork with fewer is neither. The root is exempt."""
 _MIN_PALM_LENGTH = 0.02
-"""Minimum length of the bone to the first joint of a finger, as a fraction of the longest branch, with which
-that bone is a palm."""
+"""Minimum length of a palm's bone (to the first joint of a finger), as a fraction of the longest branch."""
 _MAX_FORK_OFFSET = 0.15
 """A fork farther from the middle plane than this fraction of the longest branch is a hand. The limb continues
 along its longest branch only."""
@@ -54,11 +53,12 @@ _MAX_PAIR_DIFFERENCE = 0.15
 _MIN_PAIR_DISTANCE = 0.1
 """Minimum lateral distance between the two limbs of a pair, as a fraction of their length."""
 _MIN_LIMB_OFFSET = 0.03
-"""A bone of the limb proper begins farther from the middle plane than this fraction of the limb's length."""
+"""Minimum distance from the middle plane at which the limb proper begins, as a fraction of the limb's
+length."""
 _MIN_GIRDLE_SIDEWAYS = 0.8
 """Minimum lateral extent of a girdle bone (collar bone, hip), as a fraction of its length."""
 _MAX_GIRDLE_COSINE = 0.5
-"""The limb bends after a girdle bone if the cosine between it and the rest is below this: 60 degrees."""
+"""Maximum cosine between a girdle bone and the rest of the limb, which bends there by at least 60 degrees."""
 _MAX_GIRDLE_LENGTH = 0.6
 """Maximum length of the girdle as a fraction of the limb's. A longer girdle would leave too little limb."""
 _MIN_LEG_JOINTS = 3
@@ -76,8 +76,8 @@ _MIN_WRIST_POSITION = 0.6
 _MIN_WRIST_BONES = 3
 """Minimum number of bones that begin at a wrist. A joint with two may carry a twist bone."""
 _MIN_UPRIGHT_COSINE = np.cos(np.radians(45.0))
-"""Minimum cosine between the vertical and the line from hips to chest with which joint names of a person
-are trusted. Animals may have them too."""
+"""Minimum cosine between the vertical and the line from hips to chest for joint names of a person to count.
+Animals may have such names too."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class SkeletonLimb:
     Attributes:
         chain: its joints, beginning with the fork.
         start: index in the chain at which the limb proper begins. The girdle (collar bone, hip) is before it.
-        grounded: True if it stands on the floor.
+        grounded: True if the limb stands on the floor.
         end: (3,) metres, the position of its end. The front of the body is at +Z, its left at +X.
         stop: index in the chain at which its hand or foot begins (wrist, ankle). None without a separate one.
         knots: indices in the chain at which segments begin and the last one ends, by joint names. For an arm:
@@ -157,9 +157,9 @@ class Anatomy:
 
 
 def begins_tip(skeleton: Skeleton, limb: SkeletonLimb, joint: int) -> bool:
-    """Returns True if a hand or foot begins at a joint, by length.
+    """Returns True if a hand or foot begins at a joint, judged by length.
 
-    It is False for limbs with a hand or foot that joint names or fingers give.
+    Returns False if joint names or fingers already define the limb's hand or foot.
     """
     if limb.tip or limb.knots or joint not in limb.main[1:-1]:
         return False
@@ -321,10 +321,11 @@ def _turns_back(points: Float) -> bool:
 def _with_head(
     trunk: tuple[int, ...], pairs: list[Pair], at: Float
 ) -> tuple[tuple[int, ...], list[Pair], SkeletonLimb | None]:
-    """Returns the trunk, pairs and head after a head with paired branches (ears) is separated.
+    """Separates a head with paired branches (ears) from the trunk. Returns the trunk, the pairs and the head.
 
-    If the trunk ends in a fork with pairs that are not legs, beyond another such fork (the arms), the part
-    after the arms is the head. Otherwise trunk and pairs are unchanged and the head is None.
+    The trunk has such a head if it ends in a fork with pairs that are not legs, and another such fork (the
+    arms) comes before. The part after the arms is the head. Otherwise trunk and pairs are unchanged and the
+    head is None.
     """
     forks = [
         trunk.index(pair[0].chain[0]) for pair in pairs if pair[0].chain[0] in trunk and not pair[0].grounded

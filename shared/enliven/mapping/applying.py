@@ -139,7 +139,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
 def _rest_poses(
     lines: list[_Line], clip: Clip, rest: Rest | float, target: Skeleton, turns: _Turns
 ) -> list[tuple[Float, list[_Line]]]:
-    """Returns the rest poses (N, 4) of the take, each with the chains that are relative to it.
+    """Returns the rest poses (N, 4) of the take, each with the chains whose motion is relative to it.
 
     One rest pose is enough unless a bone of the performer needs two: a leg that drives two legs. Then the
     project contains the take again, relative to another rest pose.
@@ -163,7 +163,7 @@ def _rest_poses(
             # The foot is flat in the rest pose, at any slope of the shin.
             since[list(line.mine[1:])] = standing_turns(clip, line.mine)
         else:
-            # The hand keeps its rotation relative to the forearm from the take's rest pose.
+            # A hand keeps the rotation relative to its forearm that it has in the take's rest pose.
             carried = multiply(since[arm], conjugate(plain[arm]))
             since[list(line.bones)] = multiply(carried, plain[list(line.bones)])
     rests = [(since, [line for line in lines if line in group])]
@@ -251,7 +251,8 @@ def _rest_rotations(clip: Clip, rest: Rest | float) -> Float:
 def _pose_like(
     since: Float, clip: Clip, line: _Line, lines: list[_Line], target: Skeleton, turns: _Turns
 ) -> None:
-    """Sets rest rotations of a source chain, in ``since`` (N, 4), so that its bones point as the target's.
+    """Sets the rest rotations of a source chain, in ``since`` (N, 4), so that its bones point in the target's
+    directions.
 
     The pose starts from the take's zero pose in its first heading. Each bone gets the smallest rotation that
     makes it point in the target's direction, so the twist about a bone remains the performer's. A limb is
@@ -357,7 +358,7 @@ def _yaw_rotation(angle: float) -> Float:
 
 
 def _follow_take_root(project: Project, shape_id: str, take: Clip, turns: _Turns, stride: float) -> Project:
-    """Returns the project with the shape's root following the path of the take's root."""
+    """Returns the project in which the shape's root follows the path of the take's root."""
     shape, name = project.shape(shape_id), unused(f"{take.id}: way", project.layer_names)
     layers = (*shape.layers, Layer(name, take.id, (0,), turns.plain))
     project = project.with_characters(shape.with_changes(layers=layers, travel=name))
@@ -366,7 +367,7 @@ def _follow_take_root(project: Project, shape_id: str, take: Clip, turns: _Turns
 
 
 def _joint_path(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple[int, ...]:
-    """Returns the joints of a chain that is given by its ends or by all of its joints."""
+    """Returns the joints of a chain, given the names of its two ends or of all of its joints."""
     if not names:
         raise InputError(
             f"a chain of {owner} names no joint", where="mapping", mend=_describe_joints(skeleton)

@@ -10,7 +10,8 @@ Each limb is driven by a source limb of its kind, in the order from front and to
 - A tail is driven by the tail, or by the spine if the source has none. The tail of a target without limbs (a
   snake) is driven by a leg.
 
-Left drives left. If one source pair drives several target pairs, sides alternate from pair to pair.
+Left limbs drive left limbs. If one source pair drives several target pairs, the sides alternate from pair to
+pair.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from itertools import pairwise
 from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb
 
 _MAX_ARC_DIFFERENCE = 0.21
-"""Maximum difference in arc length (0 to 1) of two joints that correspond, if limbs differ in segments."""
+"""Maximum difference in relative arc length (0 to 1) of corresponding joints, if limbs have different numbers
+of segments."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Drive:
     Attributes:
         source, target: joints, beginning with the one that stays in place.
         role: the limb's name in the mapping file, for the reader only.
-        lead: joints of the source before ``source``. The target's first piece plays their rotations too.
+        lead: source joints before the chain ``source``. The target's first piece also plays their rotations.
         mirrored: True if the source is a limb of the other side and its motion is mirrored.
         knots: pairs (source joint, target joint) inside the two chains that correspond by their names.
     """
@@ -46,7 +48,7 @@ class Drive:
 
 
 def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
-    """Returns the drives of a whole body, without the one that rotates the body as a whole."""
+    """Returns the drives of all parts of a body, without the drive that rotates the whole body."""
     drives: list[Drive] = []
     lent = _lent_legs(source, target)
     for (left, right), (from_left, from_right), role in _pair_matches(source, target, lent):

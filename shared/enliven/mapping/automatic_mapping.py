@@ -64,11 +64,11 @@ class RetargetedShape:
 
 
 _MAX_TRUNK_ANGLE = np.radians(50.0)
-"""Maximum angle (radians) between the trunks of two bodies with which the model gets the performer's pose."""
+"""Maximum angle (radians) between the trunks of two bodies for the model to get the performer's pose."""
 _MAX_TWIN_DIFFERENCE = 0.02
 """Maximum difference of joint distances in identical skeletons, as a fraction of the size."""
 _MIN_FINGER_BEND = np.radians(5.0)
-"""Minimum rotation (radians) of a finger from its mean with which it counts as moving."""
+"""Minimum rotation (radians) of a moving finger from its mean. Fingers that rotate less count as still."""
 _MAX_UPRIGHT_ANGLE = np.radians(45.0)
 """Maximum angle (radians) between the vertical and the line from root to head of an upright body."""
 
@@ -224,7 +224,7 @@ def with_feet_pinned(
         steps: the legs that step, each with its step size in metres. The thresholds for a lifted or moving
             foot are relative to this size instead of the leg's length. See :func:`step_sizes`.
         level: True if the shape is kept on the floor. Then feet are locked horizontally only. An ankle sinks
-            as its foot rolls, so locking its height would lift the foot off the floor.
+            while its foot rolls, so locking its height would lift the foot off the floor.
         above: True to raise feet that would go below the floor.
         without: legs with feet that are not locked.
     """
@@ -282,14 +282,14 @@ def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> R
 
     Args:
         shape: the shape.
-        clip: a take of the shape's own skeleton.
+        clip: a take with the shape's own skeleton.
         project: contains the shape. If None, a new project is made.
 
     Raises:
         InputError: if the take was made for another skeleton; see :func:`is_own_take`.
     """
     if not is_own_take(clip, shape):
-        raise InputError("it is of another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
+        raise InputError("it has another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
     plan = replace(automatic(clip, shape), travel=True, floor=False)
     played, _ = playing(project or Project(), shape, clip)
     theirs, ours = facings(clip, shape, plan)
@@ -310,7 +310,7 @@ def retarget(
         clip: the take.
         plan: the mapping. If None, it is found automatically.
         project: contains the shape and the takes that move it already. If None, a new project is made.
-        clips: the model's own clips, which show the ranges of its joints.
+        clips: the model's own clips, which define the ranges of its joints.
 
     Raises:
         InputError: see :func:`apply_plan`; also if no part of the shape can be driven.

@@ -54,10 +54,12 @@ def spaced(name: str) -> str:
 
 
 def _named_left(skeleton: Skeleton) -> Float | None:
-    """Returns the horizontal direction (3,) to the left by joint names, or None if they do not give it.
+    """Returns the horizontal direction (3,) to the left from joint names, or None if the names do not define
+    it.
 
-    Pairs of joints with the same parent, such as hips and shoulders, decide it. Other pairs, such as hands
-    and feet, count only without those. They may be anywhere in a file with a rest pose in mid-stride.
+    It is computed from pairs of joints with the same parent, such as hips and shoulders. Other pairs, such as
+    hands and feet, count only if there are none of these. Hands and feet are unreliable if the rest pose is
+    in mid-stride.
     """
     parents, total, roots = skeleton.parents, np.zeros(3), np.zeros(3)
     by_plain: dict[str, dict[int, int]] = {}
@@ -80,7 +82,8 @@ def _named_left(skeleton: Skeleton) -> Float | None:
 
 
 def _mirrored_left(skeleton: Skeleton) -> Float:
-    """Returns the horizontal direction (3,) to the left by mirror symmetry and by the toes."""
+    """Returns the horizontal direction (3,) to the left from mirror symmetry and the direction of the
+    toes."""
     at = skeleton.positions - skeleton.positions[0]
     angles = np.arange(0.0, 180.0, 5.0)
     costs = [_off_mirror(at, angle) for angle in angles]
@@ -109,7 +112,8 @@ def _off_mirror(at: Float, degrees: float) -> float:
 
 
 def _toe_directions(skeleton: Skeleton, left: Float) -> Float:
-    """Returns the sum (3,) of the end bones near the floor on the left and right of the middle, in metres."""
+    """Returns the sum (3,) in metres of the vectors of the end bones near the floor, except those in the
+    middle."""
     height = skeleton.positions[:, 1]
     floor, tall = height.min(), float(np.ptp(height))
     aside = np.abs((skeleton.positions - skeleton.positions[0]) @ left) > _MIN_FOOT_LENGTH * _skeleton_size(

@@ -1,4 +1,5 @@
-"""The gait of a performer: which of their legs each leg of a model follows, and where their feet are.
+"""The gait of a performer: which leg of the performer each leg of a model follows, and the positions of the
+feet.
 
 steps_of(shape, clip, plan)     # a LegStep for each leg of the model that steps
 performer.foot(leg)             # the joint of the performer's foot that stands
@@ -39,7 +40,8 @@ _WALK_BLEND_S = 0.3
 _FOOT_HEIGHT = 0.15
 """Maximum height of the foot's joints above the lowest joint, as a fraction of the performer's height."""
 _STANDING_PERCENT = 25.0
-"""Minimum time that a foot stands, in per cent of a take. Its slowest joint then gives its position."""
+"""Minimum time that a foot stands, in per cent of a take. A foot that stands longer takes its position from
+its slowest joint."""
 _LOWEST_PERCENT = 5.0
 """Percentile of a foot's height over a take that counts as its height while it stands."""
 
@@ -51,8 +53,8 @@ class LegStep:
     Attributes:
         limb: the model's leg.
         by: the performer's leg that it follows.
-        arm: the performer's arm that drives it while they stand or raise that arm, or None.
-        posed: True if it keeps the performer's pose as far as its foot allows.
+        arm: the performer's arm that drives the leg while the performer stands or raises that arm, or None.
+        posed: True if the leg keeps the performer's pose as far as the position of its foot allows.
         leg: the joints of ``limb`` down to where the foot begins.
         by_leg: the joints of ``by`` down to where the foot begins.
     """
@@ -206,7 +208,7 @@ class PerformerGait:
     Attributes:
         skeleton: the performer's, at rest.
         posed: (N, 3) metres from the root to the joints, in the pose in which bones point as the model's do.
-        beside: (T, N, 3) metres from the root to the joints. If the model does not turn, the turning of the
+        beside: (T, N, 3) metres from the root to the joints. If the model does not turn, the rotation of the
             whole body is left out.
         tall: (T,) metres from the floor up to the root.
         scale: distance in metres that the model moves when the performer moves one metre.
@@ -263,7 +265,8 @@ class PerformerGait:
         return np.asarray(home)
 
     def walks(self, arm: SkeletonLimb) -> Float:
-        """Returns (T,) 1 while the performer walks and an arm hangs, 0 while they stand or raise it."""
+        """Returns (T,) 1 while the performer walks with a hanging arm, and 0 while the performer stands or
+        raises the arm."""
         below = self.beside[:, arm.proper[0], 1] - self.beside[:, arm.proper[-1], 1]
         below /= _limb_length(self.skeleton, arm)
         left, right = (self.beside[:, self.foot(leg)] for leg in self._legs)

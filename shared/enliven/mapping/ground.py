@@ -1,4 +1,4 @@
-"""The floor under a retargeted shape: the shape stands on it whenever its performer stands on theirs.
+"""The floor under a retargeted shape. The shape stands on it whenever its performer stands on the floor.
 
 stands(shape)                        # True for legs, or a lowest point at y = 0
 surfaces(project, shape_id, times)   # yields the vertices at each time
@@ -39,15 +39,16 @@ _MAX_STRIDE_FACTOR = 1.5
 _MAX_HAND_DISTANCE = 1.5
 """Largest distance of a hand's points from its wrist, in forearm lengths. People have 0.75, toons 1.2."""
 _MIN_TWIST_NORM = 0.2
-"""Norm of the vertical (twist) part of a rotation below which it has no heading: the body is upside down."""
+"""Minimum norm of the twist about the vertical for a rotation to have a heading. It is smaller if the body is
+upside down."""
 
 
 def body_points(shape: Shape) -> Bool:
     """Returns (V,) True for the points of a shape's surface that belong to its body.
 
-    The others belong to an object that a hand carries: its joint is named like one, or the point is too far
-    from the wrist. A weapon that touches the floor carries no weight. The points are joints if the shape has
-    no mesh.
+    All other points belong to an object in a hand: the joint's name contains a word for an object, or the
+    point is too far from the wrist. An object such as a weapon may touch the floor, but the shape does not
+    stand on it. If the shape has no mesh, the points are its joints.
     """
     skeleton, arms = shape.skeleton, [arm for pair in anatomy_of(shape.skeleton).arms for arm in pair]
     named = np.array([bool(arms) and names_object(name) for name in skeleton.names])

@@ -223,7 +223,7 @@ def _is_different(one: Float, other: Float) -> bool:
 
 
 def _joined_chains(skeleton: Skeleton, bones: set[int]) -> list[tuple[int, ...]]:
-    """Returns bones joined to chains of joints, each beginning with the joint that stays in place."""
+    """Groups bones into chains of joints. Each chain begins with the joint that stays in place."""
     chains, remaining = list[tuple[int, ...]](), sorted(bones)
     while remaining:
         chain = [int(skeleton.parents[remaining[0]]), remaining[0]]

@@ -1,4 +1,4 @@
-"""The clips that came with a model: finds them among a project's takes, and plays one on a shape.
+"""The clips in a model's own file: finds them among a project's takes, and plays one on a shape.
 
 own_clips(project, shape)                    # the names of the takes that have the shape's own skeleton
 clip_to_open(shape, clips)                   # the clip that a model plays when it is opened
@@ -20,7 +20,8 @@ from enliven.formats.rig import playing
 _MAX_JOINT_DIFFERENCE = 1e-6
 """Maximum distance of equal joints in identical skeletons, as a fraction of the size: rounding of files."""
 _MAX_STILL_MOTION = 1e-3
-"""Maximum motion of joints in a clip that is a still pose, or at a loop's seam, as a fraction of the size."""
+"""Maximum motion of joints in a clip that counts as a still pose, and at the seam of a loop, as a fraction of
+the size."""
 _SEAM_FRAMES = 1.5
 """Maximum step from the last pose of a loop to its first, in median frame steps. Not all files repeat the
 first frame at the end."""
@@ -57,7 +58,7 @@ def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
 
 
 def played_clip(project: Project, shape: Shape) -> str | None:
-    """Returns the name of the own clip that moves a shape (keys are ignored), or None."""
+    """Returns the name of the model's own clip that the shape plays, or None. Keys are ignored."""
     played = _joint_layers(project, shape)
     return played[0].take if played and not played[0].muted else None
 

@@ -20,8 +20,8 @@ from enliven.document import Shape
 from enliven.kernels import njit
 
 _TESTED_FACES = 3000
-"""Approximate number of faces that are tested, evenly spaced in the list of faces. The measured fraction of
-the surface is then within half a per cent of that for all faces."""
+"""Approximate number of tested faces, evenly spaced in the list of faces. The result then differs from that
+for all faces by at most half a per cent of the surface."""
 _TEST_POINT_OFFSET = 1e-4
 """Distance of a test point from its face, as a fraction of the size: above rounding, below limb thickness."""
 _FACES_PER_CELL = 4.0
@@ -45,7 +45,8 @@ class Overlap:
         self._rest = self._faces_inside(shape.mesh.vertices)[0]
 
     def at(self, vertices: Float) -> tuple[float, dict[tuple[int, int], float]]:
-        """Returns the fraction of the surface inside other parts, in all and by (bone, bone around it)."""
+        """Returns the total fraction of the surface inside other parts, and this fraction by (inner bone,
+        outer bone)."""
         inside, hit = self._faces_inside(vertices)
         new = np.flatnonzero(inside & ~self._rest)
         total_area = max(float(self.area.sum()), 1e-300)
@@ -92,7 +93,8 @@ def _skin_arrays(shape: Shape) -> tuple[Int, Float]:
 
 
 def _adjacent_bones(shape: Shape) -> Bool:
-    """Returns (N, N) True for bones that are the same or share a joint, at which their surfaces fold."""
+    """Returns (N, N) True for pairs of bones that are identical or share a joint. The surface folds at such a
+    joint."""
     skeleton, count = shape.skeleton, len(shape.skeleton)
     ends = np.zeros((count, count), bool)
     ends[np.arange(count), np.arange(count)] = True

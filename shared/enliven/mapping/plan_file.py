@@ -9,8 +9,9 @@
     target = "UpperLeg.L .. LowerLeg.L"
     mode = "pose"
 
-A chain is given by its first and last joint, separated by two points, or by an array of all of its joints. A
-single joint stands for its own rotation. Missing keys have the defaults of :mod:`enliven.mapping.plan`.
+A chain is given by its first and last joint, separated by two dots, or by an array of all of its joints. A
+single joint means only the rotation of that joint. Missing keys have the defaults of
+:mod:`enliven.mapping.plan`.
 """
 
 from __future__ import annotations
@@ -99,7 +100,8 @@ def plan_text(plan: Plan) -> str:
 
 
 def _parse_joints(value: Any) -> Any:
-    """Returns the joints that a text or an array names. Other values are returned for settings to refuse."""
+    """Returns the joint names in a text or an array. Invalid values are returned unchanged, and rejected by
+    the settings class."""
     if not isinstance(value, str):
         return value
     parts = value.split(" .. ") if " .. " in value else value.split("..")

@@ -1,4 +1,5 @@
-"""Foot planting (foot lock) for a body in its performer's pose: the body moves so that feet do not slide.
+"""Foot planting (foot lock) for a body in its performer's pose: the root's path is corrected so that feet do
+not slide.
 
     spans = standing_spans(foot, root, step, length)     # when a foot of the performer stands
     turns = unspun(Sole(shape, bones).spin(turns, joints, length), spans, step)   # keeps its heading
@@ -12,8 +13,8 @@ that foot is on the floor. The root's path stays smooth. The legs bend to close 
 if two standing feet need different paths. In the air the root follows the performer's, and rises if a foot
 would be too low.
 
-Feet of captured performers often turn on the spot while they stand. A sole that did so would slide, so each
-foot keeps one heading in a contact.
+Feet of captured performers often rotate on the spot while they stand. The model's sole would slide, so each
+foot keeps one heading during a contact.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ Spans = tuple[tuple[int, int], ...]
 _MAX_STANDING_HEIGHT = 0.1
 """Largest height of a standing foot above its lowest position, in leg lengths. Floors of captures drift."""
 _MAX_STANDING_SPEED = 0.4
-"""Largest speed of a standing foot of a body at rest, in leg lengths a second. Captured feet creep."""
+"""Largest speed of a standing foot of a body at rest, in leg lengths a second. Captured feet drift slowly."""
 _MAX_SPEED_FRACTION = 0.3
 """Largest speed of a standing foot as a fraction of the body's speed: the foot of a runner rolls fast."""
 _SPEED_WINDOW_S = 0.4
@@ -43,7 +44,8 @@ _SPEED_WINDOW_S = 0.4
 _MIN_CONTACT_S = 0.05
 """Shortest contact in seconds. Those of a sprint last 80 ms."""
 _RELEASE_FACTOR = 1.3
-"""Factor on the limits of height and speed beyond which a contact ends (hysteresis)."""
+"""Factor on the limits of height and speed at the end of a contact, relative to its beginning
+(hysteresis)."""
 _STANDING_PERCENTILE = 5.0
 """Percentile of a joint's height over a take that counts as its height while the foot stands."""
 _BLEND_S = 0.1
@@ -59,7 +61,7 @@ _MIN_SWING_HEIGHT = 0.03
 _CONTACT_DECAY = 0.006
 """Decay length of contact weights above a foot's lowest point, in leg lengths: 5 mm on an adult."""
 _FOOT_WEIGHT = 0.5
-"""Minimum total skin weight on the foot's bones with which a vertex belongs to the foot."""
+"""Minimum total skin weight of a vertex on the foot's bones for the vertex to belong to the foot."""
 _SEARCH_DIRECTIONS = 128
 """Number of directions, spread evenly, in which the outermost points of a foot are searched."""
 _FRAMES_PER_BLOCK = 2048
@@ -67,8 +69,8 @@ _FRAMES_PER_BLOCK = 2048
 _HEIGHT_WEIGHT = 1e-9
 """Weight of the performer's own height, small enough to matter only while no foot stands."""
 _MAX_UNSPIN = np.radians(30.0)
-"""Largest angle (radians) between the headings of a standing foot and the performer's: ankle and hip allow
-it."""
+"""Largest angle (radians) between the headings of a standing foot and the performer's foot: what ankle and
+hip allow."""
 _PATH_WEIGHT = 0.01
 """Weight of the performer's path for the root, compared with a standing foot."""
 
@@ -96,8 +98,8 @@ class PosedLeg:
 def rolling(points: Float, length: float) -> tuple[Float, Float]:
     """Returns how a foot rolls over a floor.
 
-    A foot that rolls without sliding turns about the points that touch the floor, first the heel, last the
-    toes. So their speed has to be zero, not that of a joint in the foot.
+    A foot that rolls without sliding rotates about the points that touch the floor, first the heel and last
+    the toes. So these points must have zero speed, not a joint of the foot.
 
     Args:
         points: (T, P, 3) metres from the root to points of the sole.
@@ -212,7 +214,8 @@ class Sole:
         return np.concatenate([self.points(turns[part], joints[part])[..., 1].min(1) for part in parts])
 
     def lowest_turned(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
-        """Returns the metres (T,) from a joint up to the lowest point after all points rotate about it."""
+        """Returns the height (T,) in metres of the lowest point relative to a joint, after all points are
+        rotated about that joint."""
         low = list[Float]()
         for start in range(0, len(turns), _FRAMES_PER_BLOCK):
             part = slice(start, start + _FRAMES_PER_BLOCK)
@@ -260,7 +263,7 @@ def unspun(spin: Float, spans: Spans, step: float) -> Float:
 
 
 def _joined_spans(spans: Spans, gap: int) -> Spans:
-    """Returns the spans after joining those that are at most ``gap`` frames apart."""
+    """Joins spans that are at most ``gap`` frames apart, and returns all spans."""
     joined = list[tuple[int, int]]()
     for first, last in spans:
         if joined and first - joined[-1][1] <= gap:
@@ -271,7 +274,8 @@ def _joined_spans(spans: Spans, gap: int) -> Spans:
 
 
 def clearance_of(heights: Float, spans: Spans) -> Float:
-    """Returns the height (T,) in metres of a foot above its contacts: that of the joint that rose least.
+    """Returns the height (T,) in metres of a foot above its contacts: the height of the joint that has risen
+    least.
 
     Floors of captures drift, so the reference is interpolated between the contacts before and after.
 

@@ -26,7 +26,7 @@ from enliven.motion.layers import Player
 from enliven.rotation import rotate, swing, unit
 
 _MAX_FRAMES = 120
-"""Maximum number of frames that are compared. A dozen of them are then above a limb's 90th percentile."""
+"""Maximum number of compared frames, large enough that a dozen of them are above a limb's 90th percentile."""
 _SEGMENT_NAMES = {(True, 2): ("thigh", "shin"), (False, 2): ("upper arm", "forearm")}
 """Names of a limb's segments, by (stands on the floor, number of segments)."""
 
@@ -114,7 +114,7 @@ def _segment_name(limb: SkeletonLimb, number: int, segment: int, count: int) -> 
 
 
 def _layers_along(project: Project, shape: Shape, clip: Clip, chain: tuple[int, ...]) -> list[Layer | None]:
-    """Returns for each bone of a chain the layer of the take that alone moves it, or None."""
+    """Returns for each bone of a chain the layer of the take if no other layer moves the bone, or None."""
     sole_layers = list[Layer | None]()
     for bone in chain[1:]:
         named = {ref.layer for span in shape.spans[bone] for ref in span.refs}

@@ -27,10 +27,10 @@ from enliven.mapping.pose_error import LimbError, limb_errors
 from enliven.motion.layers import Player, travel_scale
 
 BOUND = 1.4
-"""Largest stretch at the 99th percentile. Above it hands look like sheets. The runs that come with models
-have 1.1 to 1.5."""
+"""Largest stretch at the 99th percentile. Above it, hands look like sheets. The running clips of models have
+1.1 to 1.5."""
 THROUGH = 0.03
-"""Largest fraction of a surface inside other parts. The clips that come with models reach it."""
+"""Largest fraction of a surface inside other parts. Models' own clips reach this value."""
 LEVEL = 0.03
 """Largest distance of the lowest point from the floor, as a fraction of the height. Beyond it feet visibly
 hover."""
@@ -41,7 +41,8 @@ POSE = 8.0
 POSE_P90 = 15.0
 """Largest 90th percentile of that angle (degrees)."""
 _MEASURED_MOMENTS = 24
-"""Number of moments at which a motion is measured. A pose that lasts a twentieth of it is not missed."""
+"""Number of moments at which a motion is measured. A pose that lasts for a twentieth of the motion is not
+missed."""
 _MIN_EDGE_LENGTH = 1e-3
 """Length of an edge, as a fraction of the size, below which its stretch is not visible."""
 _MIN_TRIANGLE_RATIO = 0.02
@@ -51,11 +52,11 @@ _MIN_PART_FRACTION = 1e-4
 _SAME_VERTEX_DISTANCE = 1e-5
 """Distance, as a fraction of the size, within which vertices count as one."""
 _ON_FLOOR_HEIGHT = 0.03
-"""Height, as a fraction of the shape's, within which a vertex counts as on the floor."""
+"""Maximum height of a vertex that counts as on the floor, as a fraction of the shape's height."""
 _MIN_LEAP_HEIGHT = 0.005
 """Minimum height of the lowest point in a leap, as a fraction of the shape's height: 8 mm on an adult."""
 _SLIDE_INTERVAL_S = 1.0 / 60.0
-"""Seconds between the two moments that are compared for a slide: a frame of common displays."""
+"""Seconds between the two moments that are compared to measure sliding: one frame of common displays."""
 _MIN_STANDING_PERCENT = 10.0
 """Minimum share of the vertices near the floor that stand still, in per cent. The others may be those of a
 swinging foot."""
@@ -74,7 +75,7 @@ class MotionQuality:
             :func:`enliven.mapping.pose_error.limb_errors`.
         stretch: 99th percentile of stretch over all edges and moments.
         stretch_most: stretch of the edge that is stretched most.
-        joints: the joints with most edges stretched beyond the bound, the worst first.
+        joints: the joints with the most edges stretched beyond the bound, the worst first.
         sunk: largest depth of the body's lowest point below the floor, in heights of the shape; None if the
             shape flies.
         afloat: largest height of that point above the floor while the performer stands, in heights of the
@@ -162,7 +163,8 @@ def edges_of(shape: Shape) -> tuple[Int32, Float]:
 
 
 def _is_seen(faces: Int32, at: Float) -> Bool:
-    """Returns (F,) True for faces that are neither slivers nor part of a crumb; all if none is left."""
+    """Returns (F,) True for faces that are neither slivers nor part of a crumb. If no face is left, returns
+    True for all."""
     corners = at[faces]
     sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)

@@ -19,7 +19,7 @@ from enliven.rotation import conjugate, multiply, normalized, rotate, turned_str
 _STRIDE_S = 1.0
 """Duration of a stride in seconds. The mean heading over a stride does not sway with the hips."""
 _HANGING_FRACTION = 0.12
-"""Fraction of a take's frames, about an eighth, that are averaged for the hanging pose."""
+"""Fraction of a take's frames that are averaged for the hanging pose: about an eighth."""
 _MIN_STANDING_FRACTION = 0.25
 """Minimum fraction of a take's frames in which a foot stands."""
 
@@ -73,8 +73,9 @@ def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
 def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
     """Returns the mean world rotations (K, 4) of a foot's bones over the frames in which it stands flat.
 
-    In the pose in which limbs hang most, feet point down. A foot stands in the frames in which its joints are
-    slow and low, compared with the rest of the take. Its heading is that of the take's first second.
+    This is needed because feet point down in the hanging pose. A foot counts as standing in frames in which
+    its joints are slow and low, compared with the rest of the take. Its heading is that of the take's first
+    second.
 
     Args:
         clip: the take.
@@ -123,7 +124,7 @@ def posed(skeleton: Skeleton, turns: Float) -> Skeleton:
 def rebased(clip: Clip, since: Float) -> Clip:
     """Returns the same motion relative to another rest pose.
 
-    ``since`` (N, 4) contains that pose's world rotations relative to the present rest pose.
+    ``since`` (N, 4) contains the world rotations of the new rest pose relative to the current one.
     """
     turns = multiply(clip.turns, conjugate(since))
     moved = replace(clip, skeleton=posed(clip.skeleton, since), turns=turns, fine=None)

@@ -1,8 +1,7 @@
 """Softens a mapping: reduces the movement of limbs that stretch the surface too much.
 
-A performer's arms swing farther than a fox's forelegs can. How far a joint may rotate is found from the
-stretch of the surface. Weights of limbs are reduced, the same on both sides, until stretch is within its
-bound.
+A performer's arms swing farther than a fox's forelegs can. The stretch of the surface determines how far a
+joint may rotate. Weights of limbs are reduced, the same on both sides, until stretch is within its bound.
 """
 
 from __future__ import annotations
@@ -66,7 +65,7 @@ def limb_of(chain: ChainPlan) -> str:
 
 
 def _stepping_roles(plan: Plan, clip: Clip, shape: Shape) -> set[str]:
-    """Returns the roles of the chains of legs that step. Their stride is reduced as well."""
+    """Returns the roles of the chains of stepping legs. The stride of these legs is reduced as well."""
     legs = {joint for limb in legs_that_step(shape, clip, plan) for joint in limb.proper[1:]}
     return {limb_of(c) for c in plan.chains if shape.skeleton.index(c.target[-1]) in legs}
 

@@ -2,11 +2,11 @@
 
 stepped(project, shape_id, clip, based, plan)      # a project with a take that plays the legs
 
-A leg of another build that copies a performer's angles neither reaches the floor nor stays on it. So its foot
-follows the performer's foot relative to the hips, and stands while the performer's stands. On an animal with
-more legs than the performer, the performer's legs drive several pairs. Neighbouring pairs step alternately. A
-foreleg that the performer's arm drives steps while the performer walks with hanging arms. Otherwise it
-follows the arm.
+A model's leg has other proportions than the performer's. If it copied the performer's angles, its foot would
+not stay on the floor. So the foot follows the performer's foot relative to the hips, and stands while the
+performer's foot stands. On an animal with more legs than the performer, the performer's legs drive several
+pairs. Neighbouring pairs step alternately. A foreleg that the performer's arm drives steps while the
+performer walks with hanging arms. Otherwise it follows the arm.
 
 The legs of a person have the performer's pose. With ``pin`` their feet step too: each leg keeps its pose, and
 bends as far as its foot needs to stand still. So feet stand still at any proportions.
@@ -38,10 +38,11 @@ _MAX_TILT = np.radians(30.0)
 _TILT_ANGLES = 7
 """Number of angles from 0 to ``_MAX_TILT`` that are tried."""
 _MIN_TOE_DISTANCE = 0.1
-"""Smallest distance of the toes ahead of the ankle, as a fraction of the foot, with which a foot can tilt."""
+"""Smallest distance of the toes ahead of the ankle, as a fraction of the foot's length, for a foot that can
+tilt."""
 _MAX_LEG_STRETCH = 0.99
-"""Largest distance from hip to ankle as a fraction of the leg's length, unless the pose itself has more. A
-fully stretched knee would jerk."""
+"""Largest distance from hip to ankle as a fraction of the leg's length, unless it is larger in the pose
+itself. A fully stretched knee would jerk."""
 _MAX_LOWERING = 0.15
 """Maximum distance that the body is lowered so that feet reach the floor, as a fraction of a leg."""
 _EASING_S = 0.05
@@ -97,7 +98,8 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
 
 
 def _sibling_bones(shape: Shape, chains: Sequence[Sequence[int]]) -> Iterator[tuple[int, int]]:
-    """Yields (bone of a chain, other bone) for sibling bones that copy the first, such as twist bones."""
+    """Yields (bone of a chain, sibling bone) for sibling bones that copy a bone's motion, such as twist
+    bones."""
     driven = {bone for chain in chains for bone in chain}
     for bone in (bone for chain in chains for bone in chain[1:]):
         for other in shape.skeleton.children[int(shape.skeleton.parents[bone])]:

@@ -52,9 +52,10 @@ class MeshMaterials:
     Attributes:
         definitions: JSON objects of glTF materials. They refer to textures by their number in ``textures``.
         textures: the textures of the materials.
-        of: (F,) int32 the material of each face. -1 for none, then only vertex colours apply.
-        uvs: (F, 3, S, 2) float32, each corner's place in S sets of texture coordinates.
-        tints: (F, 3, 4) float32 linear colour and opacity that multiply the material's, or None for white.
+        of: (F,) int32 the material of each face, or -1 for none. Without material, only vertex colours apply.
+        uvs: (F, 3, S, 2) float32, the S sets of texture coordinates of each corner.
+        tints: (F, 3, 4) float32, the linear colour and opacity of each corner, multiplied with the
+            material's. None for white.
 
     Raises:
         InputError: if the parts do not match.
@@ -123,9 +124,10 @@ class MeshMaterials:
 
 
 def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> MeshMaterials | None:
-    """Joins the materials of several consecutive groups of faces, each given with its number of faces.
+    """Joins the materials of consecutive groups of faces. Each group is given as its materials and its number
+    of faces.
 
-    Equal materials and textures are merged. None if no group has any.
+    Equal materials and textures are merged. Returns None if no group has materials.
     """
     if all(own is None for own, _ in groups):
         return None
@@ -184,7 +186,7 @@ def _replace_texture_numbers(value: Any, number: Callable[[int], int]) -> None:
 
 
 def _refuse_constant(constant: str) -> None:
-    """Refuses NaN and infinities, which JSON does not have."""
+    """Raises an error for NaN and infinities, which are not valid JSON."""
     raise ValueError(f"{constant} is not a number")
 
 

@@ -1,7 +1,7 @@
 """Reader of Wavefront OBJ: polygons, vertex colours, and the diffuse colours of its materials.
 
-The file is read in blocks, twice: first for faces, then for the vertices that these use. So unused vertices
-cost no memory.
+The file is read twice, in blocks: first for the faces, then for the vertices that the faces use. So unused
+vertices need no memory.
 """
 
 from __future__ import annotations
@@ -152,7 +152,8 @@ def _lines_in(block: bytes) -> _Lines:
 
 
 def _number_lines(block: bytes, lines: _Lines, are: Bool) -> bytes:
-    """Returns some lines of a block without their first letter and comments. Their number stays."""
+    """Returns some lines of a block without first letters and comments. The number of lines does not
+    change."""
     letters = np.frombuffer(block, np.uint8).copy()
     letters[lines.first[are]] = ord(" ")
     return without_comments(letters[np.repeat(are, lines.lengths)].tobytes())
@@ -274,7 +275,7 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
 def _bytes_of(colours: Float) -> UInt8 | None:
     """Returns (V, 3) sRGB bytes from colours in 0..1, or in 0..255 if one is above 1.
 
-    Grey if not finite, None if all are.
+    Colours that are not finite become grey. Returns None if no colour is finite.
     """
     is_coloured: Bool = np.asarray(np.isfinite(colours).all(1))
     if not is_coloured.any():
@@ -287,7 +288,7 @@ def _bytes_of(colours: Float) -> UInt8 | None:
 def _read_palette(faces: _Faces, beside: ReferencedFiles, notes: list[str]) -> UInt8 | None:
     """Returns (M + 1, 3) sRGB of each used material, grey for the last entry (no material).
 
-    None if none has a colour.
+    Returns None if no material has a colour.
     """
     colours_by_name: dict[str, tuple[float, float, float]] = {}
     for library in faces.libraries:

@@ -17,8 +17,8 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     """Returns the mesh without defects that break a deformation, and one sentence for every repair.
 
     It removes vertices that are not finite with their faces, faces without area, duplicate faces, and unused
-    vertices. It flips faces with a winding opposite to their neighbours, and closed parts that are inside
-    out. Several shells, and vertices at equal positions, are kept but reported.
+    vertices. It flips faces that are wound against their neighbours, and closed parts that are inside out.
+    Separate shells and duplicate vertex positions are kept, but reported.
 
     Raises:
         InputError: if no face is left.

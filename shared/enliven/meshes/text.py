@@ -19,7 +19,8 @@ _OFF_HEADER = re.compile(
     rb"(?=\s))?",
     re.IGNORECASE,
 )
-"""The header: the word may be missing, and so may the count of edges unless each count has its own line."""
+"""Pattern of a header. The word OFF is optional. The count of edges is optional if the counts are on one
+line."""
 _OFF_EXTRAS = {b"N": 3, b"C": 4, b"ST": 2}
 """Number of values of a vertex after its coordinates, by the letters before OFF: normal, colour, texture
 coordinates."""
@@ -67,7 +68,8 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
 
 
 def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float, int]]:
-    """Yields (V, 3) the vertices and the offset after them, the likeliest interpretation first.
+    """Yields the vertices (V, 3) and the offset after them, for each interpretation of the file, the
+    likeliest first.
 
     In nearly every file each vertex has its own line, with any number of colours. Otherwise the word before
     OFF gives the number of values per vertex.
@@ -101,7 +103,8 @@ def _first_three(text: bytes, widths: Int) -> Float:
 
 
 def _line_ends(body: bytes, count: int) -> Int:
-    """Returns the offsets after the first ``count`` lines that are not blank, fewer if there are fewer."""
+    """Returns the end offsets of the first ``count`` lines that are not blank, or of all such lines if there
+    are fewer."""
     letters = np.frombuffer(body, np.uint8)
     ends = np.flatnonzero(letters == ord("\n")) + 1
     words = np.cumsum(letters > ord(" "), dtype=np.int64)[ends - 1]
@@ -109,7 +112,8 @@ def _line_ends(body: bytes, count: int) -> Int:
 
 
 def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, int] | str:
-    """Returns corners, sizes and the number of words after the faces. A sentence if they are invalid.
+    """Returns corners, sizes and the number of words after the faces. If the faces are invalid, returns a
+    sentence instead.
 
     Either faces follow each other without colours, or a face's colour fills the rest of its last line.
     """
@@ -147,7 +151,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
 
 
 def _invalid_corner(corners: Int, vertex_count: int) -> int | None:
-    """Returns an invalid vertex number, None if all are valid."""
+    """Returns an invalid vertex number, or None if all are valid."""
     wrong = corners[(corners < 0) | (corners >= vertex_count)]
     return int(wrong[0]) if len(wrong) else None
 
@@ -160,7 +164,7 @@ def _integer_of(word: bytes) -> int:
 def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
     """Returns (V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file, and no notes.
 
-    Tetrahedra give their boundary.
+    For a file with tetrahedra, the triangles are the boundary.
 
     Raises:
         DamagedMeshError: if the file is not MEDIT, or ends early.

@@ -24,11 +24,11 @@ class DamagedMeshError(ValueError):
 
 
 class WrongWordError(DamagedMeshError):
-    """A word that is not valid at its place.
+    """An error about an invalid word in a text.
 
     Attributes:
         line: its line in the text, from 0.
-        what: the error.
+        what: description of the error.
     """
 
     def __init__(self, line: int, what: str) -> None:

@@ -144,7 +144,7 @@ def test_windows_line_ends_and_a_byte_order_mark_do_not_matter(tmp_path) -> None
 def test_a_row_too_many_is_read_and_noted() -> None:
     capture = parse_bvh(SIMPLE + "2 90 0 0 0 0\n")
     assert capture.frames == 3
-    assert capture.notes == ("2 frames are promised, 3 are there",)
+    assert capture.notes == ("the header states 2 frames, but the file has 3",)
 
 
 @pytest.mark.parametrize(
@@ -230,4 +230,4 @@ def test_names_with_colons_and_signs_are_kept() -> None:
 
 def test_wrapped_rows_too_many_are_noted() -> None:
     capture = parse_bvh(SIMPLE + "2 90\n0 0 0 0\n")
-    assert capture.frames == 3 and capture.notes == ("2 frames are promised, 3 are there",)
+    assert capture.frames == 3 and capture.notes == ("the header states 2 frames, but the file has 3",)

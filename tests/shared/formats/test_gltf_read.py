@@ -154,7 +154,7 @@ def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
     rig = read_gltf(gltf.write(tmp_path / "leg.gltf"))
     skeleton = rig.shape.skeleton
     assert skeleton.names == ("hip", "shin", "foot", "foot end")
-    assert "hung on the joints that they follow: foot on shin" in rig.notes
+    assert "attached to the joints that they follow: foot on shin" in rig.notes
     slow = SlowGltf(tmp_path / "leg.gltf")
     (clip,) = rig.clips
     for frame in range(0, len(clip.turns), 3):
@@ -236,7 +236,7 @@ def test_a_model_without_a_rig_gets_one_bone(tmp_path):
     del gltf.json["skins"], gltf.json["nodes"][2]["skin"]
     rig = read_gltf(gltf.write(tmp_path / "still.gltf"), height=3.0, floor=True)
     np.testing.assert_allclose(rig.shape.skeleton.positions[:, 1], [0, 3])
-    assert rig.notes == ("it has no rig: it is given one bone, from its foot to its top",)
+    assert rig.notes == ("it has no rig: it gets one bone, from its bottom to its top",)
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,7 @@
     vertices = surface.settle(places)       # independent of earlier frames, for scrubbing and export
 
 A mesh of more than ``coarse_above`` vertices is solved coarsely, on an evenly spread subset of its vertices
-(:mod:`enliven.deformation.arap.coarse`). The other vertices are carried by the cells near them, with all
-detail.
+(:mod:`enliven.deformation.arap.coarse`). The other vertices follow the cells near them, with all detail.
 """
 
 from __future__ import annotations
@@ -30,9 +29,10 @@ from enliven.meshes import Mesh
 
 _ERROR_CONTEXT = "puppet surface"
 _MIN_GUIDE_VERTEX_RATIO = 3
-"""Minimum ratio of the solver's vertices to the guide's for which a guide saves more time than it costs."""
+"""Minimum ratio of the solver's number of vertices to the guide's. Below it, a guide costs more time than it
+saves."""
 _DETAIL_SETTLING_FRAMES = 6
-"""Frames after the guide in which local details settle."""
+"""Number of frames after the guide in which local details converge."""
 
 
 class PuppetSurface:
@@ -43,7 +43,7 @@ class PuppetSurface:
         held: (P,) the vertex of each control point.
         weights: (P,) weight of each control point as a soft handle; None means hard. Without weights, all are
             hard.
-        settings: of the solver.
+        settings: settings of the solver.
 
     Attributes:
         mesh: the given mesh.
@@ -95,8 +95,8 @@ class PuppetSurface:
         self.pose = _read_only(self.mesh.vertices.copy())
 
     def _solver_with_coarse(self, held: Int) -> tuple[ArapSolver, Coarse | None]:
-        """Returns the solver and its coarse surface (None: it solves the whole mesh), created if
-        necessary.
+        """Returns the solver and its coarse surface, created if necessary. The surface is None if the solver
+        solves the whole mesh.
         """
         if len(self.mesh.vertices) <= self._settings.coarse_above:
             return (ArapSolver(self.mesh, self._settings), None) if self._body is None else self._body
@@ -148,9 +148,9 @@ class PuppetSurface:
         return self.pose
 
     def aside(self, places: Float) -> Float:
-        """Returns the result of :meth:`settle` from a second solver; the pose of a drag is not changed.
+        """Returns the result of :meth:`settle` from a second solver, without changing the current pose.
 
-        It may be called from another thread than the other methods, one call at a time.
+        It may be called from another thread than the other methods, but not by two threads at once.
         """
         if self._aside is None:
             self._aside = self._twin_surface()
@@ -191,7 +191,7 @@ class PuppetSurface:
 
 
 def _welded_to(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
-    """Returns (X,) the vertices at the position of a hard control point, and (X,) the number of that
+    """Returns (X,) the vertices at the position of a hard control point, and (X,) the number of that control
     point.
     """
     number = np.full(int(welded.max()) + 1, -1)

@@ -1,8 +1,10 @@
-"""A coarse proxy of a surface that finds large bends, for which the fine surface needs hundreds of frames.
+"""A coarse proxy of a surface that solves large bends at once. The fine surface alone would need hundreds of
+frames.
 
 Alternating between rotations and positions propagates a bend by about one edge per iteration. On ten thousand
-vertices, an arm takes hundreds of iterations. A proxy of a few hundred vertices bends at once and carries the
-fine surface along (:mod:`enliven.deformation.arap.detail`). The fine surface then only settles its details.
+vertices, an arm takes hundreds of iterations. A proxy of a few hundred vertices bends at once, and moves the
+fine surface with it (:mod:`enliven.deformation.arap.detail`). After that, only the details of the fine
+surface have to converge.
 """
 
 from __future__ import annotations
@@ -21,16 +23,16 @@ from enliven.meshes import Mesh
 from enliven.rotation import nearest_quaternion, to_matrix
 
 _PATH_STEPS = 24
-"""Steps from rest to the handles' targets: about eight degrees per step for a limb that turns by 180
-degrees."""
+"""Number of steps from rest to the handles' targets: about eight degrees per step for a limb that rotates by
+180 degrees."""
 _SETTLING_FRAMES = 40
-"""Frames at the targets before the last one, in which the proxy converges."""
+"""Number of additional frames at the targets, in which the proxy converges."""
 _PROXY_ITERATIONS = 6
-"""Iterations of the proxy in a frame. It is small, so using more of them than the fine surface costs
-little."""
+"""Number of iterations of the proxy per frame. The proxy is small, so more iterations than on the fine
+surface cost little."""
 _MIN_PROXY_FOLLOW = 0.01
-"""Minimum ``ArapSettings.follow`` of the proxy. If the handles' motion is rigid except for this fraction,
-the whole proxy moves with it."""
+"""Minimum ``ArapSettings.follow`` of the proxy. If the handles' motion is rigid except for this fraction, the
+whole proxy moves with the handles."""
 
 
 class Guide:
@@ -39,7 +41,7 @@ class Guide:
     Args:
         fine: the solver of the mesh.
         held: (P,) the vertex of each control point.
-        weights: (P,) None is hard.
+        weights: (P,) weight of each control point as a soft handle. None means hard.
 
     Attributes:
         carried: (V, 3) metres, the mesh as carried by the proxy.

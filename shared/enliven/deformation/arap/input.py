@@ -22,8 +22,9 @@ class Handle:
 
     Attributes:
         name: unique among the solver's handles.
-        vertices: of the mesh.
-        weight: weight of a soft handle, relative to the surface's cotangent weights of about 1; None is hard.
+        vertices: its vertices of the mesh.
+        weight: weight of a soft handle, relative to the surface's cotangent weights of about 1. None means
+            hard.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Vertices that follow those of a coarse surface, their weights, and the coarse faces."""
+"""Computes the samples that each vertex of a fine surface follows, their weights, and the coarse faces."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh, shells
 
 _MAX_DUST_SIZE_SPACINGS = 2.0
-"""Maximum size, in spacings, of a shell that follows the nearest surface as a whole."""
+"""Maximum size, in spacings, of a tiny shell, which follows the nearest surface rigidly."""
 
 
 @njit(cache=True, nogil=True)
@@ -50,7 +50,7 @@ def followed(points, samples, start, near, way, reach, detour):
 
 
 def riding_on(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
-    """Returns (W,) whether each vertex is on a small shell (numbered by ``label``) that is not ``awake``."""
+    """Returns (W,) True for vertices on a tiny shell (numbered by ``label``) that is not ``awake``."""
     count = int(label.max()) + 1
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     for c in range(3):
@@ -85,7 +85,7 @@ def sides_of(corners: Int, count: int) -> Int:
 def with_riders(
     whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
 ) -> tuple[Int, Int32, Float32]:
-    """Returns the same CSR, in which each tiny shell follows, as a whole, the samples of its nearest
+    """Returns the CSR with tiny shells added. All vertices of a tiny shell follow the samples of its nearest
     surface vertex.
     """
     rest = np.flatnonzero(~riding)
@@ -99,7 +99,7 @@ def with_riders(
 
 
 def spread(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
-    """Returns a CSR with row ``of[v]`` of the given one as row v."""
+    """Returns a CSR with row v equal to row ``of[v]`` of the given CSR."""
     sizes = np.diff(start)[of]
     offsets = np.concatenate([[0], np.cumsum(sizes)])
     rows = np.repeat(start[of] - offsets[:-1], sizes) + np.arange(offsets[-1])

@@ -9,11 +9,12 @@ U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion 
 
 A frame takes a few iterations from the last frame's shape. In the shape state, each cell takes its best
 rotation and uniform scale (eq. 4 to 9), which never raises the energy. The last iteration is the pose state's
-(eq. 10 to 13). Its volume-preserving V_i R_i make the pose that is shown, which is never fed back.
+(eq. 10 to 13). Its volume-preserving V_i R_i give the pose that is shown. The next frame does not start from
+this pose.
 
-Each solve gives a correction: the residual of eq. 9 is computed in float64 and solved by a float32 factor.
-Handles are added to the factor exactly (:mod:`enliven.deformation.arap.handles`). Adding one costs less than
-a frame.
+Each solve gives a correction of the positions: the residual of eq. 9 is computed in float64 and solved by a
+float32 factor. Handles are added to the factor exactly (:mod:`enliven.deformation.arap.handles`). Adding one
+costs less than a frame.
 """
 
 from __future__ import annotations
@@ -54,13 +55,14 @@ class ArapSolver:
         mesh: any triangle mesh, in metres; triangle soups, several shells, open borders and needles are
             allowed.
         settings: may be replaced between frames (all but ``most_vertices``).
-        links: (L, 2) vertices that are connected without a face; no vertex is loose then.
+        links: (L, 2) pairs of vertices that are connected without a face. With links, vertices without a face
+            are allowed.
 
     Attributes:
         notes: sentences about repairs to the mesh.
         pose: (V, 3) the last valid result, read-only.
-        handles: by name.
-        pressure: of the last frame (:mod:`enliven.deformation.arap.volume`).
+        handles: the handles by name.
+        pressure: the pressure in the last frame (:mod:`enliven.deformation.arap.volume`).
     """
 
     def __init__(self, mesh: Mesh, settings: ArapSettings | None = None, links: Int | None = None) -> None:
@@ -190,8 +192,8 @@ class ArapSolver:
     def _solve_global_step(
         self, held: HeldVertices, rows: Float, volume: float = 0.0
     ) -> tuple[float, float, float]:
-        """Writes the correction of eq. 9 (or 13, with a pressure) into ``_z``, and returns the translation
-        of the whole.
+        """Writes the correction of eq. 9 (or 13, with a pressure) into ``_z``, and returns the translation of
+        the whole surface.
         """
         surface, frames = self._surface, self._frames.reshape(-1)
         self._run_over_vertices(residual, surface.cells, frames, self._z)
@@ -221,7 +223,8 @@ class ArapSolver:
         self._shown[:] = self._frames[:, 12:15]
 
     def go_along(self, before: Float, after: Float, turn: Float) -> None:
-        """Carries the shape with a proxy, from the proxy's vertices before (V, 3) to those after (V, 3).
+        """Moves the shape with a proxy, from the mesh as moved by the proxy before (V, 3) to the mesh after
+        (V, 3).
 
         Args:
             turn: (3, 3) the rotation of the shape's offsets from the proxy.
@@ -256,7 +259,7 @@ class ArapSolver:
         return vertices, rows[vertices]
 
     def _merged_handles(self, wanted: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
-        """Returns the handle vertices and (H, 3) targets about the centre.
+        """Returns the handle vertices and their targets (H, 3), relative to the centre.
 
         Raises:
             InputError: without any handle, or if hard handles contradict each other.

@@ -1,4 +1,5 @@
-"""Prepares a mesh for deformation: welds it, joins it to one component, reorders and factorizes it."""
+"""Prepares a mesh for deformation: welds it, joins it to one component, reorders it, and factorizes its
+Laplacian."""
 
 from __future__ import annotations
 
@@ -19,15 +20,16 @@ from enliven.meshes import Mesh, weld
 
 
 class PreparedSurface(NamedTuple):
-    """A welded, connected, reordered and factorized mesh; V vertices, P places, E edges.
+    """A welded, connected, reordered and factorized mesh of V vertices, with P welded vertices (places) and E
+    edges.
 
     Attributes:
         place_of: (V,) the place of each vertex of the mesh in the solver's order; welded ones share it.
-        rest: (P, 3) metres about ``centre``, in the solver's order.
+        rest: (P, 3) metres relative to ``centre``, the positions at rest in the solver's order.
         centre: (3,) the centre of the mesh's box, so that a mesh far from the origin loses no precision.
         extent: metres, the box's diagonal.
-        loose: (V,) whether each vertex belongs to no face.
-        edges: (E, 2) places; virtual ones last.
+        loose: (V,) True for vertices that belong to no face.
+        edges: (E, 2) pairs of places. Virtual edges are last.
         weights: (E,) above 0.
         joints: (J, 2) vertices of the mesh that are connected without a face.
         volume: the enclosed volume, or None.
@@ -116,7 +118,7 @@ def _neighbours_near(count: int, edges: Int) -> Int:
 
 
 def check_mesh(mesh: Mesh, most_vertices: int) -> None:
-    """Rejects a mesh that cannot be deformed.
+    """Raises an error for a mesh that cannot be deformed.
 
     Raises:
         InputError: if there are no faces, positions are not finite, or there are too many vertices.

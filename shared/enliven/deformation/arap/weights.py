@@ -24,7 +24,8 @@ LEAST = 0.01
 VIRTUAL = 0.5
 """The weight of an edge that is not in the mesh."""
 _LINKS_PER_SHELL = 4
-"""Number of vertices on each side that link a shell to the next. Three are enough to prevent rotation."""
+"""Number of vertices on each side that link a shell to the next. Three links are enough to prevent a rotation
+of one shell relative to the next."""
 _MAX_EXACTLY_JOINED_SHELLS = 64
 """Maximum number of shells that are joined at their exactly nearest vertices."""
 

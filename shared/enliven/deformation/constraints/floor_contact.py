@@ -1,8 +1,9 @@
 """Floor contact and foot lock: no part of the mesh sinks into the floor, and a standing foot does not slide.
 
-A mesh can be raised as a whole, by the depth of its lowest point, which keeps its shape and never jumps. Or
-it can be bent by planes. A straight leg that is pushed up from below can bend to either side, and may switch
-from one frame to the next. So bend soft or hanging meshes, and raise meshes that stand on stiff legs.
+There are two methods. A mesh can be raised as a whole by the depth of its lowest point, which keeps its shape
+and never jumps. Or planes can bend the parts that would sink. A straight leg that is pushed up from below can
+bend to either side, and may switch sides from one frame to the next. So bend soft or hanging meshes, and
+raise meshes that stand on stiff legs.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _FEET_SAMPLE_COUNT = 96
 _BODY_SAMPLE_COUNT = 160
 """Number of sample points for the rest of the mesh."""
 _FOOT_HEIGHT_FRACTION = 0.04
-"""Fraction of the height up to which a vertex belongs to a foot."""
+"""Maximum height of a vertex of a foot, as a fraction of the mesh's height."""
 
 
 @dataclass(frozen=True)
@@ -67,16 +68,15 @@ class FloorSettings:
 
 @dataclass
 class Foot:
-    """One foot, and whether it stands.
+    """One foot and its state of contact.
 
     Attributes:
         points: indices of its points among those of the soles.
-        stood: (P, 2) metres, x and z where it stands; None while it does not stand.
+        stood: (P, 2) metres, x and z of its points when it started to stand. None while it does not stand.
         whole: (N, 2) metres, x and z of all nodes when the foot started to stand.
-        firm: 0..1 how firmly it is locked; while it is released, the remaining fraction of the way to
-            ``drawn``.
-        drawn: (P, 2) metres, x and z where the motion of the whole mesh would take it.
-        since: seconds for which it has been still.
+        firm: 0..1, the strength of the lock. During a release, it falls as the foot moves to ``drawn``.
+        drawn: (P, 2) metres, x and z of its points if they only followed the motion of the whole mesh.
+        since: seconds since it became still.
         last: (P, 3) metres, its points in the last frame.
     """
 
@@ -114,8 +114,8 @@ class FloorContact:
         self.feet = [Foot(foot.points) for foot in self.feet]
 
     def raised(self, linear: Float, positions: Float, floor: float = 0.0) -> Float:
-        """Returns (N, 3) metres, the positions, raised together until no point is below the floor; see
-        ``planes``.
+        """Returns the positions (N, 3) in metres, all raised until no point is below the floor. Arguments as
+        in ``planes``.
         """
         lowest = float(self._all.moved(linear, positions)[:, 1].min())
         return np.asarray(positions + np.array([0.0, max(min(floor, self._lowest) - lowest, 0.0), 0.0]))
@@ -126,9 +126,9 @@ class FloorContact:
         """Returns the floor's planes for the current mesh.
 
         Args:
-            linear: (N, 3, 3) of the nodes now.
-            positions: (N, 3) of the nodes now.
-            seconds: since the last call.
+            linear: (N, 3, 3) the nodes' current linear parts.
+            positions: (N, 3) metres, the nodes' current positions.
+            seconds: time since the last call.
             floor: metres, the floor's height in the rest space.
         """
         own = self.settings
@@ -191,7 +191,8 @@ class FloorContact:
 
 
 def _carried_points(start: Float, end: Float, points: Float) -> Float:
-    """Returns (P, 2) the points moved like (M, 2) others: rotated and shifted over the floor (Procrustes)."""
+    """Returns (P, 2) ``points``, moved like the points from ``start`` to ``end`` (M, 2): rotated and shifted
+    over the floor (Procrustes)."""
     a, b = start - start.mean(0), end - end.mean(0)
     cosine, sine = float((a * b).sum()), float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
     length = np.hypot(cosine, sine)

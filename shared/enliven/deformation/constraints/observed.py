@@ -1,4 +1,4 @@
-"""Constraints directly from depth: the surface follows the observed points, without any skeleton.
+"""Constraints from depth points: the surface follows the observed points directly, without a skeleton.
 
 KinÊtre proposes this as future work ("data could be derived directly from the depth map"): non-rigid ICP with
 the deformation graph as its prior. In each frame, every observed point is matched to the nearest compatible
@@ -90,8 +90,8 @@ class ObservedSurface:
         """Returns the planes that pull the current surface onto the observed points.
 
         Args:
-            linear: (N, 3, 3) of the nodes now.
-            positions: (N, 3) of the nodes now.
+            linear: (N, 3, 3) the nodes' current linear parts.
+            positions: (N, 3) metres, the nodes' current positions.
             points: (M, 3) metres, rest space, on the observed surface.
             normals: (M, 3) their outward unit normals.
             metre: metres of the rest space per metre of the performer.

@@ -37,8 +37,8 @@ class SelfContactSettings:
 
 
 class SelfContact:
-    """One ball per node, inside the mesh. Pairs of balls are tested that are far apart along the graph and
-    apart at rest.
+    """Self-contact with one ball per node, inside the mesh. It tests pairs of balls that are far apart along
+    the graph and do not overlap at rest.
     """
 
     def __init__(
@@ -110,8 +110,8 @@ def _inner_radii(points, normals, surface, largest):
 
 @njit(cache=True, nogil=True)
 def _near_pairs(centres, radii, pairs, sides):
-    """Returns (P,) whether each pair nearly overlaps, and updates ``sides`` (P, 3): directions from second to
-    first.
+    """Returns (P,) True for pairs that overlap or nearly overlap, and updates ``sides`` (P, 3), the
+    directions from the second to the first ball.
 
     While a pair is near, its direction rotates but never flips. If the balls overlap deeply, it does not even
     rotate. Balls that passed through each other are then pushed back the way they came.

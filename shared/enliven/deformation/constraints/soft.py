@@ -22,7 +22,7 @@ class Points:
     Attributes:
         at: (P, 3) metres, rest space.
         nodes: (P, 4) int32.
-        weights: (P, 4) they sum to one.
+        weights: (P, 4) weights of these nodes, which sum to one.
         pivots: (N, 3) metres, the nodes at rest.
     """
 
@@ -71,7 +71,7 @@ class Points:
 
 
 def joined_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
-    """Returns several sets as one; None if they are empty."""
+    """Joins several sets of planes to one. Returns None if all are empty."""
     sets = [planes for planes in sets if len(planes)]
     if len(sets) < 2:
         return sets[0] if sets else None

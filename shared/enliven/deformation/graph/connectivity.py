@@ -41,7 +41,7 @@ def joints(count: int, edges: Int32 | Int, distances: Float) -> Int32:
 
 @njit(cache=True, nogil=True)
 def _shortest_ways_out(distances, label):
-    """Returns (C, 2) for each component the nearest pair of one of its nodes and a node outside."""
+    """Returns (C, 2) for each component the nearest pair of a node inside and a node outside."""
     count = label.max() + 1
     best = np.full(count, np.inf)
     out = np.zeros((count, 2), np.int64)
@@ -59,8 +59,8 @@ def weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
     Returns:
         bridges: (E,) true for an edge that splits the graph when removed.
         cut_vertices: (N,) true for a node that splits the graph when removed.
-        hanging: (E,) true for the bridges, and for the edges that join any part but the largest to a cut
-            vertex.
+        hanging: (E,) true for bridges, and for edges from a cut vertex to any of its parts except the
+            largest.
     """
     offsets, neighbours, edge_of = _neighbours_with_edges(count, edges)
     bridges, cuts = _bridges_and_cut_vertices(offsets, neighbours, edge_of, len(edges))

@@ -30,7 +30,7 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
 
 NEIGHBOURS = 4
-"""The paper's k, for edges and for the number of nodes that a point follows."""
+"""Number of neighbours of a node, and of nodes that a point follows: the paper's k."""
 _MAX_NEIGHBOUR_SPACINGS = 2.5
 """Maximum distance of a neighbour along the surface, in node spacings."""
 _MAX_FOLLOW_SPACINGS = 4.5
@@ -65,15 +65,16 @@ class DeformationGraph:
 
     @staticmethod
     def build(mesh: Mesh, nodes: int = 128, seed: int = 0, radius: float | None = None) -> DeformationGraph:
-        """Samples the mesh and links the samples; the same input gives the same graph.
+        """Samples the mesh and links the samples. The same input always gives the same graph.
 
         Nodes are linked with their four nearest under D (eq. 6), with three additions to the paper:
 
-        - Nodes that are near only through the air are not linked: two nodes of one shell that are much
-          farther apart along the surface (two legs), or nodes of two shells that do not nearly touch.
-        - If the surface bends much, few nodes face the same way, and the four nearest under D may be a metre
-          away. Neighbours lie within 2.5 node spacings along the surface. A node with fewer than four of them
-          takes those that are nearest along the surface.
+        - Nodes that are near in space but not along the surface are not linked. These are two nodes of one
+          shell that are much farther apart along the surface (two legs), or nodes of two shells that do not
+          nearly touch.
+        - If the surface bends much, few nodes have similar normals, and the four nearest under D may be a
+          metre away. So neighbours must lie within 2.5 node spacings along the surface. A node with fewer
+          than four such neighbours also gets those that are nearest along the surface.
         - The two faces of a part thinner than half a node spacing are linked, each node with the nearest one
           opposite. Thin parts then keep their thickness.
 
@@ -83,7 +84,7 @@ class DeformationGraph:
         Args:
             mesh: any triangles, in metres.
             nodes: the number of nodes, unless ``radius`` defines their spacing.
-            seed: of the sampling.
+            seed: seed of the random sampling.
             radius: metres between nodes under D, or None.
 
         Raises:
@@ -96,7 +97,8 @@ class DeformationGraph:
 
     @staticmethod
     def of_nodes(mesh: Mesh, positions: Float, edges: Int32) -> DeformationGraph:
-        """Returns the graph of known nodes: of a received character, or of a part that was cut off.
+        """Returns the graph of given nodes, such as those of a received character or of a part that was cut
+        off.
 
         If the edges leave several components, these are joined by their nearest nodes.
 
@@ -141,7 +143,8 @@ class DeformationGraph:
 
 
 def graph_of(character: Character) -> DeformationGraph:
-    """Returns the deformation graph of a character, from its transmitted data: the same on every machine."""
+    """Returns the deformation graph of a character. It depends only on transmitted data, so it is the same on
+    every machine."""
     mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id)
     return DeformationGraph.of_nodes(mesh, np.asarray(character.pivots, np.float64), character.edges)
 
@@ -170,7 +173,8 @@ def _mean_spacing(area: float, count: int) -> float:
 def _opposite_face_nodes(positions: Float, normals: Float, spacing: float) -> Bool:
     """Returns (N, N) true for nodes on the two faces of a part that is thinner than half the node spacing.
 
-    Each lies behind the other's surface, at a small depth. Two legs that face each other lie in front of it.
+    Each of the two nodes lies behind the other's surface, at a small depth. The nodes of two adjacent legs
+    lie in front of each other's surface.
     """
     way = positions[None] - positions[:, None]
     depth = -np.einsum("ija,ia->ij", way, normals)

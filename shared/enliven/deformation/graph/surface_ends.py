@@ -29,10 +29,11 @@ _PATH_SOURCE_COUNT = 32
 """Number of points, far from each other, with paths to all others. A vertex at a limb's end is far from
 most of them."""
 _MIN_END_PERSISTENCE = 0.02
-"""Minimum persistence of an end, as a fraction of the longest path along the mesh."""
+"""Minimum persistence of a limb's end, as a fraction of the longest path along the mesh."""
 
 _MAX_SMALL_SHELL_POINTS = 64
-"""Maximum number of points of a shell that is joined by searching its points' neighbours among all points."""
+"""Maximum size in points of a shell for which the nearest other shell is searched among the neighbours of its
+points."""
 
 
 @dataclass(frozen=True)

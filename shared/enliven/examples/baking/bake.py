@@ -25,7 +25,7 @@ from enliven.examples.baking.weights import fit_weights
 from enliven.meshes import Mesh, weld
 
 Frames = Callable[[], Iterable[Float]]
-"""Returns an iterator over the frames (V, 3) metres, from the first to the last, at each call."""
+"""A function that returns a new iterator over all frames (V, 3) metres at each call."""
 _CHUNK_FRAMES = 16
 """Number of frames that are processed together."""
 _MAX_REFITS = 3
@@ -44,10 +44,11 @@ class BakedSurface:
         pivots: (K, 3) metres, at rest, on the surface.
         edges: (E, 2) int32 pairs of neighbouring transforms.
         skin: four transforms per vertex.
-        linear: (F, K, 3, 3).
-        places: (F, K, 3) metres.
-        axes: (K, 3, 3) Q such that linear = R Q diag(s) Q', with a rotation R; None if linear may be any map.
-        error: over all frames.
+        linear: (F, K, 3, 3) linear maps.
+        places: (F, K, 3) metres, the positions of the pivots.
+        axes: (K, 3, 3) stretch axes Q with linear = R Q diag(s) Q' and a rotation R. None if linear may be
+            any map.
+        error: the error over all frames.
     """
 
     pivots: Float
@@ -70,11 +71,12 @@ def bake_surface(
     """Fits transforms to a surface.
 
     Args:
-        mesh: at rest.
-        frames: gives its vertices in each frame, in a frame of reference that moves with the whole mesh.
-        traits: (F, ...) numbers that distinguish frames, for example the positions of the control points.
-        held: vertices that get a transform in any case.
-        shear: allow any affine map, as in a deformation graph; else only maps that a glTF node can represent.
+        mesh: the mesh at rest.
+        frames: returns its vertices in each frame, in a coordinate frame that moves with the whole mesh.
+        traits: (F, ...) features that distinguish frames, for example the positions of the control points.
+        held: vertices that always get a transform.
+        shear: True to allow any affine map, as in a deformation graph. False allows only maps that a glTF
+            node can represent.
     """
     settings = settings or BakeSettings()
     welded, of = weld(mesh)
@@ -95,7 +97,8 @@ def bake_surface(
 
 
 def farthest(traits: Float, count: int) -> Int:
-    """Returns (C,) ascending rows of (F, D) by farthest point sampling from the first row."""
+    """Selects ``count`` rows of (F, D) by farthest point sampling, starting with the first. Returns their
+    ascending indices (C,)."""
     if len(traits) <= count:
         return np.arange(len(traits))
     chosen = [0]
@@ -107,11 +110,11 @@ def farthest(traits: Float, count: int) -> Int:
 
 
 class WorstFrames:
-    """The worst of the frames with errors above the tolerance.
+    """The frames with the largest errors above the tolerance.
 
     Attributes:
-        most: metres, the tolerance.
-        frames: (V, 3) of each.
+        most: the tolerance in metres.
+        frames: the vertices (V, 3) of each recorded frame.
     """
 
     def __init__(self, most: float) -> None:
@@ -152,7 +155,7 @@ class _Fit:
         self._assign_seeds()
 
     def run(self) -> None:
-        """Fits, and adds transforms until the tolerance or the maximum number is reached.
+        """Fits weights and maps, and adds transforms until the tolerance or the maximum number is reached.
 
         Maps may be any affine ones until the tolerance is reached. Only then are they restricted to their
         final form.
@@ -178,7 +181,7 @@ class _Fit:
 
     @property
     def room(self) -> bool:
-        """Whether transforms may be added."""
+        """True if more transforms may be added."""
         return len(self.pivots) < min(self._settings.nodes, len(self._rest))
 
     def take(self, frames: list[Float]) -> None:
@@ -226,14 +229,15 @@ class _Fit:
         fit_weights(self._rest, flat, self.pivots, by_node, *around, self.indices, self.weights)
 
     def errors(self, maps: Float, wanted: Float) -> tuple[Float, Float, Float]:
-        """Computes (V,) sums and (V,) maxima of square errors, and (F,) the maxima of each frame."""
+        """Computes the sum (V,) and the maximum (V,) of each vertex's square errors, and the maximum (F,) of
+        each frame."""
         squares, worst = np.zeros(len(self._rest)), np.zeros(len(self._rest))
         parts = self._rest, self.pivots, self.indices, self.weights
         return squares, worst, add_errors(*parts, maps, wanted, squares, worst)
 
 
 def _gather_frames(frames: Frames, chosen: Int, first: Int) -> Float:
-    """Collects (V, C, 3) the chosen frames."""
+    """Returns (V, C, 3) metres, the vertices in the chosen frames."""
     wanted = np.empty((len(first), len(chosen), 3))
     column = {int(frame): k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):
@@ -245,7 +249,7 @@ def _gather_frames(frames: Frames, chosen: Int, first: Int) -> Float:
 
 
 def _frame_chunks(frames: Frames, first: Int) -> Iterator[Float]:
-    """Yields the frames in chunks (V, C, 3)."""
+    """Yields chunks (V, C, 3) of consecutive frames."""
     kept: list[Float] = []
     for vertices in frames():
         kept.append(vertices[first])

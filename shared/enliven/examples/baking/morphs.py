@@ -1,9 +1,9 @@
 """Converts a solved surface to morph targets (blend shapes): shapes that are summed with the weights of each
 frame.
 
-The targets are the principal components of the frames that differ most; the required error determines their
-number. Rotations of a part are not sums of shapes, so large ones need many targets. In that case transforms
-(:mod:`enliven.examples.baking.bake`) need fewer numbers.
+The targets are the principal components of the frames that differ most. The required error determines their
+number. A rotation of a part is not a sum of shapes, so large rotations need many targets. In that case,
+transforms (:mod:`enliven.examples.baking.bake`) need less data.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class BakedMorphs:
 
     Attributes:
         targets: (N, V, 3) metres.
-        normals: (N, V, 3) the same for the normals.
-        weights: (F, N), about -2 to 2.
+        normals: (N, V, 3) the change of the normals by each target.
+        weights: (F, N) the weights of the targets, about -2 to 2.
         error: over all frames.
     """
 
@@ -103,7 +103,8 @@ def _principal_components(moved: Float, most: int) -> tuple[Float, Float]:
 
 
 def _needed_shapes(moved: Float, shapes: Float, settings: BakeSettings, size: float) -> int:
-    """Returns the number of shapes that suffice for frames ``moved`` (C, 3 V), or all if none suffices."""
+    """Returns the number of shapes that suffice for frames ``moved`` (C, 3 V), or the number of all shapes if
+    none suffices."""
     left = moved.copy()
     for count, shape in enumerate(shapes, 1):
         left -= np.outer(left @ shape, shape)

@@ -60,8 +60,8 @@ class BakeError:
     """The difference between a baked surface and the solved one, over all vertices of all frames.
 
     Attributes:
-        rms: metres, root mean square.
-        worst: metres, of any vertex in any frame.
+        rms: root mean square error in metres.
+        worst: maximum error in metres, of any vertex in any frame.
         frame: the frame with the worst error.
         vertex: the vertex of the mesh with the worst error.
         size: metres, the diagonal of the mesh's bounding box at rest.

@@ -5,7 +5,7 @@
 
 In contact the lowest foot is on the floor, and the anchor does not move over it. The anchor is the lowest
 foot, until another is clearly lower. In flight the mesh keeps its take-off velocity. Its vertical velocity is
-chosen so that it lands when the performer does, or, in the free mode, is that of the throw.
+chosen so that it lands when the performer lands. In the free mode, it keeps the vertical take-off velocity.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ def find_switches(
     """Detects when a performer with feet (F, K, 3), metres in the world, touches the floor. The first switch
     is at frame 0.
 
-    A foot touches the floor while it is low, and either slow or at its lowest. Flight is when no foot does.
+    A foot touches the floor while it is low, and either slow or at its lowest point. If no foot touches the
+    floor, the performer is in flight.
 
     Args:
         step: seconds between frames.
@@ -93,7 +94,7 @@ def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSet
 
 
 def switches_of(touches: Bool) -> tuple[Switch, ...]:
-    """Returns the switches of a performer that touches the floor at frames (F,)."""
+    """Returns the switches of a performer from the frames (F,) in which the performer touches the floor."""
     frames = [0, *(np.flatnonzero(np.diff(touches.astype(np.int8))) + 1)]
     return tuple(Switch(int(f), "contact" if touches[f] else "flight") for f in frames)
 
@@ -111,12 +112,12 @@ def locate(
 
     Args:
         places: (F, P, 3) metres in the mesh's frame.
-        yaw: (F,) radians, the performer's.
+        yaw: (F,) radians, the yaw of the performer.
         step: seconds between frames.
         switches: ascending, the first at frame 0.
         feet: numbers of the control points that it can stand on.
-        stands: (F, K) true for feet that the performer stands on (:func:`standing_feet`). They are the
-            anchors, each until it is lifted. None takes the lowest foot, independent of the performer.
+        stands: (F, K) true for feet that the performer stands on (:func:`standing_feet`). These feet are the
+            anchors, each until it is lifted. None uses the lowest foot, independent of the performer.
 
     Raises:
         InputError: if switches are out of order or outside the motion, or without feet.
@@ -212,7 +213,7 @@ def check_switches(switches: Sequence[Switch], frames: int) -> None:
 
 
 def _touches_floor(switches: Sequence[Switch], frames: int) -> Bool:
-    """Returns (F,) true where the floor is touched."""
+    """Returns (F,) True in frames with contact."""
     check_switches(switches, frames)
     at = [switch.frame for switch in switches]
     out = np.empty(frames, np.bool_)
@@ -226,8 +227,8 @@ def _without_short_phases(touches: Bool, shortest: float) -> Bool:
     out = touches.copy()
     for kind in (False, True):
         for a, b in runs_of(out == kind):
-            # A contact at the start or the end of the take may be the rest of a longer one. So do not drop it
-            # for being short.
+            # A contact at the start or the end of the take may be a part of a longer one. So do not remove
+            # it, even if it is short.
             cut = kind and (a == 0 or b == len(out) - 1)
             if not cut and b - a + 1 < shortest:
                 out[a : b + 1] = not kind

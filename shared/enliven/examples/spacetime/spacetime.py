@@ -52,13 +52,13 @@ def solve(
     workers: Executor | None = None,
     only: Sequence[int] | None = None,
 ) -> Solution:
-    """Solves for all points: coupled points together, the others one by one.
+    """Solves all points: coupled points together, and the others one by one.
 
     Args:
         nodes_of: builds the nodes of some points, reusing the memory of finished nodes.
         conditions: for P points and F frames.
         weight: lambda, per frame.
-        bounds: of the weights.
+        bounds: lower and upper bound of the weights.
         workers: threads that share the points; None solves them sequentially.
         only: the points to solve; the others are 0. None for all.
     """
@@ -167,7 +167,7 @@ class _System:
         return changed, 0.5 * float((y * y).sum()) + float(nu @ self._difference) - energy
 
     def _pull_of(self, y: Float, nu: Float) -> Float:
-        """Computes (P, F, 3) q = lambda A' y + H' nu."""
+        """Computes the pull q = lambda A' y + H' nu (P, F, 3) on the nodes."""
         pull = self._weight * pulled(y, self._frames)
         np.add.at(pull, self._first, nu)
         np.subtract.at(pull, self._second, nu)

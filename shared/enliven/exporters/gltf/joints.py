@@ -15,7 +15,7 @@ from enliven.rotation import conjugate, continuous, from_matrix, multiply, norma
 def bone_names(skeleton: Skeleton) -> list[str]:
     """Names each bone after its start joint.
 
-    If several start there, all but one also contain their target.
+    If several bones start at the joint, the names of all but one also contain their target.
     """
     named = []
     for j, parent in enumerate(skeleton.parents):
@@ -118,7 +118,7 @@ def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
 
 
 def listed(values: Float | Float32) -> list[float]:
-    """Converts to a JSON list. Numbers are rounded to float32, which every reader accepts."""
+    """Converts numbers to a JSON list. They are rounded to float32, which every reader accepts."""
     return [float(v) for v in np.asarray(values, np.float32)]
 
 

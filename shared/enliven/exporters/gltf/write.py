@@ -1,17 +1,17 @@
-"""Writes characters and their motion as a GLB that any program plays: skinned meshes, joints, one animation.
+"""Writes characters and their motion as a GLB for any program: skinned meshes, joints and one animation.
 
-A bone rotates about its upper end, a glTF joint about itself. So bone j becomes a joint at its parent's
-position, with the rotation of bone j. It is a child of the parent bone's joint, at the constant offset along
-that bone. If no bone is stretched, only rotations are animated (and the root's position). Then links keep
-their lengths in every program, also between the frames. Bones that are moved or stretched have tracks of
-position and scale. Bones that start at one place become joints at one place. The first that continues
-straight has the name of the place, the names of the others contain their target ("Hips to LeftUpLeg"). The
-end of a limb becomes a joint that moves nothing, so that an editor shows the last bone with its length.
-Reading the file gives the same skeleton again.
+A bone rotates about its upper end, and a glTF joint rotates about its own position. So bone j becomes a joint
+at the bone's upper end, with the rotation of bone j. This joint is a child of the parent bone's joint, at the
+constant offset along the parent bone. If no bone is stretched, only rotations are animated (and the root's
+position). Then links keep their lengths in every program, also between the frames. Bones that are moved or
+stretched have tracks of position and scale. Bones that start at the same joint become glTF joints at the same
+position. The first one that continues straight keeps the joint's name, and the names of the others contain
+their target ("Hips to LeftUpLeg"). The end of a limb becomes a joint that moves nothing, so that an editor
+shows the last bone with its length. Reading the file gives the same skeleton again.
 
-Transforms without a skeleton become sibling joints, below a node that moves through the world. Such a joint
-rotates, and stretches along three orthogonal axes of its own. These axes are the same in all frames: they are
-the joint's rest orientation, and its inverse bind matrix cancels them.
+Transforms without a skeleton become sibling joints below a node that moves through the world. Such a joint
+rotates, and stretches along three orthogonal axes, which are constant over time. The joint's rest orientation
+contains these axes, and its inverse bind matrix cancels them.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from enliven.meshes import Mesh
 from enliven.rotation import continuous, from_matrix
 
 _MAX_UPRIGHT_DIFFERENCE = 1e-9
-"""Maximum difference of an entry between the axes of a node and the world axes. Curves are in world axes, so
-they are only kept up to this difference."""
+"""Maximum difference between the entries of a node's axes and of the world axes. Cubic curves are in world
+axes, so they are kept only within this difference."""
 
 
 def write_gltf(

@@ -123,7 +123,7 @@ def _unrigged_model(mesh: Mesh, notes: list[str]) -> Rig:
     indices = np.tile(np.array([1, 0, 0, 0], np.uint16), (len(mesh.vertices), 1))
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
     shape = still_shape(mesh.name, skeleton, mesh, SkinWeights(indices, weights))
-    return Rig(shape, (), (*notes, "it has no rig: it is given one bone, from its foot to its top"))
+    return Rig(shape, (), (*notes, "it has no rig: it gets one bone, from its bottom to its top"))
 
 
 def _rigged_model(surface: GltfSurface) -> Rig:

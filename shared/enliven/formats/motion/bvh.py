@@ -209,8 +209,11 @@ def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, l
     if not name:
         raise words.wrong(f"{kind} has no name", line=line)
     if len(chain) >= _MOST_DEEP or len(tree.names) >= _MOST_JOINTS:
-        excess = f"deeper than {_MOST_DEEP}" if len(chain) >= _MOST_DEEP else f"more than {_MOST_JOINTS}"
-        raise words.wrong(f"there are joints {excess}", "No skeleton is like this: export it again.", line)
+        excess = (
+            f"is deeper than {_MOST_DEEP}" if len(chain) >= _MOST_DEEP else f"has more than {_MOST_JOINTS}"
+        )
+        problem = f"the hierarchy {excess} joints"
+        raise words.wrong(problem, "No skeleton is that large: export it again.", line)
     chain.append(len(tree.names))
     tree.names.append(_unused_name(name, tree.taken))
     tree.parents.append(parent)
@@ -242,7 +245,7 @@ def _joint_channels(words: _Words, given: list[str], line: int) -> list[tuple[st
     if unknown:
         raise words.wrong(f"the channel {unknown[0]} does not exist", "Known: Xposition ... Zrotation.", line)
     if not _is_count(count) or int(count) != len(kinds):
-        raise words.wrong(f"CHANNELS says {count[:20]} and names {len(kinds)}", line=line)
+        raise words.wrong(f"CHANNELS states {count[:20]} channels but names {len(kinds)}", line=line)
     return [channel_kinds[kind.lower()] for kind in kinds]
 
 
@@ -306,12 +309,12 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
         total += len(numbers)
         if total > most * width:
             problem = f"more than {most} frames of {joints} joints are too many"
-            raise words.wrong(problem, "Take it in parts.", line=before)
+            raise words.wrong(problem, "Split the file.", line=before)
     if total == 0 or width == 0:
         raise words.wrong("the file has no frames" if width else "no joint has a channel")
     _check_rows(words, np.concatenate(counts), np.concatenate(lines), width, promised)
     frames = total // width
-    notes = () if frames == promised else (f"{promised} frames are promised, {frames} are there",)
+    notes = () if frames == promised else (f"the header states {promised} frames, but the file has {frames}",)
     return np.concatenate(parts).reshape(frames, width), notes
 
 

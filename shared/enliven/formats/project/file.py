@@ -170,10 +170,10 @@ def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, most: int | 
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
     if total > (_FREE_BYTES + _MOST_RATIO * packed if most is None else most):
-        problem = f"its {packed} bytes state that they unpack to {total}, which is too much"
+        problem = f"its {packed} bytes would unpack to {total} bytes, which is too much"
         raise InputError(problem, where=where, mend="Ask for the project again.")
     if any(entry.compress_type not in _READABLE_ZIP_METHODS for entry in entries):
-        raise InputError("it is packed in a way that is not known here", where=where, mend="Save it again.")
+        raise InputError("its compression method is not supported", where=where, mend="Save it again.")
 
 
 def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
@@ -205,7 +205,7 @@ def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[
     # This check comes first, because a later version may store everything else in another way.
     _refuse_later(header, where)
     if not _is_whole(version) or not isinstance(project, dict) or version < 1:
-        raise InputError("it does not say what it is", where=where, mend="Take an earlier copy.")
+        raise InputError("its header is damaged", where=where, mend="Take an earlier copy.")
     for step in range(version, VERSION):
         project = _UPGRADE_BY_VERSION[step](project)
     header["project"] = project

@@ -49,7 +49,8 @@ def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, se
 def _mended_part(
     part: Any, streams: dict[str, Any], found: dict[str, Any], arrays: dict[str, AnyArray]
 ) -> Any:
-    """Returns a part whose stream is complete. If its stream is lost, adds a stream at rest to ``found``."""
+    """Returns a part. If its stream is lost, adds a stream at rest to ``found``, and marks the part as not
+    solved."""
     possession, name = _as_table(_as_table(part).get("possession")), _as_table(part).get("take")
     rest = arrays.get(str(_as_table(possession.get("rest")).get(ARRAY)))
     stream = _as_table(streams.get(str(name)))

@@ -81,7 +81,7 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
         return _read_dataclass(hint, value, arrays, where)
     if origin is typing.Literal:
         if value not in arguments:
-            raise UnknownFieldError(f"{value!r} is not known here", where=where)
+            raise UnknownFieldError(f"{value!r} is unknown", where=where)
         return value
     if origin is not None and issubclass(origin, Mapping):
         table = _checked_type(value, dict, where)
@@ -97,7 +97,7 @@ def _read_rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
     """Returns a character of the kind of rig that the object names."""
     kind = table.get(KIND)
     if kind not in RigBase.kinds:
-        raise UnknownFieldError(f"a character of kind {kind!r} is not known here", where=where)
+        raise UnknownFieldError(f"a character of the kind {kind!r} is unknown", where=where)
     rest = {name: value for name, value in table.items() if name != KIND}
     return _read_dataclass(RigBase.kinds[kind], rest, arrays, where)
 
@@ -108,7 +108,7 @@ def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray],
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
     unknown = [key for key in table if key not in fields]
     if unknown:
-        raise UnknownFieldError(f"{unknown[0]!r} is not known here", where=where)
+        raise UnknownFieldError(f"{unknown[0]!r} is unknown", where=where)
     arguments = {}
     for name, field in fields.items():
         if name in table:
@@ -121,7 +121,7 @@ def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray],
 def _read_tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, AnyArray], where: str) -> Any:
     many = hints[1:] == (Ellipsis,)
     if not many and len(hints) != len(values):
-        raise InputError(f"{len(values)} values where {len(hints)} belong", where=where)
+        raise InputError(f"it has {len(values)} values, expected {len(hints)}", where=where)
     each = [hints[0]] * len(values) if many else list(hints)
     return tuple(
         unpacked(hint, value, arrays, f"{where}[{number}]")
@@ -134,5 +134,5 @@ def _checked_type(value: Any, kind: Any, where: str) -> Any:
     wanted = (int, float) if kind is float else kind
     if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):
         name = getattr(kind, "__name__", str(kind))
-        raise InputError(f"{str(value)[:40]!r} where a {name} belongs", where=where)
+        raise InputError(f"{str(value)[:40]!r} is not a {name}", where=where)
     return value

@@ -110,7 +110,7 @@ def playing(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]
     """
     skeleton = shape.skeleton
     if not np.array_equal(clip.skeleton.parents, skeleton.parents):
-        raise InputError("it is of another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
+        raise InputError("it has another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
     if clip.id not in project.takes:
         project = project.with_takes(clip)
     layers, spans = list[Layer](), list[tuple[Span, ...]]()

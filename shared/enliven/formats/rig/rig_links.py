@@ -120,7 +120,7 @@ def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
         f"{bodies[j].name} on {bodies[p].name}" for j, p in links.parents.items() if p not in (-1, before[j])
     ]
     if moved:
-        links.notes.append(f"hung on the joints that they follow: {', '.join(moved)}")
+        links.notes.append(f"attached to the joints that they follow: {', '.join(moved)}")
     for j in set(range(len(bodies))) - set(links.parents):
         if before[j] in links.parents:
             bodies[before[j]].leaves.append((bodies[j].name, bodies[j].rest))

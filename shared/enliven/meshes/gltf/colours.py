@@ -14,8 +14,8 @@ from enliven.meshes.pictures import opened_picture
 
 _WHITE = np.ones(3)
 _MAX_PIXELS = 1 << 28
-"""Maximum pixels of all textures of a file, 0.8 GB: four of 8192 x 8192. A file of a few kilobytes can
-declare this."""
+"""Maximum number of pixels of all textures of a file: four of 8192 x 8192, or 0.8 GB. A file of a few
+kilobytes can declare more."""
 
 
 class Colours:
@@ -32,9 +32,10 @@ class Colours:
         self.notes: list[str] = []
 
     def of(self, primitive: Any) -> UInt8 | None:
-        """Returns (V, 3) sRGB of the vertices: factor, texture at the vertex and vertex colour multiplied.
+        """Returns (V, 3) sRGB of the vertices: the product of factor, texture at the vertex, and vertex
+        colour.
 
-        None if the file has none of them.
+        Returns None if the file has none of them.
         """
         file = self._file
         count = file.document.accessors[primitive.attributes.POSITION].count

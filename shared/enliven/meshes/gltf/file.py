@@ -41,7 +41,7 @@ class GltfFile:
         document: its JSON. Missing entries are None.
         parents: parent of each node, -1 at a root.
         hidden: the nodes that the file hides.
-        notes: sentences about ignored extensions and animations.
+        notes: a sentence about each ignored extension and animation.
 
     Raises:
         InputError: if the file cannot be read, is truncated, or needs an unsupported extension.
@@ -198,7 +198,7 @@ class GltfFile:
         return self._declared_bytes(view_entry)
 
     def _declared_bytes(self, found: Any) -> bytes:
-        """Returns the bytes of a buffer view, or of a compressed one, which has the same form."""
+        """Returns the declared bytes of a buffer view. The entry of a compressed view has the same format."""
         start = found.byteOffset or 0
         data = self._buffer_bytes(found.buffer)[start : start + found.byteLength]
         if len(data) < found.byteLength:

@@ -1,7 +1,7 @@
 """The JSON of a glTF or GLB file, with limits on all declared amounts.
 
-A few words can declare millions of numbers: an accessor without bytes, a mesh shown by a thousand nodes,
-nodes in one endless chain. So these amounts are counted here, in time linear in the length of the file.
+A small file can declare millions of numbers: an accessor without bytes, a mesh shown by a thousand nodes, or
+nodes in an endless chain. So these amounts are counted before anything is read, in linear time.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ MOST_LISTED = 1 << 16
 """Maximum entries of one list of a file (nodes, accessors, meshes, ...): scenes have thousands, at 0.1 ms
 each."""
 MOST_DEEP = 512
-"""Maximum depth of the node tree: the deepest known rigs have some 100, and walks up the tree stay short."""
+"""Maximum depth of the node tree. The deepest known rigs have about 100 levels. The limit bounds the time of
+walks up the tree."""
 MOST_ELEMENTS = 1 << 25
 """Maximum elements of an accessor, and of all shown vertices and indices: 0.8 GB as float64, 16 times the
 limit of the wire (2 million vertices)."""
@@ -147,7 +148,7 @@ def _first_chunk(data: bytes, wanted: bytes) -> bytes | None:
 
 
 def _check_amounts(tree: dict[str, Any]) -> None:
-    """Refuses a file with too many entries, vertices, primitives or keys."""
+    """Raises an error for a file with too many entries, vertices, primitives or keys."""
     for name, entries in tree.items():
         if isinstance(entries, list) and len(entries) > MOST_LISTED:
             raise InputError(f"it has {len(entries)} {name}, and no more than {MOST_LISTED} are read")
@@ -159,7 +160,7 @@ def _check_amounts(tree: dict[str, Any]) -> None:
 
 
 def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> None:
-    """Refuses too many vertices or primitives, each counted once per node that shows it."""
+    """Raises an error for too many vertices or primitives. Each counts once per node that shows it."""
     shown: dict[int, int] = {}
     for node in nodes:
         if node.get("mesh") is not None:
@@ -178,7 +179,7 @@ def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> N
 
 
 def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
-    """Refuses too many elements that animation samplers and skins read."""
+    """Raises an error if animation samplers and skins read too many elements."""
     named = [skin.get("inverseBindMatrices") for skin in tree.get("skins") or []]
     for animation in tree.get("animations") or []:
         channels = animation.get("channels") or []

@@ -14,31 +14,33 @@ from enliven.meshes.gltf.file import GltfFile, matrices_of
 from enliven.rotation import unit
 
 _MAX_STEP_S = 1 / 24
-"""Maximum seconds between samples: over a longer step world rotations would bend between frames."""
+"""Maximum seconds between samples. Over a longer step, interpolation between frames would deviate from the
+file's motion."""
 _MIN_STEP_S = 1 / 120
-"""Minimum seconds between samples: denser keys have no visible effect and cost memory."""
+"""Minimum seconds between samples. Denser keys have no visible effect and need more memory."""
 _ZERO_SCALE_FRACTION = 1e-5
 """Fraction of a node's largest scale that replaces scale 0: too small to be visible, but invertible."""
 _CURVED_STEP_S = 1 / 120
-"""Maximum seconds between samples if channels are cubic: between frames a curve becomes a line."""
+"""Maximum seconds between samples of cubic channels, because each curve becomes a line between frames."""
 _MIN_LOG_SCALE_CHANGE = 0.3
-"""Logarithm of the scale factor between two keys beyond which frames are inserted: a third larger."""
+"""Change of the logarithm of a scale between two keys beyond which frames are inserted: a third larger."""
 _GROWTH_STEP_S = 1 / 240
 """Minimum seconds between these inserted frames."""
 _MAX_INSERTED_FRAMES = 64
-"""Maximum number of frames inserted between two keys: longer intervals change slowly."""
+"""Maximum number of frames inserted between two keys. In a long interval, the scale changes slowly."""
 JUMP = 2.5e-4
 """Seconds before the key of a jump at which the previous value is still held. No display shows the
 transition, and float32 distinguishes the two times for an hour."""
 _SAME_TIME_S = 1e-4
-"""Maximum difference of two times that count as equal, in seconds. It covers the rounding of float32."""
+"""Maximum difference between two times that count as equal, in seconds: rounding of float32."""
 MOST_PLACES = 1 << 23
 """Maximum frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 fps."""
 
 
 @dataclass
 class Locals:
-    """Each node's own translation (F, n, 3), rotation (F, n, 4) as (x, y, z, w) and scale (F, n, 3).
+    """The local transform of each node: translation (F, n, 3), rotation (F, n, 4) as (x, y, z, w) and scale
+    (F, n, 3).
 
     A node with a matrix instead has it in ``fixed`` (in glTF, such a node is never animated).
     """
@@ -59,8 +61,9 @@ def rest_locals(file: GltfFile) -> Locals:
 def standing_locals(file: GltfFile, still: bool = False) -> Locals:
     """Returns the nodes' rest transforms for the bind pose, F = 1.
 
-    A node with scale 0 in the file gets the scale of its animations, so that objects that pop up have a
-    shape. A node that all animations mirror, but not the file, is mirrored, unless ``still`` is set.
+    A node with scale 0 in the file gets the scale of its animations, so that objects that appear during an
+    animation have a shape. A node that is mirrored in all animations, but not in the file's rest pose, is
+    mirrored, unless ``still`` is set.
     """
     transforms, sizes = _rest_transforms(file), file.scale_keys
     for node, clips in sizes.items():
@@ -166,7 +169,7 @@ def _compute_world(parents: list[int], world: Float, local: Float, done: set[int
 def frame_times(file: GltfFile, animation: int) -> Float:
     """Returns (F,) evenly spaced sample times of an animation, in seconds.
 
-    Evenly spaced keys coincide with them.
+    The times of evenly spaced keys are among them.
     """
     samplers = _used_samplers(file, animation)
     keys = [_key_times(file, sampler.input) for sampler in samplers]
@@ -186,7 +189,7 @@ def frame_times(file: GltfFile, animation: int) -> Float:
 
 
 def key_times(file: GltfFile, animation: int, even: Float) -> Float:
-    """Returns (K,) key times in seconds that are missing in the ``even`` times (F,).
+    """Returns (K,) the times of keys in seconds that are not among the ``even`` times (F,).
 
     A jump of a STEP channel gives two times, just before its key and at it.
     """

@@ -1,4 +1,4 @@
-"""The skinned surfaces of a glTF file: each primitive with the nodes that its vertices follow."""
+"""Reads the surfaces of a glTF file: each primitive with the nodes that its vertices follow."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _INSTANCE_COLUMNS = {
 
 @dataclass
 class GltfPart:
-    """One primitive of a mesh, as in the file.
+    """One primitive of a mesh with the values of the file.
 
     Attributes:
         vertices: (V, 3) in the mesh's own space.
@@ -60,7 +60,7 @@ def parts_of(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Material
     """Returns all visible primitives with triangles of the scene, and their materials.
 
     Args:
-        notes: receives a sentence about each one that is left out.
+        notes: receives a sentence about each primitive that is left out.
     """
     colours, materials, parts = Colours(file), Materials(file), list[GltfPart]()
     notes.extend(file.notes)
@@ -229,7 +229,8 @@ def instanced(part: GltfPart, transforms: Float) -> GltfPart:
 
 
 def _joint_influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None, Float | None]:
-    """Returns (V, 4k) joint numbers in the skin and weights, from JOINTS_0, JOINTS_1, ... combined."""
+    """Returns (V, 4k) joint numbers in the skin, and (V, 4k) weights, combined from JOINTS_0, JOINTS_1,
+    ..."""
     joints, weights = [], []
     for k in range(8):
         where, how = getattr(attributes, f"JOINTS_{k}", None), getattr(attributes, f"WEIGHTS_{k}", None)

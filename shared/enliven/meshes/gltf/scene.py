@@ -1,4 +1,4 @@
-"""Meshes of a glTF document under construction: nodes, triangles, colours and materials, without
+"""A glTF document with meshes under construction: nodes, triangles, colours and materials, without
 animation."""
 
 from __future__ import annotations

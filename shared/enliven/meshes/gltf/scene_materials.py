@@ -15,7 +15,7 @@ from enliven.meshes.materials import MeshMaterials, renumbered
 from enliven.meshes.mesh import Mesh
 
 _DEFAULT_ROUGHNESS = 0.9
-"""Roughness of a plain material: without an explicit material nothing is shiny."""
+"""Roughness of a plain material: fully matt."""
 
 
 class SceneMaterials:

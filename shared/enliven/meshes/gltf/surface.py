@@ -1,4 +1,4 @@
-"""The surface of a glTF file in its bind pose: the common start of all readers of such a file."""
+"""Reads the surface of a glTF file in its bind pose, which all readers of glTF files start from."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from enliven.meshes.gltf.parts import GltfPart, parts_of
 from enliven.meshes.mesh import Mesh
 
 _WHITE_SRGB = np.array([255, 255, 255], np.uint8)
-"""sRGB of a part without a colour next to parts with colours: glTF's default material is white."""
+"""sRGB of parts without a colour, if other parts have colours: glTF's default material is white."""
 
 
 @dataclass
@@ -30,7 +30,7 @@ class GltfSurface:
         bind: the bind pose of its nodes.
         rest: the vertices (V, 3) of each part in the bind pose, metres.
         mesh: all parts in one mesh, with colours and materials.
-        notes: a sentence about each unusual or omitted part of the content.
+        notes: a sentence about each unusual or omitted part of the file.
     """
 
     file: GltfFile
