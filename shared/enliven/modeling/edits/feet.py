@@ -23,8 +23,8 @@ def feet_while(character: RigBase, number: int) -> str | None:
 def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet: str) -> Project:
     """Sets the foot lock mode of layers of a character.
 
-    In a shape with bones, the ends of all legs are pinned if it has no pins yet. In a possessed mesh, a layer
-    on top of its motion locks the feet in its current motion. A repeated call detects the feet again.
+    In a shape with bones and without pins, the ends of all legs are pinned. In a possessed mesh, a layer on
+    top of the current motion locks the feet. A repeated call detects the feet again.
 
     Args:
         numbers: numbers of the layers.
@@ -32,7 +32,7 @@ def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet:
 
     Raises:
         InputError: if the character, layer or mode does not exist, or no foot is found. Also for a puppet,
-            which has its own contacts.
+            because its feet are locked by its own contacts.
     """
     character = project.character(character_id)
     if isinstance(character, GraphShape):

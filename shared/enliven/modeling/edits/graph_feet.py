@@ -3,11 +3,11 @@
     project = stand(project, "chair", [0], "always")       # for part 0, in its current motion
     way_to_stand(shape, 0) -> "always"
 
-The feet are the lowest parts of the mesh at rest, or those that an artist named. Their paths are analysed
-once; contacts are detected as for skeletons (:mod:`enliven.motion.contact`). Let s_n^j be the share of foot
-j's displacement that node n follows (:func:`~enliven.modeling.possessed.followers`). The corrections c solve
-S c = d, where S_ij is the mean of s^j over foot i by its skin weights. So each foot moves exactly by its
-required correction d_i, and the mesh bends above it.
+The feet are the lowest parts of the mesh at rest, or those that an artist named. Contacts are detected once,
+from the feet's paths, as for skeletons (:mod:`enliven.motion.contact`). Let s_n^j be the share of foot j's
+displacement that node n follows (:func:`~enliven.modeling.possessed.followers`). The corrections c solve S c
+= d, where S_ij is the mean of s^j over foot i by its skin weights. So each foot moves exactly by its required
+correction d_i, and the mesh bends above it.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ from enliven.motion.contact import contacts_of, hold, window_of
 from enliven.rotation import conjugate, rotate
 
 _SOLE_HEIGHT_FRACTION = 0.04
-"""Vertices within this fraction of the mesh's height above its lowest vertex belong to a foot: a hoof, a
-sole."""
+"""Maximum height of a foot's vertices above the lowest vertex, as a fraction of the mesh's height: a hoof or
+a sole."""
 _MIN_FOOT_DISTANCE_FRACTION = 0.06
 """Minimum distance of two feet, as a fraction of the mesh's size. Nearer vertices belong to one foot."""
 _LIMB_LENGTH_FRACTION = 0.5
@@ -76,9 +76,10 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
     """Sets the foot lock mode of a possessed mesh, in its current motion.
 
     Args:
-        numbers: numbers of its layers; the mode applies to the feet of the parts that they move.
-        feet: "auto" locks feet where they are low and slow, "always" wherever they are low; both keep feet
-            above the floor. "ground" only lifts feet below the floor, and "never" leaves them as performed.
+        numbers: numbers of its layers. The mode applies to the feet of the parts that these layers move.
+        feet: "auto" locks feet while they are low and slow, and "always" locks feet while they are low. Both
+            keep feet above the floor. "ground" only lifts feet that are below the floor, and "never" leaves
+            feet as performed.
 
     Raises:
         InputError: if the mesh or mode does not exist, or it has no feet there.
@@ -158,7 +159,7 @@ def _nodes_of(shape: GraphShape, numbers: Iterable[int]) -> Int:
 
 
 def _playing_layer_count(project: Project, take: str) -> int:
-    """Returns the number of layers that play a stream."""
+    """Returns the number of layers in the project that play a stream."""
     every = (layer for character in project.graphs.values() for layer in character.playing)
     return sum(layer.take == take and layer.source == "streams" for layer in every)
 

@@ -1,6 +1,6 @@
 """Edits of several characters as a group: move, rotate, scale, mirror and copy.
 
-For a single character they equal the edits of :mod:`enliven.modeling.edits.characters`.
+For a single character, they have the same effect as the edits in :mod:`enliven.modeling.edits.characters`.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ def mirror_characters(project: Project, names: Sequence[str], normal: AnyArray) 
 def copy_characters(
     project: Project, source: Project, names: Sequence[str], offset: AnyArray
 ) -> tuple[Project, tuple[str, ...]]:
-    """Copies characters of another project, all with the same ``offset`` (3,) metres. Also returns their
-    ids."""
+    """Copies characters of another project, all with the same ``offset`` (3,) metres. Returns the project and
+    the ids of the copies."""
     copies: list[str] = []
     for name in names:
         project, copied = paste_character(project, source, name, offset=offset)

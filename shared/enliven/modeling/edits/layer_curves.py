@@ -1,4 +1,4 @@
-"""The weight and the speed of layers as curves over time: keyframes of numbers, for the layers of all rigs.
+"""Edits of the weight and speed curves of layers, for all rigs: keyframes of numbers.
 
     project = set_layer_key(project, "squid", [0], "weights", 1.0, 0.0)   # weight 0 at 1 s of the project
     project = set_layer_key(project, "squid", [0], "speeds", 2.0, 0.5)    # half speed from there on
@@ -18,7 +18,7 @@ from enliven.errors import InputError
 from enliven.modeling.edits.characters import change_layers
 
 Number = Literal["weights", "speeds"]
-"""The attribute of a layer that the keys control."""
+"""The attribute of a layer that the keys control: its weights or its speeds."""
 _SAME_KEY_S = 1.0 / 60.0
 """Maximum distance in seconds at which a key replaces another: about half a frame of film."""
 

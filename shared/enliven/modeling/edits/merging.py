@@ -16,7 +16,7 @@ from enliven.modeling.rig import Merge
 
 _DEFAULT_SEAM = SeamSettings()
 _LOOPED_RECORDING_S = 20.0
-"""Time after a merge that is recorded, in seconds, for loops with different lengths or loops that travel."""
+"""Recorded time after a merge, in seconds, if loops have different lengths or do not end where they start."""
 _SAME_POINT_M = 1e-6
 """Maximum distance in metres between the start and end of a closed loop. It allows for rounding."""
 
@@ -33,16 +33,17 @@ def merge_characters(
     seam: SeamSettings = _DEFAULT_SEAM,
     notes: list[str] | None = None,
 ) -> Project:
-    """Attaches one character to another in their poses at ``time``; from then on they are one character.
+    """Merges two characters in their poses at ``time``: attaches the graft to the host.
 
     At ``time`` both stay where they are, and both keep moving; the graft follows the host. Keys that move the
     whole host now move both, and keys of the whole graft are dropped.
 
     Two characters with the same kind of rig keep it. Two different rigs result in a deformation graph, in
-    which each side is a part with its own time. A graph stays unchanged. The bones of a skeleton become
-    nodes, exact at 60 frames per second and at ``time``. A puppet is baked, and ``notes`` receive the error.
-    Baked parts lose their joints and key poses (undo restores them). They play until each take was played
-    once. A loop repeats for ever if its end matches its start, and otherwise plays for 20 seconds.
+    which each side is a part with its own time. A deformation graph stays unchanged. The bones of a skeleton
+    become nodes, exact at 60 frames per second and at ``time``. A puppet is baked, and ``notes`` receives the
+    error. Baked parts lose their joints and key poses (undo restores them). The baked motion ends when each
+    take was played once. A loop repeats for ever if its end matches its start, and otherwise plays for 20
+    seconds.
 
     Args:
         node, at, loose, seam, notes: as in :class:`enliven.modeling.rig.Merge`.

@@ -15,7 +15,8 @@ from enliven.examples import reflected
 from enliven.meshes import Mesh
 
 Brush = Literal["stiffer", "softer", "erase"]
-"""Effect of a stroke on the covered vertices. "erase" resets the stiffness to 1."""
+"""Effect of a stroke on the covered vertices: stiffer, softer, or "erase", which resets the stiffness to
+1."""
 MOST_DOUBLINGS = 4.0
 """Maximum number of doublings or halvings of the stiffness: a factor of 16, at which a limb is practically
 rigid."""

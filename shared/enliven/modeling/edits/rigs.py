@@ -22,7 +22,8 @@ RIGS: dict[str, RigEdits] = {
 
 
 def rig_of(character: RigBase) -> RigEdits:
-    """Returns the edits of a character's rig, wrapped for its root layers if it has some."""
+    """Returns the edits for a character's rig. If the character has root layers, the edits are wrapped to
+    apply them."""
     own = RIGS[character.kind]
     return RootMotionRig(own) if character.root_layers else own
 

@@ -29,7 +29,8 @@ larger."""
 
 
 class RigidMotion(NamedTuple):
-    """A rigid motion x -> turn x + move: rotation (..., 4) and metres (..., 3), of one or several moments."""
+    """A rigid motion x -> turn x + move at one or several moments: rotation (..., 4) and displacement (...,
+    3) in metres."""
 
     turn: Float
     move: Float

@@ -25,7 +25,7 @@ class RootMotionRig(RigEdits):
     """The edits of a rig, for characters with root layers.
 
     Args:
-        own: the edits of the rig.
+        own: the edits of the rig itself.
     """
 
     def __init__(self, own: RigEdits) -> None:
@@ -65,7 +65,7 @@ class RootMotionRig(RigEdits):
         return lambda time: root_motion(project, character, time)(own(time))
 
     def lacking(self, project: Project, character: Any) -> tuple[str, ...]:
-        """Returns the rig's own list. Root layers do not change it."""
+        """Returns the sentences of the rig itself. Root layers do not change them."""
         return self.own.lacking(project, character)
 
     def check_layers(self, project: Project, character: Any, numbers: set[int]) -> None:
@@ -146,7 +146,7 @@ class RootMotionRig(RigEdits):
 
 
 def set_down(own: RigEdits, project: Project, name: str, time: float) -> Project:
-    """Replaces a character's root layers by a placement with the same position at a time."""
+    """Removes a character's root layers, and moves the character to its position at a time."""
     character = project.character(name)
     if not character.root_layers:
         return project
@@ -156,7 +156,7 @@ def set_down(own: RigEdits, project: Project, name: str, time: float) -> Project
 
 
 def taken_up(own: RigEdits, project: Project, name: str, before: Any, time: float) -> Project:
-    """Restores the root layers of ``before`` that ``set_down`` replaced at a time."""
+    """Restores the root layers of ``before`` that ``set_down`` removed, and reverts its move."""
     character = project.character(name)
     if not before.root_layers:
         return project

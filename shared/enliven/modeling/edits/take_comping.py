@@ -1,5 +1,4 @@
-"""Alternative takes (take comping): a repeated performance is kept next to the earlier ones, and one of them
-plays.
+"""Alternative takes (take comping): repeated performances are kept, and one of them plays.
 
     takes_beside(project, "take 1")                # {"take 1": False, "take 2": True}: the second plays
     choose_take(project, "take 1", "take 1")       # the first plays again, on every character
@@ -86,8 +85,9 @@ def as_take(before: Project, project: Project, recorded: str, alternatives: str)
 def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
     """Removes one of several alternatives: its layers, and takes that are no longer played.
 
-    The first recording of a possessed mesh drives its nodes. There the nodes keep the pose of its first frame
-    instead. If the removed alternative was playing, its predecessor plays next, or else its successor.
+    The first recording of a possessed mesh drives its nodes. If it is removed, the nodes keep the pose of its
+    first frame. If the removed alternative was playing, the previous one plays next, or else the following
+    one.
 
     Raises:
         InputError: if the recording is not in the group.

@@ -26,14 +26,15 @@ from enliven.modeling.skinning import skin_values as skins
 
 @dataclass(frozen=True)
 class Union:
-    """Two meshes united in one.
+    """The result of the union of two meshes.
 
     Attributes:
         mesh: both surfaces.
         skin: the combined skin weights.
         first: (V,) the number of each vertex in the first mesh, or -1.
         second: (V,) the number of each vertex in the second mesh, or -1.
-        seam: (V,) true where the two meshes meet: at new vertices, and at old ones that lie in both.
+        seam: (V,) True for vertices at which the two meshes meet: new vertices, and old vertices of both
+            meshes.
         fused: true if the result is one surface, and not two shells in one mesh.
         notes: what was repaired, or why the meshes were not fused.
         failed: true if manifold3d could not compute the union: one mesh is not a solid, or the library
@@ -108,7 +109,8 @@ class Side:
 
 
 class UnionBuilder:
-    """Builds one mesh: first the kept vertices of both meshes in their order, then the new ones."""
+    """Builds the united mesh: first the kept vertices of both meshes in their order, then the new
+    vertices."""
 
     def __init__(self, pair: MeshPair, sides: list[Side], made: manifold3d.Mesh64) -> None:
         self.pair, self.sides = pair, sides
@@ -256,7 +258,7 @@ class UnionBuilder:
 
 
 def _weld_vertices(union: Union) -> Union:
-    """Merges vertices at the same position. The first mesh's own vertex is kept, if it has one there."""
+    """Merges vertices at the same position. If a vertex of the first mesh is among them, it is kept."""
     mesh = union.mesh
     first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
     faces = first[mesh.faces]
@@ -279,7 +281,7 @@ def _weld_vertices(union: Union) -> Union:
 
 
 def _is_membrane(faces: Int) -> Bool:
-    """Returns (F,) true for faces that lie back to back. They remain between two caps that met."""
+    """Returns (F,) True for pairs of faces that lie back to back. They are left over if two caps touch."""
     if len(faces) == 0:
         return np.zeros(0, bool)
     lowest = np.argmin(faces, 1)

@@ -63,7 +63,7 @@ def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
     Args:
         loops: the points of each loop, in order.
         places: (N, 2) coordinates of the points in the surface.
-        fine: if false, no inner points are added.
+        fine: True to add inner points.
     """
     mirrored = sum(area(places[loop]) for loop in loops) < 0
     rim = np.concatenate(loops)
@@ -93,7 +93,7 @@ def _target_edge_lengths(points: Float, loops: list[Int]) -> Float:
 
 
 def flattened(points: Float) -> Float:
-    """Projects a loop onto its best-fitting plane: (N, 2), counter-clockwise."""
+    """Projects a loop onto its best-fitting plane. Returns (N, 2) points, counter-clockwise."""
     middle = points - points.mean(0)
     normal = np.cross(middle, np.roll(middle, -1, 0)).sum(0)
     normal /= max(float(np.linalg.norm(normal)), 1e-300)

@@ -1,5 +1,5 @@
-"""Closes any triangle mesh to an oriented 2-manifold: separates touching sheets, caps holes, leaves out
-leaves.
+"""Closes any triangle mesh to an oriented 2-manifold: separates touching sheets, caps holes, and removes open
+sheets (leaves).
 
 Two faces are connected across an edge if they alone share it with opposite directions. If more than two faces
 share an edge (an edge of two touching boxes), pairs with the thinnest wedge of solid between them are
@@ -26,7 +26,8 @@ _MAX_CAP_FRACTION = 0.25
 part with larger holes is a leaf."""
 
 Interpolation = Callable[[Float], Float]
-"""Interpolates (I, K) values at new points from (R, K) values at the points they are made from."""
+"""A function that interpolates (I, K) values at new points from (R, K) values at the points from which they
+were made."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class ClosedSurface:
     """An oriented 2-manifold without border.
 
     Attributes:
-        vertices: (V', 3) metres: the given ones, then those added to close the surface.
+        vertices: (V', 3) metres: the given vertices, then those that were added to close the surface.
         faces: (F', 3): the given faces without leaves, with their corners at the same positions, then the
             caps.
         label: (V',) the manifold vertex that each vertex belongs to. Vertices with equal labels are the same

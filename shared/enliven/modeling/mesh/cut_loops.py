@@ -29,8 +29,8 @@ class Crossings:
 
 
 def crossings_of(faces: Int, far: Bool) -> Crossings:
-    """Finds the crossed faces among ``faces`` (F, 3): those with one or two vertices that are ``far``
-    (V,)."""
+    """Finds the crossed faces among ``faces`` (F, 3): those with one or two vertices on the far side (``far``
+    (V,))."""
     side = far[faces]
     far_count = side.sum(1)
     crossed = np.flatnonzero((far_count == 1) | (far_count == 2))

@@ -19,10 +19,10 @@ from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.settings import setting
 
 _SIDES = ((0, 1), (1, 2), (2, 0))
-"""The pairs of corners that form a triangle's three sides."""
+"""The numbers of the two corners of each of a triangle's three sides."""
 _MIN_ISLAND_FRACTION = 0.05
-"""Islands of vertices below this fraction of their side are not cut out. Skin weights alone may create
-them."""
+"""Minimum size of an island of vertices that is cut out, as a fraction of its side. Cuts along skin weights
+can create small islands."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class CutSettings:
 
 @dataclass
 class CutPlan:
-    """The plan of a cut. Its topology is that of the welded mesh, but its result refers to the given mesh."""
+    """The plan of a cut. It uses the topology of the welded mesh, but its result refers to the given mesh."""
 
     mesh: Mesh
     skin: SkinWeights | None
@@ -63,7 +63,8 @@ class CutPlan:
     settings: CutSettings
     loyal: Float | None
     values: Float | None = None
-    """(V,) a field to cut along instead of the surface's own. The caps are then only near the surface."""
+    """(V,) values of a field that replaces the surface's own field. The caps are then only near the cut
+    surface."""
     notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -208,8 +209,8 @@ class CutPlan:
         self.point = self.places[covered].mean(0)
 
     def sides(self) -> Bool:
-        """Returns (W,) true for welded vertices on the far side. Cuts more loops while the two sides are
-        still connected."""
+        """Returns (W,) true for welded vertices on the far side. As long as the two sides are connected, more
+        loops are cut."""
         while True:
             cut = np.isin(self.found.loops, self.chosen)
             part = self._components_after_cut(cut)

@@ -22,7 +22,7 @@ from enliven.modeling.mesh.boolean_union import Union
 from enliven.modeling.mesh.mesh_union import united
 
 Heal = Callable[[Mesh, SkinWeights, Bool], tuple[Mesh, SkinWeights]]
-"""Smooths a surface and recomputes its weights around a seam (V,)."""
+"""A function that smooths a surface and recomputes its weights around a seam (V,)."""
 
 
 class SkinnedSurface(NamedTuple):

@@ -157,7 +157,8 @@ def _build_pieces(work: CutPlan) -> Cut:
 
 
 def rounded(piece: Piece, share: float) -> Piece:
-    """Inflates the caps of a piece with the method of ``inflate``. A share of 1 makes hemispheres."""
+    """Inflates the caps of a piece (:mod:`enliven.modeling.sketching.inflate`'s method). A ``share`` of 1
+    makes hemispheres."""
     if share == 0.0 or piece.caps == 0:
         return piece
     mesh = piece.mesh

@@ -41,15 +41,15 @@ def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
 
 
 def numbers_in(before: Shape, shape: Shape, otherwise: str) -> Int:
-    """Returns (N,) the bone of ``shape`` with the same name as each bone of ``before``, or the bone
-    ``otherwise``."""
+    """Returns (N,) for each bone of ``before`` the bone of ``shape`` with the same name, or ``otherwise`` if
+    there is none."""
     number = {name: j for j, name in enumerate(shape.skeleton.names)}
     return np.array([number.get(name, number[otherwise]) for name in before.skeleton.names], np.int64)
 
 
 def parted(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
-    """Assigns each shell of a piece to the group of bones that it follows most. A group without shells gives
-    None."""
+    """Divides a piece by groups of bones: each shell goes to the group that it follows most. Returns None for
+    a group without shells."""
     assert piece.skin is not None
     welded, of = weld(piece.mesh)
     ends = welded.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
@@ -77,7 +77,8 @@ def _part_of(piece: Piece, inside: Bool) -> Piece | None:
 
 
 def bone_maps(shape: Shape, linear: Float, joints: Float) -> Float:
-    """Returns (N, 3, 4) world from rest of each bone: L_j (v - rest_parent) + x_parent, for L (N, 3, 3)."""
+    """Returns (N, 3, 4) the map of each bone from rest to the world, L_j (v - rest_parent) + x_parent, for L
+    (N, 3, 3)."""
     above = np.maximum(shape.skeleton.parents, 0)
     offset = joints[above] - np.einsum("nab,nb->na", linear, shape.skeleton.positions[above])
     return np.concatenate([linear, offset[..., None]], -1)

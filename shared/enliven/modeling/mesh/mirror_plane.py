@@ -33,8 +33,8 @@ _MAX_PLANES_REFINED = 5
 _SAME_NORMAL_COSINE = 0.98
 """Cosine between normals above which two planes count as equal."""
 _NORMAL_WEIGHT = 0.3
-"""Weight of normals in the nearest-neighbour search: a unit difference counts as this fraction of the
-size."""
+"""Weight of normals in the nearest-neighbour search: a unit difference counts as a distance of this fraction
+of the size."""
 _MAX_HORIZONTAL_SINE = 0.35
 """Sine of the angle to the horizontal up to which a plane's normal counts as horizontal."""
 

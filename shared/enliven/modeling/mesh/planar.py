@@ -1,8 +1,8 @@
 """Constrained Delaunay triangulation in the plane, refined until triangles are as even as the outline.
 
-manifold3d clips the ears. Flipping inner edges until every edge is legal makes the result the constrained
-Delaunay triangulation (Lawson 1977). Points are added where a triangle is larger than the edges of the
-outline around it (P. Liepa, "Filling holes in meshes", 2003, section 4).
+manifold3d triangulates by ear clipping. Then inner edges are flipped until all are legal, which gives the
+constrained Delaunay triangulation (Lawson 1977). Points are added where a triangle is larger than the edges
+of the outline around it (P. Liepa, "Filling holes in meshes", 2003, section 4).
 """
 
 from __future__ import annotations

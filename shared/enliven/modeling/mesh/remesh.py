@@ -33,8 +33,8 @@ def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
 
 
 def taubin_smoothed(vertices: Float, faces: Int32, times: int) -> Float:
-    """Smooths vertices (V, 3) between their neighbours: keeps low frequencies, removes noise, evens out
-    triangles."""
+    """Smooths vertices (V, 3) by the mean of their neighbours. Noise is removed, low frequencies are kept,
+    and triangles become more regular."""
     count = len(vertices)
     out = np.ascontiguousarray(vertices).copy()
     for _ in range(times):

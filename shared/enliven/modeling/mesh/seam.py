@@ -1,6 +1,6 @@
 """Seam repair: smooths the surface around a seam and recomputes the skin weights there, and nowhere else.
 
-    healed(mesh, skin, skeleton, seam) -> (Mesh, SkinWeights)      both of the below
+    healed(mesh, skin, skeleton, seam) -> (Mesh, SkinWeights)      positions and weights
     smoothed(mesh, seam) -> Mesh                                   positions only
     reweighted(mesh, skin, skeleton, seam) -> SkinWeights          weights only
 

@@ -22,8 +22,8 @@ class Solid:
         closing: for the vertices that close the surface, in their order: the vertices they are made from, and
             the interpolation.
         leaves: the vertices of ``mesh`` with the given faces that do not enclose a volume (open sheets).
-        id: the number that identifies the solid in manifold3d's results.
-        notes: what was repaired.
+        id: number of the solid in manifold3d's results.
+        notes: a sentence for each repair.
     """
 
     manifold: manifold3d.Manifold
@@ -35,7 +35,7 @@ class Solid:
 
 
 def solid_of(mesh: Mesh) -> Solid | str:
-    """Converts a mesh to a solid. Returns the reason as a sentence if that fails."""
+    """Converts a mesh to a solid. If that fails, returns the reason as a sentence."""
     if not np.isfinite(mesh.vertices).all():
         return "some vertices are not finite"
     notes: list[str] = []

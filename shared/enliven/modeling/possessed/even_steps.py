@@ -11,7 +11,7 @@ from enliven.document import Character, Pose, PoseStream
 from enliven.errors import InputError
 
 _MAX_PLACES = 1 << 23
-"""Maximum number of even poses times transforms: 0.8 GB, or 2.6 h of 30 nodes at 30 poses per second."""
+"""Maximum number of resampled poses times transforms: 0.8 GB, or 2.6 h of 30 nodes at 30 poses per second."""
 
 
 def stream_of(character: Character, poses: Sequence[Pose], stream_id: str) -> PoseStream:

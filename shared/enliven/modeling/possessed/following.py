@@ -10,13 +10,13 @@ from enliven.arrays import Float, Int, Int32
 from enliven.document import GraphShape
 
 _FALLOFF_FRACTION = 0.3
-"""Falloff radius along the graph, as a fraction of the mesh's size: a limb follows, and not the whole
-mesh."""
+"""Falloff radius along the graph, as a fraction of the mesh's size: so large that a limb follows, but not the
+whole mesh."""
 _MIN_FALLOFF_EDGES = 1.5
 """Minimum falloff radius, in median lengths of the node's edges, so that its neighbours follow."""
 _SLOPE_REGULARIZATION = 1e-3
-"""Regularization of slopes across the graph's surface towards 0, as a fraction of squared edge length. Also
-the minimum difference between the share of the dragged node (1) and that of any other node."""
+"""Regularization of the slopes perpendicular to the surface, as a fraction of the squared edge length. It is
+also the minimum difference between the share of the dragged node (1) and that of any other node."""
 
 
 def followers(shape: GraphShape, node: int) -> tuple[Int, Float]:

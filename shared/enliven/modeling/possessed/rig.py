@@ -59,7 +59,7 @@ class GraphRig(RigEdits):
         return None
 
     def with_key_layer(self, project: Project, shape: GraphShape, handle: int, key: MotionKey) -> Project:
-        """Adds a layer on top of all others that bends the mesh around the node."""
+        """Adds a layer on top of all others. It bends the mesh around the node."""
         own, follow = followers(shape, handle)
         name = unused(f"{shape.id} node {handle} keys", project.streams)
         rest = shape.positions[own]

@@ -1,9 +1,10 @@
 """Solves the motion of a possessed mesh from its performers, detects outdated solutions, and solves them
 again.
 
-The stream of a part is a cache. It has a checksum of its inputs: the mesh, its nodes, the performers' take,
-the attachments and the settings. Moving, rotating, scaling or mirroring the whole shape transforms the stream
-too, and the checksum stays valid. A cut, a merge or an edit of the mesh invalidates it.
+The stream of a part is a cached solution. It has a checksum of its inputs: the mesh, its nodes, the
+performers' take, the attachments and the settings. If the whole shape is moved, rotated, scaled or mirrored,
+the stream is transformed too, and the checksum stays valid. A cut, a merge or an edit of the mesh makes it
+invalid.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ from enliven.possession import replay
 from enliven.rotation import to_matrix
 
 _GRID_SIZE_M = 1e-5
-"""Grid size in metres for comparing meshes. A mesh that was scaled and scaled back differs by rounding,
-1e-15."""
+"""Grid size in metres to which coordinates are rounded for comparing meshes. Scaling a mesh and back causes
+rounding errors of 1e-15."""
 _GRID_OFFSET = 0.31830988618
 """Offset of the grid as a fraction of its size, so that round numbers do not fall on a boundary."""
 
@@ -174,7 +175,8 @@ def _possessed_parts(shape: GraphShape) -> list[tuple[int, GraphPart, Possession
 
 
 def _rest_character(shape: GraphShape, number: int) -> tuple[Character, Float]:
-    """Restores a part of a shape as it was possessed: in the rest pose of its recording, without other parts.
+    """Returns a part of a shape as it was when it was possessed: in the rest pose of its recording, without
+    other parts.
 
     Returns:
         The character, and (K, 3) metres, its nodes in full precision.
@@ -200,8 +202,8 @@ def _rest_character(shape: GraphShape, number: int) -> tuple[Character, Float]:
 
 
 def _part_surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWeights, Float32 | None]:
-    """Returns vertices, faces, skin and stiffness of the surface that follows the nodes ``own`` most, else of
-    all."""
+    """Returns vertices, faces, skin and stiffness of the surface that follows the nodes ``own`` most, or if
+    there is none, of the whole surface."""
     mesh, skin = shape.mesh, shape.skin
     if len(own) == len(shape.positions):
         return mesh.vertices, mesh.faces, skin, mesh.stiffness

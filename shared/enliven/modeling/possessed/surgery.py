@@ -57,11 +57,12 @@ def cut_graph(
 
 
 def merge_graphs(project: Project, merge: Merge) -> Project:
-    """Attaches one possessed mesh to another in their poses at a time; from then on they are one shape.
+    """Merges two possessed meshes in their poses at a time: attaches the graft to the host.
 
-    At that time both stay where they are. From then on the graft rigidly follows a node of the host, with its
-    own motion on top. The meshes are united in their poses at that time. The graft's rest pose is moved to
-    that of the host so that the two meet at the node as in these poses. The graft's vertices move as before.
+    At that time, neither moves. At other times, the graft rigidly follows a node of the host, with its own
+    motion on top. The meshes are united in their poses at that time. The graft's rest pose is aligned with
+    the host's so that the two meet at the node in the same way. The motion of the graft's vertices relative
+    to its nodes does not change.
 
     Raises:
         InputError: if the node does not exist, or the union of the meshes fails.
@@ -160,8 +161,8 @@ def _meeting_nodes(host: GraphShape, ours: Float, theirs: Float, node: int | str
 
 
 def _rotate_rest_pose(shape: GraphShape, axes: Float, root: Float, to: Float) -> GraphShape:
-    """Rotates the rest pose of a shape by ``axes`` about ``root`` and moves that point to ``to``. The motion
-    stays."""
+    """Rotates the rest pose of a shape by ``axes`` about ``root``, and moves that point to ``to``. The motion
+    in the world does not change."""
     positions = to + rotate(axes, shape.positions - root)
     vertices = to + rotate(axes, shape.mesh.vertices - root)
     back = conjugate(axes)
@@ -186,6 +187,6 @@ def _part_of_graft(part: GraphPart, ride: Ride, first: int) -> GraphPart:
 
 
 def _world_from_rest(linear: Float, positions: Float, rest: Float) -> Float:
-    """Returns (N, 3, 4) world from rest of each node."""
+    """Returns (N, 3, 4) the map of each node from rest to the world."""
     offset = positions - np.einsum("nab,nb->na", linear, rest)
     return np.concatenate([linear, offset[..., None]], -1)

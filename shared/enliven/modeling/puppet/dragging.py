@@ -1,4 +1,4 @@
-"""Dragging a control point at a moment of a puppet's motion: the moment becomes a key pose."""
+"""Drags a control point at a moment of a puppet's motion. The pose of that moment becomes a key pose."""
 
 from __future__ import annotations
 

@@ -35,7 +35,8 @@ from enliven.modeling.rig import Merge
 from enliven.rotation import nearest_rotation
 
 _REGION_RADIUS_FRACTION = 0.08
-"""Radius of the surface region around a point, as a fraction of the puppet's size: about a limb's girth."""
+"""Radius of the surface region around the meeting point, as a fraction of the puppet's size: about a limb's
+thickness."""
 _MIN_REGION_VERTICES = 12
 """Minimum number of vertices in a region, for a mesh too coarse for ``_REGION_RADIUS_FRACTION``: a rigid fit
 needs several."""
@@ -69,7 +70,7 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     """Attaches one puppet to another in their poses at a time. The host keeps its name and its path.
 
     The meshes are united at rest, with the graft aligned to the host as at the meeting place in these poses.
-    The layers of both stay, each for its own control points. The graft's layers no longer travel, and its
+    The layers of both are kept, each for its own control points. The graft's layers no longer travel, and its
     hard constraints are dropped.
 
     Raises:
@@ -112,7 +113,7 @@ class _Side:
 
     @property
     def world(self) -> _Rigid:
-        """World from the mesh's frame, at the time of the merge."""
+        """The rigid motion from the mesh's frame to the world at the time of the merge."""
         corners = in_world(self.puppet, self.state, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
         return _Rigid((corners[1:] - corners[0]).T, corners[0])
 
@@ -123,8 +124,8 @@ class _Side:
         self.was = shown(self._surface, places)
 
     def around(self, middle: Float) -> _Rigid:
-        """Returns world from rest of the surface around a point of the world (3,), at the time of the
-        merge."""
+        """Returns the rigid motion from rest to the world of the surface around a point (3,), at the time of
+        the merge."""
         self._near = _vertices_around(self.seen, middle, self.puppet)
         return _fit_rigid_motion(self.puppet.mesh.vertices[self._near], self.seen[self._near])
 

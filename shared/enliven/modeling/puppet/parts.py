@@ -64,8 +64,8 @@ def shown(surface: PuppetSurface, places: Float) -> Float:
 
 
 def stood_as(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
-    """Places the puppet so that its mesh's frame in state ``now`` coincides with that of another in state
-    ``then``."""
+    """Moves the puppet so that its mesh's frame in state ``now`` coincides with that of puppet ``before`` in
+    state ``then``."""
     turn = normalized(multiply(_world_rotation(before, then), _rotation_about_y(-now.yaw)))
     place = rotate(before.turn, then.root) + before.place - rotate(turn, now.root)
     return puppet.with_changes(turn=turn, place=place)
@@ -85,7 +85,8 @@ def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
 
 
 def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
-    """Adds a layer's pose at a frame of its take as a key pose, if the examples still differ then."""
+    """Adds a layer's pose at a frame of its take as a key pose, unless its examples would no longer
+    differ."""
     motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
     frames = [
         frame_at(project.takes[pose.take], pose.time) for pose in puppet.poses if pose.take == layer.take
@@ -127,11 +128,11 @@ def points_needed(
     most: int,
     tolerance: float,
 ) -> tuple[list[int], float]:
-    """Finds vertices that need a control point to keep the surface of the key poses.
+    """Finds vertices that need a control point so that the surface in the key poses stays the same.
 
     Args:
         puppet: on its new mesh; the control points of its key poses are positioned as in ``was``.
-        was: (n, V, 3) metres, the old positions of the vertices.
+        was: (n, V, 3) metres, the old positions of the vertices in the key poses.
         known: (V,) true for vertices with a known old position that should be kept.
         among: vertices that get a control point in any case.
         most: maximum number of them.
@@ -165,8 +166,8 @@ def points_needed(
 
 
 def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -> list[int]:
-    """Returns up to ``count`` vertices with errors above the tolerance, the worst first, at a distance from
-    one another."""
+    """Returns up to ``count`` vertices with errors above the tolerance, the worst first. They keep a distance
+    from each other."""
     errors, chosen = off.copy(), list[int]()
     spacing = 0.1 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     while len(chosen) < count and (not chosen or errors.max() > tolerance):
@@ -176,10 +177,10 @@ def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -
 
 
 def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
-    """Returns the paired control points with joints in different places in two key poses or more, or all if
-    there are none.
+    """Returns the paired control points with joints that differ between key poses. Returns all paired control
+    points if there are none.
 
-    The performer's root is always at one place in the body frame, so its control point is left out.
+    The performer's root never moves in the body frame, so its control point is left out.
     """
     paired = tuple(point for point in puppet.points if point.joint)
     sources = _joints_at_key_poses(project, puppet)
@@ -192,7 +193,8 @@ def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoin
 
 
 def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
-    """Removes key poses with the same joints as an earlier one. Returns the puppet and their number."""
+    """Removes key poses with the same joint positions as an earlier one. Returns the puppet and the number of
+    removed poses."""
     poses: list[KeyPose] = []
     for pose in puppet.poses:
         tried = puppet.with_changes(poses=(*poses, pose))

@@ -80,11 +80,11 @@ class PuppetRig(RigEdits):
             checked_layer(project, puppet, puppet.layers[number])
 
     def dragged(self, project: Project, puppet: Puppet, handle: int, place: Float, time: float) -> Project:
-        """Makes the pose of that moment a key pose, with the control point at ``place``."""
+        """Adds the pose at that time as a key pose, with the control point at ``place``."""
         return drag_point(project, puppet.id, handle, place, time)
 
     def moved(self, puppet: Puppet, offset: Float, turn: Float, about: Float) -> Puppet:
-        """Moves the puppet. Its own frame stays."""
+        """Moves the puppet. Data in its own frame does not change."""
         place = rotate(turn, puppet.place - about) + about + offset
         return puppet.with_changes(turn=normalized(multiply(turn, puppet.turn)), place=place)
 

@@ -1,8 +1,8 @@
 """Suggests an initial puppet: control points, joints, feet, symmetry and key frames.
 
-suggested_puppet(project, mesh, "walk", "cow")     # complete except for its poses: the result of the command
+suggested_puppet(project, mesh, "walk", "cow")     # a puppet that is complete except for its poses
 suggested_vertices(mesh, 6)                        # control points only, for the studio's panel
-suggested_pairs(project, "cow", "walk")            # and a joint for each control point without one
+suggested_pairs(project, "cow", "walk")            # a joint for each control point without one
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Cuts puppets in two. Both halves keep moving by their examples.
 
-Nothing is baked. Each half of a cut keeps its control points. It gets new ones along the cut, and wherever
-else its surface would deviate; in every key pose they lie on the old surface. So in its examples a half has
-the same shape as it had as a part of the whole.
+Nothing is baked. Each half of a cut keeps its control points. It gets new control points along the cut, and
+elsewhere if its surface would deviate. In every key pose, these lie on the old surface. So in its examples, a
+half has the same shape as before the cut.
 """
 
 from __future__ import annotations
@@ -58,9 +58,9 @@ def cut_puppet(
 ) -> tuple[Project, tuple[str, str]]:
     """Cuts a puppet in two along a stroke, in its pose at ``time``. Both halves keep moving by examples.
 
-    The pose of the whole at ``time`` becomes a key pose, so that the halves take it again. A half that keeps
-    all feet keeps travelling through the world. A half without all feet stays where it was at ``time``, and
-    moves there.
+    The pose of the whole at ``time`` becomes a key pose, so that the halves keep it. A half with all of the
+    feet continues to travel through the world. Any other half no longer travels: it moves at its position at
+    ``time``.
 
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
@@ -164,7 +164,7 @@ class _Half:
         return checked.with_changes(layers=self._fitting_layers(follow, {point.name for point in points}))
 
     def _puppet_with_points(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:
-        """Returns a puppet on this side's mesh with these control points, at their old positions in each key
+        """Returns a puppet with this side's mesh and these control points, at their old positions in each key
         pose."""
         vertices = [point.vertex for point in points]
         poses = zip(self._whole.poses, self._was[:, vertices], strict=True)
@@ -189,8 +189,8 @@ class _Half:
         return np.unique(near[self._old[near]])
 
     def _fitting_layers(self, follow: dict[str, str], names: set[str]) -> tuple[PuppetLayer, ...]:
-        """Returns the layers with the existing control points. A new point moves in the layers of its
-        leader."""
+        """Returns the layers, limited to the existing control points. A new control point is in the layers of
+        the one that it follows."""
         feet = {point.name for point in self._whole.points if point.foot}
         out = []
         for layer in self._whole.layers:

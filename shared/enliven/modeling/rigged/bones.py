@@ -1,4 +1,4 @@
-"""Takes a shape apart into bones by name, and puts it together again."""
+"""Converts a shape to a list of bones with names, and back."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def bone_number(shape: Shape, bone: int | str, *, root: bool = True) -> int:
 
 
 def inside(value: float, where: str) -> float:
-    """Returns a position along a bone after checking that it lies in [0, 1]."""
+    """Returns a relative position along a bone after checking that it lies in [0, 1]."""
     if not 0.0 <= float(value) <= 1.0:
         raise InputError(
             f"{value} is not a place on a bone",

@@ -14,7 +14,8 @@ from enliven.modeling.rigged.posed import held_at, own_turn, posed, with_travel_
 from enliven.rotation import conjugate, multiply, normalized
 
 _JOINT_TOLERANCE = 1e-9
-"""A cut within this fraction of a bone's length from its end is made at the joint."""
+"""Maximum distance of a cut from the end of a bone, as a fraction of the bone's length, at which it is made
+at the joint."""
 
 
 def cut_bone(
@@ -30,7 +31,7 @@ def cut_bone(
     """Cuts a shape in two: one with the root, and one with the joints below the cut.
 
     The bone is split as if a node were inserted, so each half gets its part of the motion. The difference to
-    the rotation of the whole bone at ``time`` goes into the modeling rotations (AniMesh, section 6, Figure
+    the rotation of the whole bone at ``time`` is added to the modeling rotations (AniMesh, section 6, Figure
     7): m_new = m a_old a_new^-1. So at ``time`` every bone keeps its world rotation and every joint its
     position. At other times all bones except the two halves rotate relative to their parent as before. The
     lower shape's root takes over the world rotation of the bone at the cut, and stays where it was at

@@ -30,7 +30,8 @@ from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 
 _DEFAULT_SEAM = SeamSettings()
 _JOINT_TOLERANCE = 1e-9
-"""A node within this fraction of a bone's length from its end is placed at the joint."""
+"""Maximum distance of a node from the end of a bone, as a fraction of the bone's length, at which it is
+placed at the joint."""
 
 
 def merge(
@@ -45,21 +46,21 @@ def merge(
     seam: SeamSettings = _DEFAULT_SEAM,
     notes: list[str] | None = None,
 ) -> tuple[Project, dict[str, str]]:
-    """Joins a shape's root to a node of another shape; the two become one shape.
+    """Merges two shapes: joins the root of one shape to a node of the other.
 
     The graft moves to the node without rotating. At ``time`` every bone of both keeps its world rotation. The
     joints of the graft keep their positions if its root was at the node; else the graft is moved there. From
     then on it follows the bone that ends at the node. Let W be the world rotation of that bone at ``time``.
-    The modeling rotation of each bone that leaves the graft's root is multiplied by W^-1 from the left
+    The modeling rotation of each bone that starts at the graft's root is multiplied by W^-1 from the left
     (AniMesh, section 6, Figure 8). The host moves as before at every time.
 
     The graft's rest axes become those of the host. Its rest pose is turned by R = W^-1 D_b(time). So skeleton
     and mesh lie in the host's rest pose as they appear at ``time``. Here b is the graft's first bone. It is
-    the root's own entry in three cases: for a merge in the rest pose, if several bones leave the root, or if
+    the root itself in three cases: for a merge in the rest pose, if several bones start at the root, or if
     skin follows the root. A modeling rotation m becomes R m R^-1, and the basis of a layer becomes R basis.
-    The rotation of the graft's root goes into the bones that leave it, as a rotation at the joint (a span
-    without length). If skin follows a root that moves, the root stays as a bone without length. The graft's
-    travel is dropped, since the host carries it.
+    The rotation of the graft's root is moved to the bones that start at it, as a rotation at the joint (a
+    span without length). If skin follows a root that moves, the root stays as a bone without length. The
+    graft's travel is dropped, since the host carries it.
 
     The meshes are united in their poses at ``time``. Near the seam the surface is smoothed and the skin
     weights are recomputed; elsewhere rest positions and weights stay bit-exact. Two meshes that do not meet

@@ -93,8 +93,8 @@ def divided(
 
 
 def without_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
-    """Moves the fixed rotation at the start of the spans into the modeling rotation. The total stays the
-    same."""
+    """Moves the fixed rotation at the start of the spans into the modeling rotation. The total rotation does
+    not change."""
     first = np.array(spans[0].before)
     return multiply(modeling, first), (replace(spans[0], before=AT_ONCE), *spans[1:])
 
@@ -102,11 +102,11 @@ def without_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
 def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     """Removes a joint. Its children attach to its parent joint, and turn as before.
 
-    An inner node and each bone below it become one bone that keeps the motions of both, one after the other
-    (see ``joined_spans``). Every bone below keeps its world rotation at every time, even where two takes
-    meet; AniMesh drops the motion there (section 8, Figure 13). Removing a node inserted by
-    :func:`insert_node` restores the bone. A leaf is dropped with its bone, and its skin follows the parent
-    bone. At a branch each bone below starts from the parent joint.
+    If an inner node is removed, its bone and each bone below it become one bone with the motions of both in
+    sequence (see ``joined_spans``). Every bone below keeps its world rotation at every time, even if the two
+    bones play different takes. AniMesh drops the motion in that case (section 8, Figure 13). Removing a node
+    inserted by :func:`insert_node` restores the bone. A leaf is dropped with its bone, and its skin follows
+    the parent bone. At a branch each bone below starts from the parent joint.
 
     Raises:
         InputError: for the root, which carries the whole shape.

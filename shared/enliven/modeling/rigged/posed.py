@@ -47,8 +47,8 @@ def as_modeled(shape: Shape) -> tuple[Float, Float]:
 
 
 def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
-    """Restores the travel scale from before an edit, so that stride lengths stay although the height has
-    changed."""
+    """Restores the travel scale from before an edit, so that strides keep their length although the height
+    has changed."""
     if new.travel is None:
         return new
     clip = project.takes[new.layer(new.travel).take]
@@ -57,9 +57,9 @@ def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
 
 
 def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: float | None) -> Shape:
-    """Restores the world rotations of the whole at ``time`` in a part of a shape that lost a pin.
+    """Restores, in a part of a shape that has lost a pin, the world rotations of the whole shape at ``time``.
 
-    The rotations caused by the pin go into the modeling rotations.
+    The rotations that the pin caused are added to the modeling rotations.
 
     Args:
         turns: (N, 4) the world rotations of the whole.

@@ -1,10 +1,10 @@
-"""Copies the motion of one limb to all equal limbs. Edits: Project -> Project.
+"""Copies the motion of one limb to all equal limbs. Each edit maps a project to a project.
 
     groups = equal_limbs(project.shape("squid").skeleton)            # enliven.matching.symmetry
     project = spread_motion(project, "squid", groups[0], joint, delay=0.1)
 
-A copy is the motion rotated to the other limb, or mirrored. Limb number k is k delays later. Each copy refers
-to the same takes through its own layers, so it can be shifted, muted and weighted separately.
+A copy is the motion rotated to the other limb, or mirrored. Limb number k moves k delays later. Each copy has
+its own layers that play the same takes, so it can be shifted, muted and weighted separately.
 """
 
 from __future__ import annotations

@@ -37,11 +37,10 @@ def cut_stroke(
     *,
     notes: list[str] | None = None,
 ) -> tuple[Project, tuple[str, ...]]:
-    """Cuts a shape wherever a stroke crosses its bones at ``time``. Each part below a crossing becomes a
-    shape.
+    """Cuts a shape where a stroke crosses its bones at ``time``. Each part below a crossing becomes a shape.
 
-    Every bone is cut as by ``cut_bone``: at ``time`` nothing turns or moves. The mesh is cut along the stroke
-    in its pose at ``time``. Each part of it goes with the bones that it follows most.
+    Every bone is cut as by ``cut_bone``, so the pose at ``time`` does not change. The mesh is cut along the
+    stroke in its pose at ``time``. Each part of the mesh stays with the bones that it follows most.
 
     Args:
         stroke: a ``StrokeCut`` (drawn on an image) or a ``PlaneCut``, in world metres.
@@ -122,7 +121,7 @@ def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
 
 def _upper_numbers(before: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]) -> Int:
     """Returns (N,) the bone of the upper shape for each old bone. Bones that were cut off map to the
-    remaining half."""
+    remaining half of the cut bone."""
     numbers = numbers_in(before, upper, nodes[0])
     for crossing, node in zip(crossings, nodes, strict=True):
         numbers[list(before.skeleton.below(crossing.bone))] = upper.skeleton.index(node)

@@ -12,15 +12,15 @@ from enliven.arrays import Float, Int
 TIP = 0.4
 """Distance from the tip at which an axis ends, in radii."""
 _MIN_SPUR_RADII = 2.4
-"""Minimum length in radii of a limb in the outer corner of a bend. The corner alone creates a shorter
-branch."""
+"""Minimum length in radii of a limb in the outer corner of a bend. A corner without a limb also creates a
+branch, but a shorter one."""
 _MIN_LIMB_RADII = 1.3
-"""Minimum length in radii of a limb elsewhere. A shorter branch hardly leaves the shape that it branches
-from."""
+"""Minimum length in radii of a limb elsewhere. A shorter branch hardly extends beyond the shape that it
+branches from."""
 _SHARP_BEND_SUM = 0.9
 """Length of the sum of two unit directions above which a bend is sharp: 127 degrees or less."""
 _MERGE_DISTANCE_RADII = 0.9
-"""Junctions nearer to each other than this number of their radii are merged."""
+"""Maximum distance of two junctions that are merged, as a multiple of their radii."""
 
 
 @dataclass

@@ -16,9 +16,10 @@ from enliven.arrays import Float, Int
 from enliven.modeling.sketching.axis import TIP, Axis, merged, smooth, without_spurs
 
 _MAX_BUMP_RADII = 1.2
-"""A branch is a bump if it stays within this number of radii from the middle of its chord."""
+"""Maximum distance of a bump from the middle of its chord, in radii of the chord's circle. A branch that
+stays within it is a bump."""
 _ROUND_MOMENT_RATIO = 0.8
-"""Ratio of the second moments above which an outline without limbs has no long direction."""
+"""Ratio of the smaller to the larger second moment above which an outline without limbs counts as round."""
 
 
 def axis_of(outline: Float, triangles: Int) -> Axis:

@@ -19,7 +19,7 @@ from enliven.modeling.mesh import SYMMETRIC_LU, flipped, poisson, refined, taubi
 from enliven.modeling.skinning import cotangents
 
 _MAX_EDGE_STEPS = 1.5
-"""Edges longer than this number of outline steps are split in half."""
+"""Maximum length of an edge in steps of the outline. Longer edges are split in half."""
 
 
 def inflated(
