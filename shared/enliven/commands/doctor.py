@@ -16,7 +16,7 @@ from enliven.health import Severity
 _FAILED_CHECK_EXIT_CODE = 4
 """Exit code if a check fails. It equals the exit code 4 of :class:`enliven.errors.ResourceError`."""
 
-PATIENCE_S = 5.0
+MAX_HEARTBEAT_WAIT_S = 5.0
 """Maximum wait for a heartbeat of an edge, in seconds. An edge sends ten heartbeats in this time."""
 
 
@@ -55,7 +55,7 @@ def edge_checks(address: str) -> list[Check]:
 
     endpoint = parse_endpoint(address)
     try:
-        status = hear_edge(endpoint, PATIENCE_S)
+        status = hear_edge(endpoint, MAX_HEARTBEAT_WAIT_S)
     except ResourceError as error:
         return [Check("edge", False, f"{error.where}: {error.what}", error.mend)]
     people = f"{status.performers} performer{'s' * (status.performers != 1)}"

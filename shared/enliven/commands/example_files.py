@@ -40,7 +40,7 @@ class Job:
     morphs: bool
 
 
-def opened(path: Path, name: str | None) -> LoadedPuppet:
+def open_puppet(path: Path, name: str | None) -> LoadedPuppet:
     """Reads a session or a project, and chooses the puppet with that name, or the first puppet if ``name`` is
     None."""
     from enliven.example_sessions import read_session
@@ -55,7 +55,7 @@ def opened(path: Path, name: str | None) -> LoadedPuppet:
     return LoadedPuppet(session.project, session.project.puppet(name or session.puppet), session.notes)
 
 
-def writer(output: Path) -> Callable[[Job], str]:
+def find_writer(output: Path) -> Callable[[Job], str]:
     """Returns the function that writes the kind of file given by the ending of ``output``.
 
     Raises:
@@ -110,7 +110,7 @@ def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -
     return start, stop
 
 
-def sheet_maker(kind: str) -> Callable[..., None]:
+def find_sheet_function(kind: str) -> Callable[..., None]:
     """Returns the function that draws contact sheets of a kind, from the package that provides it."""
     for entry in entry_points(group="enliven.pictures"):
         if entry.name == kind:

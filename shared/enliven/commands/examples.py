@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.commands.example_files import Job, opened, sheet_maker, span_of, writer
+from enliven.commands.example_files import Job, find_sheet_function, find_writer, open_puppet, span_of
 from enliven.commands.terminal import say
 from enliven.errors import InputError
 from enliven.files import need_folder
@@ -70,7 +70,7 @@ def new(
     from enliven.modeling.puppet import suggested_puppet
     from enliven.takes import read_take
 
-    mesh_from = MeshTable(_path_from_session(output, mesh), height, _axis_of(up), turned)
+    mesh_from = MeshTable(_path_from_session(output, mesh), height, _parse_axis(up), turned)
     take_from = TakeTable(_path_from_session(output, take), "", animation, start, end)
     loaded, notes = load_mesh(mesh)
     clip, more = read_take(take, animation, start, end)
@@ -100,7 +100,7 @@ def check(
     """
     from enliven.examples import coverage_of, missing, motion_of, unposed
 
-    source = opened(session, puppet)
+    source = open_puppet(session, puppet)
     project, character = source.project, source.puppet
     pairs = ", ".join(
         f"{p.name} - {p.joint or 'nothing'}{' (foot)' if p.foot else ''}" for p in character.points
@@ -151,10 +151,10 @@ def fit(
     """
     from enliven.examples import missing, motion_of, unposed
 
-    write = writer(output)
+    write = find_writer(output)
     need_folder(sheet)
-    draw = sheet_maker("puppet") if sheet else None
-    source = opened(session, puppet)
+    draw = find_sheet_function("puppet") if sheet else None
+    source = open_puppet(session, puppet)
     project, character = source.project, source.puppet
     lacking = missing(project, character)
     if output.suffix.lower() != ".enliven":
@@ -182,7 +182,7 @@ def _path_from_session(session: Path, file: Path) -> str:
     return there.relative_to(home).as_posix() if there.is_relative_to(home) else there.as_posix()
 
 
-def _axis_of(name: str) -> Axis:
+def _parse_axis(name: str) -> Axis:
     axes: dict[str, Literal["x", "y", "z"]] = {"x": "x", "y": "y", "z": "z"}
     if name not in axes:
         raise InputError(f"{name!r} is not an axis", where="--up", mend="Give x, y or z.")

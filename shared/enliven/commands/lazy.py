@@ -42,11 +42,11 @@ class LazyCommands(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Returns the names of all installed commands, in the order of ``_COMMAND_ORDER``, then by name."""
-        return list(contributed())
+        return list(installed_commands())
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Imports and returns the command with that name, or returns None if it does not exist."""
-        entry = contributed().get(cmd_name)
+        entry = installed_commands().get(cmd_name)
         if entry is not None and cmd_name not in self.commands:
             self.commands[cmd_name] = _load_command(entry)
         return self.commands.get(cmd_name)
@@ -54,18 +54,20 @@ class LazyCommands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Resolves a command as the base class does. For a misspelt name, imports all commands to suggest
         one."""
-        if args and args[0] not in contributed():
-            for name in contributed():
+        if args and args[0] not in installed_commands():
+            for name in installed_commands():
                 self.get_command(ctx, name)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Writes a line for each command, without importing any."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, summary(entry)) for name, entry in contributed().items()])
+            formatter.write_dl(
+                [(name, command_summary(entry)) for name, entry in installed_commands().items()]
+            )
 
 
-def contributed() -> dict[str, EntryPoint]:
+def installed_commands() -> dict[str, EntryPoint]:
     """Returns the commands of all installed packages by name, in the order of ``_COMMAND_ORDER``, then by
     name."""
     entries = {entry.name: entry for entry in entry_points(group=GROUP)}
@@ -79,7 +81,7 @@ def contributed() -> dict[str, EntryPoint]:
     return {name: entries[name] for name in order}
 
 
-def summary(entry: EntryPoint) -> str:
+def command_summary(entry: EntryPoint) -> str:
     """Reads the first line of a command's docstring from its source. Returns an empty string without
     source."""
     try:
@@ -88,12 +90,12 @@ def summary(entry: EntryPoint) -> str:
     except (ImportError, OSError, SyntaxError, ValueError):
         return ""
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and _is_of(node, entry.attr):
+        if isinstance(node, ast.FunctionDef) and _defines_command(node, entry.attr):
             return (ast.get_docstring(node) or "").partition("\n")[0]
     return ""
 
 
-def _is_of(function: ast.FunctionDef, name: str) -> bool:
+def _defines_command(function: ast.FunctionDef, name: str) -> bool:
     """Returns True if a function is the command ``name``, or the callback of the command group ``name``."""
     decorators = {ast.unparse(decorator) for decorator in function.decorator_list}
     return function.name == name or f"{name}.callback()" in decorators

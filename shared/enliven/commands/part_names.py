@@ -7,7 +7,7 @@ import typer
 from enliven.errors import InputError
 
 
-def known_parts(texts: list[str] | None) -> list[str] | None:
+def check_parts(texts: list[str] | None) -> list[str] | None:
     """Returns the texts of --parts after checking them: each "legs", or for several performers "legs /
     torso".
 

@@ -19,13 +19,13 @@ PARENT_VARIABLE = "ENLIVEN_PARENT"
 
 log = logging.getLogger(__name__)
 
-_FIRST_WAIT_S = 1.0
+_INITIAL_WAIT_S = 1.0
 """Wait before a program is restarted for the first time, in seconds. By then, its port and camera are free
 again."""
 _MAX_WAIT_S = 30.0
 """Maximum wait between two restarts, in seconds. The wait doubles after each restart, so that a program that
 always fails costs little."""
-_STEADY_S = 60.0
+_STABLE_RUN_S = 60.0
 """Running time, in seconds, after which a program counts as stable. The wait is then reset to its initial
 value."""
 _TERMINATION_GRACE_S = 8.0
@@ -59,13 +59,13 @@ class Process:
 def run_together(processes: Sequence[Process]) -> int:
     """Runs the programs until the leading one ends, one fails without restart, or Ctrl-C. Returns the exit
     code."""
-    with _ended_together() as children:
+    with _end_together() as children:
         try:
             for process in processes:
                 children.append(start_process(process.arguments))
                 code = _wait_until_ready(process, children[-1])
                 if code is not None:
-                    return _exit_code_of(code)
+                    return _exit_code_from_status(code)
             return _wait_for_exit(processes, children)
         except KeyboardInterrupt:
             return 130
@@ -93,13 +93,13 @@ def start_process(
         stdout: a file for its output. None uses the parent's standard output.
     """
     environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
-    with _interrupts_held():
+    with _block_interrupts():
         command = [sys.executable, "-m", "enliven", *arguments]
         return subprocess.Popen(command, env=environment, stderr=stderr, stdout=stdout)
 
 
 @contextlib.contextmanager
-def _interrupts_held() -> Iterator[None]:
+def _block_interrupts() -> Iterator[None]:
     """Blocks Ctrl-C (SIGINT) until the end of the block. A program started in the block inherits this
     (POSIX)."""
     if not hasattr(signal, "pthread_sigmask"):
@@ -139,8 +139,8 @@ class _Restarts:
     def plan(self, name: str, code: int) -> None:
         """Plans the next start of a program that has ended, and logs it."""
         now = time.monotonic()
-        if now - self.started > _STEADY_S:
-            self.wait_s = _FIRST_WAIT_S
+        if now - self.started > _STABLE_RUN_S:
+            self.wait_s = _INITIAL_WAIT_S
         self.due = now + self.wait_s
         log.warning("the %s has ended %s. It starts again in %g s.", name, _exit_reason(code), self.wait_s)
         self.wait_s = min(2 * self.wait_s, _MAX_WAIT_S)
@@ -151,7 +151,7 @@ def _wait_for_exit(processes: Sequence[Process], children: list[subprocess.Popen
 
     A program with ``again`` that fails is restarted, with a growing wait between its starts.
     """
-    restarts = [_Restarts(time.monotonic(), _FIRST_WAIT_S) for _ in processes]
+    restarts = [_Restarts(time.monotonic(), _INITIAL_WAIT_S) for _ in processes]
     while True:
         for number, process in enumerate(processes):
             code = children[number].poll()
@@ -160,7 +160,7 @@ def _wait_for_exit(processes: Sequence[Process], children: list[subprocess.Popen
             if process.leads or process.again is None:
                 if code < 0:
                     log.warning("the %s has ended %s.", process.name, _exit_reason(code))
-                return _exit_code_of(code)
+                return _exit_code_from_status(code)
             restart = restarts[number]
             if restart.due is None:
                 restart.plan(process.name, code)
@@ -192,7 +192,7 @@ def parent_is_gone() -> bool:
 
 
 @contextlib.contextmanager
-def _ended_together() -> Iterator[list[subprocess.Popen[bytes]]]:
+def _end_together() -> Iterator[list[subprocess.Popen[bytes]]]:
     """Yields a list for the child processes. At the end of the block, terminates every child, and kills those
     that do not end."""
     children: list[subprocess.Popen[bytes]] = []
@@ -236,7 +236,7 @@ def _end_children(children: Sequence[subprocess.Popen[bytes]]) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _exit_code_of(code: int) -> int:
+def _exit_code_from_status(code: int) -> int:
     """Returns a child's exit status as an exit code: 130 if it was interrupted, 1 if it crashed."""
     if code in (-signal.SIGINT, -signal.SIGTERM):
         return 130

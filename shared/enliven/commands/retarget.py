@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from enliven.commands.example_files import sheet_maker
+from enliven.commands.example_files import find_sheet_function
 from enliven.commands.terminal import say
 from enliven.files import need_folder
 
@@ -100,7 +100,7 @@ def retarget(
 
     exporter = exporter_of(output)
     need_folder(sheet, write_map)
-    draw = sheet_maker("motion") if sheet else None
+    draw = find_sheet_function("motion") if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
     is_own = (
@@ -131,7 +131,7 @@ def retarget(
         play_own_take(rig.shape, clip) if is_own else retarget_shape(rig.shape, clip, plan, clips=rig.clips)
     )
     keyed = is_own and exporter.keyed and rate is None
-    rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
+    rate = min(1.0 / clip.step, _MAX_DEFAULT_RATE_HZ) if rate is None else rate
     if is_looping(clip) and retargeted.duration > 0.0:
         # A loop must end exactly on a frame, so adjust the rate until the duration is a whole number of
         # frames.
@@ -156,10 +156,10 @@ def retarget(
         f"enliven: {len(retargeted.plan.chains)} chains, {how.get(frozenset(modes), 'posed and moved')}, "
         f"{retargeted.duration:.2f} s are in {output}"
     )
-    _tell_quality(retargeted, rig, write_map)
+    _print_quality(retargeted, rig, write_map)
 
 
-def _tell_quality(made: RetargetedShape, rig: Rig, write_map: Path | None) -> None:
+def _print_quality(made: RetargetedShape, rig: Rig, write_map: Path | None) -> None:
     """Prints the quality of the motion. If it has visible faults, warns and suggests a better mapping."""
     from enliven.mapping import idle_limbs, limb_of, next_best, quality_of, write_plan
 
@@ -213,7 +213,7 @@ def _exceeded_bounds(quality: MotionQuality, pinned: bool) -> list[str]:
     return [words for words, is_present in faults.items() if is_present]
 
 
-_FAST_ENOUGH = 60.0
+_MAX_DEFAULT_RATE_HZ = 60.0
 """Maximum frame rate of a GLB if no rate is chosen, in frames per second: the rate of common displays."""
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import typer
 
-from enliven.commands.part_names import known_parts
+from enliven.commands.part_names import check_parts
 from enliven.commands.processes import Process, is_listening, run_together
 from enliven.commands.terminal import say
 from enliven.errors import InputError, ResourceError
@@ -36,7 +36,7 @@ def run(
     parts: list[str] | None = typer.Option(
         None,
         help="Body parts that possess it: 'legs', 'upper body', ...; by default all.",
-        callback=known_parts,
+        callback=check_parts,
     ),
     out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
     film: bool | None = typer.Option(
@@ -78,7 +78,7 @@ def run(
       enliven run --mesh chair --mesh lamp
       enliven run --mesh CACTUS.toml --recording TAKE.mcap
     """
-    _need_both_programs()
+    _check_programs()
     for label, path in (("recording", recording), ("settings file", settings)):
         if path is not None and not path.exists():
             raise InputError(f"this {label} does not exist", where=str(path), mend="Check the path.")
@@ -106,12 +106,12 @@ def run(
         "name": f"run-{os.getpid()}",
         "wait_for_viewer": 60,
     }
-    edge = _command_words("edge", **source, **moves, **edge_options, **where)
-    edge_restart = _command_words(
-        "edge", **source, **moves, **{**edge_options, "record": _record_again(record)}, **where
+    edge = _command_line("edge", **source, **moves, **edge_options, **where)
+    edge_restart = _command_line(
+        "edge", **source, **moves, **{**edge_options, "record": _restart_take_path(record)}, **where
     )
     film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_COMPILE_TIMEOUT_S:g}"}
-    view = _command_words("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
+    view = _command_line("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
     # Before the edge listens, it compiles its kernels and prepares the mesh. The very first time this takes a
     # minute.
     processes = [
@@ -130,7 +130,7 @@ def run(
         say(f"enliven: the film is {out / 'enliven.mp4'}, the contact sheet {out / 'enliven.png'}")
 
 
-def _record_again(record: Path | None) -> Path | None:
+def _restart_take_path(record: Path | None) -> Path | None:
     """Returns the path for the take of a restarted edge. The take before the restart is kept."""
     if record is None or "{number}" in record.name or "{time}" in record.name:
         return record
@@ -144,7 +144,7 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _need_both_programs() -> None:
+def _check_programs() -> None:
     for package, name in (("enliven_edge", "enliven-edge"), ("enliven_viewer", "enliven-viewer")):
         if importlib.util.find_spec(package) is None:
             raise ResourceError(
@@ -153,7 +153,7 @@ def _need_both_programs() -> None:
             )
 
 
-def _command_words(program: str, /, **options: Any) -> list[str]:
+def _command_line(program: str, /, **options: Any) -> list[str]:
     """Returns a command line. None and False are left out, True gives an option without a value, and a list
     repeats it."""
     words = [program]

@@ -139,7 +139,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
 def _rest_poses(
     lines: list[_Line], clip: Clip, rest: Rest | float, target: Skeleton, turns: _Turns
 ) -> list[tuple[Float, list[_Line]]]:
-    """Returns the rest poses (N, 4) of the take, each with the chains whose motion is relative to it.
+    """Returns the rest poses (N, 4) of the take, with the chains of the plan that each serves.
 
     One rest pose is enough unless a bone of the performer needs two: a leg that drives two legs. Then the
     project contains the take again, relative to another rest pose.

@@ -11,7 +11,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton
 from enliven.errors import InputError
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of, begins_tip
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
 from enliven.mapping.assignment import Drive, assigned, matching_joints, split
@@ -291,7 +291,7 @@ def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> R
     if not is_own_take(clip, shape):
         raise InputError("it has another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
     plan = replace(automatic(clip, shape), travel=True, floor=False)
-    played, _ = playing(project or Project(), shape, clip)
+    played, _ = play_clip(project or Project(), shape, clip)
     theirs, ours = facings(clip, shape, plan)
     return RetargetedShape(played, shape.id, clip, plan, clip.duration, ours, theirs)
 

@@ -15,7 +15,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, joint_places
 from enliven.errors import InputError
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 
 _MAX_JOINT_DIFFERENCE = 1e-6
 """Maximum distance of equal joints in identical skeletons, as a fraction of the size: rounding of files."""
@@ -103,7 +103,7 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
     shape = project.shape(shape_id).with_changes(pins=())
     if name is None:
         return project.with_characters(shape)
-    project, _ = playing(project.with_characters(shape), shape, project.takes[name])
+    project, _ = play_clip(project.with_characters(shape), shape, project.takes[name])
     return looped(project, shape_id) if is_looping(project.takes[name]) else project
 
 

@@ -28,7 +28,7 @@ from enliven.document import (
     Shape,
     unused,
 )
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 from enliven.frames import BodyFrame
 from enliven.modeling.edits import as_take
 from enliven.modeling.possessed import between, even_times
@@ -297,7 +297,7 @@ def _with_character(
         named = replace(character, id=unused(key[0], project.characters))
         still, clip, offset = rigged_of(named, poses, begin)
         take = replace(clip, id=unused(f"{performed.name} on {named.id}", project.takes))
-        project, shape = playing(project, still, take)
+        project, shape = play_clip(project, still, take)
         return project.with_characters(shape.later(offset)), shape.id
     is_replaced = isinstance(existing, GraphShape) or _is_bare(existing)
     holds = holds_among(performed.frames, performed.events, unused(performed.name, project.bodies))

@@ -20,7 +20,7 @@ from enliven.document.project import Project
 from enliven.document.rigged import character_of
 from enliven.errors import InputError
 from enliven.formats.gltf.read import read_gltf
-from enliven.formats.rig.rig import playing
+from enliven.formats.rig.rig import play_clip
 from enliven.meshes import load_mesh
 from enliven.meshes.gltf.parts import strongest
 from enliven.motion.layers.evaluate import Player
@@ -28,7 +28,7 @@ from enliven.motion.layers.evaluate import Player
 
 def vertices_of(rig, clip, frame):
     """(V, 3) the model at a frame of a clip, by our own evaluation and skinning."""
-    project, shape = playing(Project(), rig.shape, clip)
+    project, shape = play_clip(Project(), rig.shape, clip)
     return skin_vertices(character_of(shape), Player(project, shape.id).pose(frame * clip.step))
 
 

@@ -27,7 +27,7 @@ from enliven.formats.project.file import (
     read_project,
     write_project,
 )
-from enliven.formats.project.values import name_of, packed, unpacked
+from enliven.formats.project.values import array_checksum, pack, unpack
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import vertices_of
 
@@ -288,15 +288,15 @@ def test_the_file_from_before_stays_where_a_new_one_cannot_be_written(tmp_path, 
 @given(st.floats(allow_nan=False), st.integers(-(2**60), 2**60), st.text(), st.booleans())
 def test_plain_values_come_back_as_they_are(number, whole, text, flag):
     for hint, value in ((float, number), (int, whole), (str, text), (bool, flag)):
-        again = unpacked(hint, json.loads(json.dumps(packed(value, {}))), {}, "here")
+        again = unpack(hint, json.loads(json.dumps(pack(value, {}))), {}, "here")
         assert same(value, again)
 
 
 def test_equal_arrays_are_kept_once_and_others_apart():
     a = np.arange(6.0)
-    assert name_of(a) == name_of(a.copy())
+    assert array_checksum(a) == array_checksum(a.copy())
     different = [a + 1, a.astype(np.float32), a.reshape(2, 3), -a, np.array([0.0, -0.0])]
-    assert len({name_of(x) for x in (a, *different, np.array([0.0, 0.0]))}) == 7
+    assert len({array_checksum(x) for x in (a, *different, np.array([0.0, 0.0]))}) == 7
     kept: dict[str, np.ndarray] = {}
-    packed((a, a.copy(), a + 1), kept)
+    pack((a, a.copy(), a + 1), kept)
     assert len(kept) == 2

@@ -224,9 +224,9 @@ def without_stream(data, stream, lose):
 
 def without_array(data, array, lose):
     """The file with an array of other numbers, or cut short."""
-    from enliven.formats.project.values import name_of
+    from enliven.formats.project.values import array_checksum
 
-    entry, out = f"arrays/{name_of(array)}.npy", io.BytesIO()
+    entry, out = f"arrays/{array_checksum(array)}.npy", io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as archive, zipfile.ZipFile(out, "w") as rewritten:
         for member in archive.namelist():
             content = archive.read(member)

@@ -13,7 +13,7 @@ _MAX_ROUNDING_STRETCH = 1e-4
 """Largest stretch of a joint beyond 1 that counts as rounding instead of a scale track."""
 
 
-def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> list[LinkBody]:
+def measure_bodies(surface: GltfSurface, chosen: list[int], world: Float) -> list[LinkBody]:
     """Returns a body for each joint.
 
     Args:

@@ -31,7 +31,7 @@ _MAX_CURVE_DEVIATION = 1e-4
 """Maximum deviation of a curve from its clip's frames, in radians or as a fraction of the skeleton's size."""
 
 
-def with_cubic_keys(
+def add_cubic_keys(
     clip: Clip, animation: int, start: float, surface: GltfSurface, tree: Tree, chosen: list[int]
 ) -> Clip:
     """Returns the clip with the cubic keys of its animation, as far as they can be converted to its bones.

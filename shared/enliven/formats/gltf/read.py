@@ -16,18 +16,18 @@ from enliven.arrays import Float, Int
 from enliven.document import Clip, FineFrames, Skeleton, SkinWeights, still_shape, unused
 from enliven.errors import EnlivenError
 from enliven.files import DAMAGE
-from enliven.formats.gltf.bodies import bodies_of
-from enliven.formats.gltf.cubic import with_cubic_keys
+from enliven.formats.gltf.bodies import measure_bodies
+from enliven.formats.gltf.cubic import add_cubic_keys
 from enliven.formats.rig import (
     LinkBody,
     Rig,
     Tree,
+    build_tree,
     clip_tracks,
     joint_drift,
-    on_floor,
-    resized,
-    tree_of,
-    welded,
+    place_on_floor,
+    scale_to_height,
+    weld_shape,
 )
 from enliven.meshes import Mesh
 from enliven.meshes.gltf import (
@@ -47,7 +47,7 @@ from enliven.rotation import continuous
 _MIN_NOTED_MOTION_FRACTION = 1e-3
 """Minimum omitted motion that gets a note, as a fraction of the model's size. Less is not visible."""
 
-_MOST_JOINTS = 4096
+_MAX_JOINTS = 4096
 """Maximum number of joints: that of a pose on the wire (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
 _MIN_NOTED_PAUSE_S = 0.1
 """Minimum pause in seconds before the first key that gets a note. Programs that count frames from 1 leave
@@ -90,15 +90,15 @@ def read_gltf(
         name: name of the shape. If empty, the file's name is used.
         height: height in metres to which the model is scaled. If None, it is not scaled.
         floor: True to put its lowest vertex on the floor.
-        weld: True to join vertices at the same position that follow the same bones; see ``welded``.
+        weld: True to join vertices at the same position that follow the same bones; see ``weld_shape``.
 
     Raises:
         InputError: if the file cannot be read, or has no visible surface.
     """
     rig = _read_unscaled(path, name)
-    rig = resized(rig, height) if height is not None else rig
-    rig = on_floor(rig) if floor else rig
-    return Rig(welded(rig.shape), rig.clips, rig.notes) if weld else rig
+    rig = scale_to_height(rig, height) if height is not None else rig
+    rig = place_on_floor(rig) if floor else rig
+    return Rig(weld_shape(rig.shape), rig.clips, rig.notes) if weld else rig
 
 
 def _read_unscaled(path: Path | str, name: str) -> Rig:
@@ -130,12 +130,12 @@ def _rigged_model(surface: GltfSurface) -> Rig:
     file, parts, mesh, notes = surface.file, surface.parts, surface.mesh, list(surface.notes)
     animations, world = _sampled_animations(file, notes)
     chosen = _joint_candidates(file, parts)
-    if len(chosen) > _MOST_JOINTS:
-        raise file.wrong(f"it has {len(chosen)} joints, and no more than {_MOST_JOINTS} can move")
+    if len(chosen) > _MAX_JOINTS:
+        raise file.wrong(f"it has {len(chosen)} joints, and no more than {_MAX_JOINTS} can move")
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    bodies = bodies_of(surface, chosen, world)
+    bodies = measure_bodies(surface, chosen, world)
     ours = (file.document.asset.generator or "").startswith("enliven ")
-    tree = tree_of(bodies, size, ours)
+    tree = build_tree(bodies, size, ours)
     body_of = {node: number for number, node in enumerate(chosen)}
     skin = _skin_weights(parts, tree, body_of)
     shape = still_shape(mesh.name, tree.skeleton, mesh, skin)
@@ -143,7 +143,7 @@ def _rigged_model(surface: GltfSurface) -> Rig:
     tracks = clip_tracks(bodies, tree, size)
     for animation in animations:
         clip = _animation_clip(animation, tree, bodies, tracks, taken)
-        clips.append(with_cubic_keys(clip, animation.number, animation.start, surface, tree, chosen))
+        clips.append(add_cubic_keys(clip, animation.number, animation.start, surface, tree, chosen))
     notes += tree.notes + _lost_motion_notes(bodies, tree, size)
     return Rig(shape, tuple(clips), tuple(dict.fromkeys(notes)))
 

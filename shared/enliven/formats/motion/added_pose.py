@@ -14,7 +14,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.formats.motion.capture import Capture
 
-_TOO_FAST = 8.0
+_MIN_IMPOSSIBLE_SPEED = 8.0
 """Speed of a joint that no person reaches, in body sizes per second: 14 m/s for an adult. Kicks reach 10
 m/s."""
 _MIN_JUMP_SPEED_RATIO = 4.0
@@ -23,23 +23,23 @@ Captures have smaller glitches of their own."""
 _MIN_FADE_SPEED_RATIO = 1.5
 """Minimum speed of the frames in which an added pose fades into the motion, relative to the rest of the
 take."""
-_LONGEST_FADE_S = 0.3
+_MAX_FADE_S = 0.3
 """Longest fade from an added pose into the motion, in seconds. In resampled files the jump is spread over
 some frames."""
 _MIN_JUMP_BODY_SIZES = 0.15
 """Minimum jump of a joint, as a multiple of the body size. A smaller jump hardly shows."""
-_LONGEST_HOLD_S = 2.0
+_MAX_HOLD_S = 2.0
 """Longest time for which an added pose is held, in seconds."""
 _SAME_POSE_BODY_SIZES = 1e-5
 """Maximum motion of a joint between two frames of a held pose, in body sizes. People are never that still."""
-_LEAST_REST = 5
+_MIN_OTHER_INTERVALS = 5
 """Minimum number of frame intervals in the rest of a take. With fewer, it cannot be judged as smooth."""
-_AT_REST = 0.05
+_MAX_REST_POSE_DISTANCE = 0.05
 """Maximum mean distance of the joints from the rest pose in a frame that shows it, as a multiple of the body
 size."""
 
 
-def added_frames(
+def count_added_frames(
     places: Float, seconds: float, rest: Float | None = None, only_rest: bool = False
 ) -> tuple[int, int]:
     """Returns the numbers of frames at the start and at the end of a motion that show an added pose.
@@ -59,16 +59,16 @@ def added_frames(
 
 def without_added_poses(capture: Capture) -> Capture:
     """Returns the capture without the added poses at its ends, with a note about the removed frames."""
-    begin, end = added_frames(capture.positions, capture.seconds)
+    begin, end = count_added_frames(capture.positions, capture.seconds)
     if not (begin or end):
         return capture
     kept = slice(begin, capture.frames - end)
-    notes = (*capture.notes, *told_added(begin, end))
+    notes = (*capture.notes, *added_frame_notes(begin, end))
     positions, rotations = capture.positions[kept], capture.rotations[kept]
     return replace(capture, positions=positions, rotations=rotations, notes=notes)
 
 
-def told_added(begin: int, end: int) -> tuple[str, ...]:
+def added_frame_notes(begin: int, end: int) -> tuple[str, ...]:
     """Returns notes about the frames that were removed at the start and at the end."""
     return tuple(
         f"the {where} {f'{count} frames are' if count > 1 else 'frame is'} not part of the motion (an added "
@@ -81,15 +81,15 @@ def told_added(begin: int, end: int) -> tuple[str, ...]:
 def _added_frame_count(places: Float, seconds: float, rest: Float | None, only_rest: bool) -> int:
     """Returns the number of frames at the start that show an added pose."""
     size = float(np.ptp(places[len(places) // 2], axis=0).max())
-    if len(places) < _LEAST_REST + 2 or size <= 0.0:
+    if len(places) < _MIN_OTHER_INTERVALS + 2 or size <= 0.0:
         return 0
     steps = np.linalg.norm(np.diff(places, axis=0), axis=2).max(1) / size
     moving = np.flatnonzero(steps > _SAME_POSE_BODY_SIZES)
     held = int(moving[0]) if len(moving) else 0
-    fade = max(round(_LONGEST_FADE_S / seconds), 1)
+    fade = max(round(_MAX_FADE_S / seconds), 1)
     # Leave out the other end as well, because it may have an added pose of its own.
     others = steps[held + fade : len(steps) - fade]
-    if held * seconds > _LONGEST_HOLD_S or len(others) < _LEAST_REST:
+    if held * seconds > _MAX_HOLD_S or len(others) < _MIN_OTHER_INTERVALS:
         return 0
     usual, shows_rest = float(others.max()), rest is not None and _is_rest_pose(places[0], rest, size)
     if only_rest and not shows_rest:
@@ -101,11 +101,13 @@ def _added_frame_count(places: Float, seconds: float, rest: Float | None, only_r
         return 0
     far = float(np.linalg.norm(places[held + count] - places[0], axis=1).max()) / size
     return (
-        held + count if far > _MIN_JUMP_BODY_SIZES and (shows_rest or first[0] > _TOO_FAST * seconds) else 0
+        held + count
+        if far > _MIN_JUMP_BODY_SIZES and (shows_rest or first[0] > _MIN_IMPOSSIBLE_SPEED * seconds)
+        else 0
     )
 
 
 def _is_rest_pose(pose: Float, rest: Float, size: float) -> bool:
     """Returns True if a pose (N, 3) is the rest pose, independent of the root's position."""
     apart = np.linalg.norm((pose - pose[0]) - (rest - rest[0]), axis=1)
-    return bool(apart.mean() < _AT_REST * size)
+    return bool(apart.mean() < _MAX_REST_POSE_DISTANCE * size)

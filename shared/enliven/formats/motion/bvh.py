@@ -12,20 +12,20 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.errors import InputError
 from enliven.files import decode_text, open_file, read_file
-from enliven.formats.motion.capture import Capture, composed
+from enliven.formats.motion.capture import Capture, forward_kinematics
 from enliven.meshes import WrongWordError, blocks, lines_of, numbers_in, word_starts
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 """Column of each rotation or translation axis in a vector."""
-_LONGEST_FRAME = 1.0
+_MAX_FRAME_TIME_S = 1.0
 """Longest plausible frame time, in seconds. No capture is slower than one frame a second, so a longer time
 means that the header is damaged."""
-_MOST_DEEP = 256
+_MAX_DEPTH_JOINTS = 256
 """Maximum depth of the hierarchy in joints. The deepest known skeletons, with tails and ropes, have about
 60."""
-_MOST_JOINTS = 4096
+_MAX_JOINTS = 4096
 """Maximum number of joints: that of a pose on the wire."""
-_MOST_PLACES = 1 << 24
+_MAX_JOINT_SAMPLES = 1 << 24
 """Maximum number of frames times joints: 93 min of 25 joints at 120 frames a second. It takes 3 GB of
 rotations and positions."""
 _MAX_HEAD_BYTES = 1 << 24
@@ -161,7 +161,7 @@ def parse_bvh(text: str, path: Path = Path("bvh")) -> Capture:
     promised, seconds = _read_header(words)
     rows, notes = _read_rows(words, tree, promised)
     offsets, rotations = _local_motion(tree, rows)
-    positions, world = composed(tuple(tree.parents), offsets, rotations)
+    positions, world = forward_kinematics(tuple(tree.parents), offsets, rotations)
     return Capture(tuple(tree.names), tuple(tree.parents), positions, world, seconds, notes)
 
 
@@ -208,9 +208,11 @@ def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, l
         name = words.next("a name")
     if not name:
         raise words.wrong(f"{kind} has no name", line=line)
-    if len(chain) >= _MOST_DEEP or len(tree.names) >= _MOST_JOINTS:
+    if len(chain) >= _MAX_DEPTH_JOINTS or len(tree.names) >= _MAX_JOINTS:
         excess = (
-            f"is deeper than {_MOST_DEEP}" if len(chain) >= _MOST_DEEP else f"has more than {_MOST_JOINTS}"
+            f"is deeper than {_MAX_DEPTH_JOINTS}"
+            if len(chain) >= _MAX_DEPTH_JOINTS
+            else f"has more than {_MAX_JOINTS}"
         )
         problem = f"the hierarchy {excess} joints"
         raise words.wrong(problem, "No skeleton is that large: export it again.", line)
@@ -261,7 +263,7 @@ def _read_header(words: _Words) -> tuple[int, float]:
         raise words.wrong("expected 'Frames:' and their number")
     time = _after_label(words, "frametime", "'Frame Time:' and seconds")
     (seconds,) = words.numbers([time], 1, "Frame Time", words.line)
-    if not 0.0 < seconds <= _LONGEST_FRAME:
+    if not 0.0 < seconds <= _MAX_FRAME_TIME_S:
         raise words.wrong(f"a frame lasts {seconds} s")
     return int(count), seconds
 
@@ -286,7 +288,7 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
     """
     width, joints = sum(map(len, tree.channels)), len(tree.names)
     first_line, text = words.rest()
-    most = _MOST_PLACES // joints
+    most = _MAX_JOINT_SAMPLES // joints
     body = _COMMENT_PATTERN.sub("", text).encode()
     parts, counts, lines = list[Float](), list[Int](), list[Int]()
     total = 0

@@ -45,7 +45,7 @@ class Capture:
         return (self.frames - 1) * self.seconds
 
 
-def composed(parents: tuple[int, ...], offsets: Float, rotations: Float) -> tuple[Float, Float]:
+def forward_kinematics(parents: tuple[int, ...], offsets: Float, rotations: Float) -> tuple[Float, Float]:
     """Returns positions and world rotations of all joints, computed by forward kinematics.
 
     Args:

@@ -16,7 +16,7 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import decode_text, read_file
 from enliven.formats.motion.bvh import about
-from enliven.formats.motion.capture import Capture, composed
+from enliven.formats.motion.capture import Capture, forward_kinematics
 from enliven.rotation import from_rotation_vector, to_matrix
 
 COLUMNS = 117
@@ -89,7 +89,7 @@ def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
     offsets = np.tile(np.array([offset for _, _, offset in _JOINTS]), (len(rows), 1, 1))
     offsets[:, 0] = rows[:, :3]
     parents = tuple(parent for _, parent, _ in _JOINTS)
-    positions, world = composed(parents, offsets, rotations)
+    positions, world = forward_kinematics(parents, offsets, rotations)
     return Capture(tuple(name for name, _, _ in _JOINTS), parents, positions, world, SECONDS)
 
 

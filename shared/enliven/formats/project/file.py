@@ -27,30 +27,30 @@ from enliven.errors import InputError, refuse_later_version
 from enliven.files import DAMAGE, read_file, write_file
 from enliven.formats.npy import array_of
 from enliven.formats.project.file_kinds import kind_of
-from enliven.formats.project.lost_motion import with_lost_motion
-from enliven.formats.project.upgrades import characters_of_kinds
-from enliven.formats.project.values import UnknownFieldError, name_of, packed, unpacked
+from enliven.formats.project.lost_motion import replace_lost_motion
+from enliven.formats.project.upgrades import combine_characters
+from enliven.formats.project.values import UnknownFieldError, array_checksum, pack, unpack
 
 VERSION = 2
 """The version of the format. An added field needs no new version, but a changed meaning of an existing field
 does."""
-_UPGRADE_BY_VERSION: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: characters_of_kinds}
+_UPGRADE_BY_VERSION: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: combine_characters}
 """For each older version: the function that converts its project object to that of the next version."""
 _FORMAT = "enliven project"
 _HEADER, _ARRAYS = "project.json", "arrays/"
 _READABLE_ZIP_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """Accepted zip methods: stored and deflated. Other methods can allocate gigabytes before the first byte.
 """
-_FREE_BYTES = 1 << 28
+_BASE_UNPACKED_BYTES = 1 << 28
 """Unpacked size, in bytes, that is allowed for every file: 256 MB. Equal numbers of that size pack to 300
 kB."""
-_MOST_RATIO = 20
+_MAX_UNPACKED_RATIO = 20
 """Maximum number of additional unpacked bytes per byte of the file. Motion packs to a third, so the limit has
 a margin."""
 _COMPRESSION_LEVEL = 1
 """Compression level of zip. The file is 3 % larger than with the default 6, but takes a quarter of the time.
 An edit on a stage waits for it."""
-_LONG_AGO = (1980, 1, 1, 0, 0, 0)
+_ZIP_ENTRY_DATE = (1980, 1, 1, 0, 0, 0)
 """Date of every zip entry, the earliest that zip can store: equal projects make equal files."""
 
 
@@ -71,7 +71,7 @@ def refuse_later_project(path: Path) -> None:
         return
     try:
         with zipfile.ZipFile(path) as archive:
-            if archive.getinfo(_HEADER).file_size > _FREE_BYTES:
+            if archive.getinfo(_HEADER).file_size > _BASE_UNPACKED_BYTES:
                 return
             header = json.loads(_unpacked_entry(archive, _HEADER))
     except (OSError, zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE):
@@ -98,7 +98,7 @@ def project_bytes(project: Project) -> bytes:
     """Returns the bytes that :func:`write_project` writes."""
     arrays: dict[str, AnyArray] = {}
     header = {"format": _FORMAT, "version": VERSION, "made_by": __version__}
-    header["project"] = packed(project, arrays)
+    header["project"] = pack(project, arrays)
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         text = json.dumps(header, ensure_ascii=False, separators=(",", ":"))
@@ -130,14 +130,14 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
         problem = "it is cut short or damaged: its archive cannot be unpacked"
         raise InputError(problem, where=where, mend="Take an earlier copy.") from None
     try:
-        project, lost = with_lost_motion(header["project"], arrays)
+        project, lost = replace_lost_motion(header["project"], arrays)
         if damaged - lost:
             raise InputError("an array in it is damaged", where="project")
-        document = unpacked(Project, project, arrays, "project")
+        document = unpack(Project, project, arrays, "project")
     except InputError as error:
         mend = error.mend or "Take an earlier copy."
         if isinstance(error, UnknownFieldError):
-            mend = _mend_unknown(header.get("made_by"))
+            mend = _unknown_field_advice(header.get("made_by"))
         raise InputError(error.what, where=f"{where}, {error.where}", mend=mend) from None
     except DAMAGE as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
@@ -147,7 +147,7 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
     return document
 
 
-def _mend_unknown(made_by: Any) -> str:
+def _unknown_field_advice(made_by: Any) -> str:
     """Returns the advice about a field that this version does not know.
 
     Args:
@@ -160,7 +160,7 @@ def _mend_unknown(made_by: Any) -> str:
 
 def _zip_entry(name: str) -> zipfile.ZipInfo:
     """Returns a zip entry with a fixed date, so that equal projects give equal files."""
-    info = zipfile.ZipInfo(name, _LONG_AGO)
+    info = zipfile.ZipInfo(name, _ZIP_ENTRY_DATE)
     info.compress_type = zipfile.ZIP_DEFLATED
     return info
 
@@ -169,7 +169,7 @@ def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, most: int | 
     """Raises an error, before unpacking, if the declared unpacked size is larger than that of any project."""
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
-    if total > (_FREE_BYTES + _MOST_RATIO * packed if most is None else most):
+    if total > (_BASE_UNPACKED_BYTES + _MAX_UNPACKED_RATIO * packed if most is None else most):
         problem = f"its {packed} bytes would unpack to {total} bytes, which is too much"
         raise InputError(problem, where=where, mend="Ask for the project again.")
     if any(entry.compress_type not in _READABLE_ZIP_METHODS for entry in entries):
@@ -204,7 +204,7 @@ def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[
     version, project = header.get("version"), header.get("project")
     # This check comes first, because a later version may store everything else in another way.
     _refuse_later(header, where)
-    if not _is_whole(version) or not isinstance(project, dict) or version < 1:
+    if not _is_integer(version) or not isinstance(project, dict) or version < 1:
         raise InputError("its header is damaged", where=where, mend="Take an earlier copy.")
     for step in range(version, VERSION):
         project = _UPGRADE_BY_VERSION[step](project)
@@ -215,11 +215,11 @@ def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[
 def _refuse_later(header: dict[str, Any], where: str) -> None:
     """Raises LaterVersionError if a header states a later version."""
     version, maker = header.get("version"), header.get("made_by")
-    if _is_whole(version):
+    if _is_integer(version):
         refuse_later_version(version, VERSION, where, f"enliven {maker}" if maker else "")
 
 
-def _is_whole(version: Any) -> TypeGuard[int]:
+def _is_integer(version: Any) -> TypeGuard[int]:
     return isinstance(version, int) and not isinstance(version, bool)
 
 
@@ -235,7 +235,7 @@ def _read_arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str
             array = array_of(_unpacked_entry(archive, entry))
         except (OSError, zipfile.BadZipFile, zlib.error, *DAMAGE):
             array = None
-        if array is None or name_of(array) != name:
+        if array is None or array_checksum(array) != name:
             damaged.add(name)
         else:
             arrays[name] = array

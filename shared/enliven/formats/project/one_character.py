@@ -25,7 +25,7 @@ def character_bytes(project: Project, character: str, textures: int = 0) -> byte
         InputError: if the character does not exist.
     """
     rig = project.character(character)
-    return project_bytes(_project_of_one(rig, project, painted=0 < texture_bytes(rig) <= textures))
+    return project_bytes(_one_character_project(rig, project, painted=0 < texture_bytes(rig) <= textures))
 
 
 def texture_bytes(one: RigBase) -> int:
@@ -44,7 +44,7 @@ def project_of_mesh(mesh: Mesh, name: str) -> Project:
     return Project().with_streams(shape_and_stream[1]).with_characters(shape_and_stream[0])
 
 
-def _project_of_one(one: RigBase, project: Project, *, painted: bool) -> Project:
+def _one_character_project(one: RigBase, project: Project, *, painted: bool) -> Project:
     """Returns a project with a character at rest, and the takes that it needs at rest."""
     still, streams = one.at_rest(None if one.mesh is None else _lightened_mesh(one.mesh, painted))
     takes = (project.takes[name] for name in still.needed()["takes"])

@@ -10,7 +10,7 @@ _VERSION_1_MAPS: dict[str, type[RigBase]] = {"shapes": Shape, "graphs": GraphSha
 """The maps of characters in version 1 with the rig of each, in the order in which they were combined."""
 
 
-def characters_of_kinds(project: dict[str, Any]) -> dict[str, Any]:
+def combine_characters(project: dict[str, Any]) -> dict[str, Any]:
     """Upgrades version 1 to 2: combines three maps of characters to one, and moves layers into their shapes.
 
     Ids were unique within a map only, so a repeated id gets a number.

@@ -30,20 +30,20 @@ class UnknownFieldError(InputError):
     it."""
 
 
-def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
+def pack(value: Any, arrays: dict[str, AnyArray]) -> Any:
     """Returns ``value`` as JSON, and adds its arrays to ``arrays`` by a checksum of their content."""
     if isinstance(value, np.ndarray):
-        name = name_of(value)
+        name = array_checksum(value)
         arrays[name] = value
         return {ARRAY: name}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = [field.name for field in dataclasses.fields(value) if field.init]
-        packed_fields = {name: packed(getattr(value, name), arrays) for name in fields}
+        packed_fields = {name: pack(getattr(value, name), arrays) for name in fields}
         return {KIND: value.kind, **packed_fields} if isinstance(value, RigBase) else packed_fields
     if isinstance(value, Mapping):
-        return {str(key): packed(inner, arrays) for key, inner in value.items()}
+        return {str(key): pack(inner, arrays) for key, inner in value.items()}
     if isinstance(value, (tuple, list)):
-        return [packed(inner, arrays) for inner in value]
+        return [pack(inner, arrays) for inner in value]
     if value is None or isinstance(value, str | bool | int | float):
         return value
     if isinstance(value, np.generic):
@@ -51,14 +51,14 @@ def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
     raise TypeError(f"a document cannot hold a {type(value).__name__}")
 
 
-def name_of(array: AnyArray) -> str:
+def array_checksum(array: AnyArray) -> str:
     """Returns the name of an array: a checksum of its type, shape and numbers."""
     digest = hashlib.blake2b(f"{array.dtype.str}{array.shape}".encode(), digest_size=16)
     digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 
-def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
+def unpack(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
     """Converts JSON to a value of the type ``hint``.
 
     Raises:
@@ -69,7 +69,7 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
         if value is None and type(None) in arguments:
             return None
         inner = next(argument for argument in arguments if argument is not type(None))
-        return unpacked(inner, value, arrays, where)
+        return unpack(inner, value, arrays, where)
     if hint is RigBase:
         return _read_rig(_checked_type(value, dict, where), arrays, where)
     if origin is np.ndarray:
@@ -85,7 +85,7 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
         return value
     if origin is not None and issubclass(origin, Mapping):
         table = _checked_type(value, dict, where)
-        return {key: unpacked(arguments[1], v, arrays, f"{where}.{key}") for key, v in table.items()}
+        return {key: unpack(arguments[1], v, arrays, f"{where}.{key}") for key, v in table.items()}
     if origin is tuple:
         return _read_tuple(arguments, _checked_type(value, list, where), arrays, where)
     if hint is Any:
@@ -112,7 +112,7 @@ def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray],
     arguments = {}
     for name, field in fields.items():
         if name in table:
-            arguments[name] = unpacked(hints[name], table[name], arrays, f"{where}.{name}")
+            arguments[name] = unpack(hints[name], table[name], arrays, f"{where}.{name}")
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise InputError(f"{name!r} is missing", where=where)
     return kind(**arguments)
@@ -124,7 +124,7 @@ def _read_tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, 
         raise InputError(f"it has {len(values)} values, expected {len(hints)}", where=where)
     each = [hints[0]] * len(values) if many else list(hints)
     return tuple(
-        unpacked(hint, value, arrays, f"{where}[{number}]")
+        unpack(hint, value, arrays, f"{where}[{number}]")
         for number, (hint, value) in enumerate(zip(each, values, strict=True))
     )
 

@@ -34,7 +34,7 @@ class Rig:
     notes: tuple[str, ...] = ()
 
 
-def resized(rig: Rig, height: float) -> Rig:
+def scale_to_height(rig: Rig, height: float) -> Rig:
     """Returns the model scaled to ``height`` metres.
 
     Raises:
@@ -48,7 +48,7 @@ def resized(rig: Rig, height: float) -> Rig:
     return _scaled_and_moved(rig, height / tall, np.zeros(3))
 
 
-def on_floor(rig: Rig) -> Rig:
+def place_on_floor(rig: Rig) -> Rig:
     """Returns the model with its lowest vertex at y = 0; x and z do not change."""
     mesh = rig.shape.mesh
     points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
@@ -74,7 +74,7 @@ def _resized_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Cl
     return replace(clip, skeleton=skeleton, root=root, offsets=offsets, fine=fine, cubic=cubic)
 
 
-def welded(shape: Shape) -> Shape:
+def weld_shape(shape: Shape) -> Shape:
     """Returns the shape with vertices merged if they have the same position and skin weights. Cuts and merges
     need this.
 
@@ -98,7 +98,7 @@ def welded(shape: Shape) -> Shape:
     return shape.with_changes(mesh=joined, skin=SkinWeights(skin.indices[kept], skin.weights[kept]))
 
 
-def playing(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]:
+def play_clip(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]:
     """Returns the project with the shape added. All bones and the root play a clip of the shape's own
     skeleton.
 

@@ -26,7 +26,7 @@ _MIN_MISFIT_RATIO = 3.0
 is mostly right."""
 _MIN_ROOT_SURFACE_FRACTION = 0.1
 """Minimum fraction of the surface that a root must carry. Lighter branches are loose parts, not the body."""
-_LOOKED_AT = 150
+_COMPARED_FRAMES = 150
 """Number of frames of all animations together that are compared. It is enough to see a link break, and the
 cost is quadratic in the joints."""
 
@@ -91,7 +91,7 @@ class Links:
         return next(j for j, parent in self.parents.items() if parent < 0)
 
 
-def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
+def find_links(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
     """Returns the tree of the joints. Among all detached parts, the root is the one that gives the smallest
     misfit.
 
@@ -128,7 +128,7 @@ def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
     return links
 
 
-def downward(parents: dict[int, int]) -> list[int]:
+def depth_first_order(parents: dict[int, int]) -> list[int]:
     """Returns the bodies in depth-first order, each after its parent."""
     below: dict[int, list[int]] = {}
     for j, parent in parents.items():
@@ -144,7 +144,7 @@ def _rest_misfits(bodies: list[LinkBody]) -> Float:
     """Returns (J, J) metres, the root mean square deviation of body j from its rest position relative to body
     p."""
     count, frames = len(bodies), len(bodies[0].places)
-    looked = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _LOOKED_AT)).astype(int))
+    looked = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _COMPARED_FRAMES)).astype(int))
     if frames == 0:
         return np.zeros((count, count))
     rest = np.stack([body.rest for body in bodies])
@@ -234,7 +234,7 @@ def _mean_misfit(bodies: list[LinkBody], links: Links, off: Float) -> float:
     """Returns the mean distance in metres, over the surface, between the vertices and their true
     positions."""
     away = {j: 0.0 if p < 0 else float(off[j, p]) for j, p in links.parents.items()}
-    for j in downward(links.parents):
+    for j in depth_first_order(links.parents):
         if links.parents[j] >= 0:
             away[j] += away[links.parents[j]]
     away.update({j: float(off[j, links.root]) for j in links.merged})

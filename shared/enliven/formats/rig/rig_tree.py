@@ -26,10 +26,10 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Skeleton, stretched, unused
-from enliven.formats.rig.rig_links import LinkBody, downward, links_of
+from enliven.formats.rig.rig_links import LinkBody, depth_first_order, find_links
 from enliven.rotation import conjugate, rotate, stretch_of
 
-_SAME_PLACE = 2e-5
+_MAX_REST_DISTANCE_FRACTION = 2e-5
 """Maximum distance of two joints that count as one place, as a fraction of the size. It covers rounding
 errors of files."""
 _MIN_TRACK_MOTION_FRACTION = 1e-4
@@ -38,7 +38,7 @@ is a rounding error."""
 _MAX_STRAY_SURFACE_FRACTION = 0.01
 """Maximum fraction of the surface that follows a body only by stray weights. Such a body is drawn with the
 root."""
-_SAME_PLACE_FRACTION = 1e-3
+_MAX_MOVING_DISTANCE_FRACTION = 1e-3
 """Maximum distance over time of joints of one place that still count as one, as a fraction of the size. Less
 is not visible."""
 _STRAIGHT_BONE_COSINE = np.cos(np.radians(25.0))
@@ -73,7 +73,7 @@ class Tree:
     notes: list[str]
 
 
-def tree_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree:
+def build_tree(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree:
     """Returns the skeleton of a rig.
 
     Args:
@@ -81,15 +81,15 @@ def tree_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree:
         size: size of the whole model in metres.
         as_is: True to keep the file's parents, for a file that enliven has written from such a skeleton.
     """
-    links = links_of(bodies, size, as_is)
-    places = _joined_bodies(bodies, links.parents, size)
-    apart = [j for j in links.merged if _parts_from_root(bodies, j, links.root, size)]
+    links = find_links(bodies, size, as_is)
+    places = _bodies_by_position(bodies, links.parents, size)
+    apart = [j for j in links.merged if _moves_from_root(bodies, j, links.root, size)]
     tree = _build_skeleton(bodies, links.parents, places, size, links.notes, apart)
     tree.bone.update(dict.fromkeys((j for j in links.merged if j not in apart), 0))
     return tree
 
 
-def _parts_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> bool:
+def _moves_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> bool:
     """Returns True if a body above the root moves relative to it, and carries more surface than stray weights
     do."""
     if bodies[j].mass <= _MAX_STRAY_SURFACE_FRACTION * sum(body.mass for body in bodies):
@@ -97,7 +97,9 @@ def _parts_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> 
     expected = bodies[root].places + bodies[root].moved(bodies[j].rest - bodies[root].rest)
     away = np.linalg.norm(expected - bodies[j].places, axis=1).max(initial=0.0)
     turned = np.abs(np.sum(bodies[root].turns * bodies[j].turns, axis=1)).min(initial=1.0)
-    return bool(away > _SAME_PLACE_FRACTION * size or turned < 1.0 - _SAME_PLACE_FRACTION**2)
+    return bool(
+        away > _MAX_MOVING_DISTANCE_FRACTION * size or turned < 1.0 - _MAX_MOVING_DISTANCE_FRACTION**2
+    )
 
 
 def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
@@ -142,11 +144,11 @@ def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float 
     return offsets if offsets.any() else None, strains if strains.any() else None
 
 
-def _joined_bodies(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
+def _bodies_by_position(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
     """Returns for each body the first body at the same position that is its parent or sibling, or else
     itself."""
     first: dict[int, int] = {}
-    for j in downward(parents):
+    for j in depth_first_order(parents):
         if parents[j] < 0:
             first[j] = j
             continue
@@ -159,10 +161,10 @@ def _joined_bodies(bodies: list[LinkBody], parents: dict[int, int], size: float)
 
 def _is_same_place(bodies: list[LinkBody], a: int, b: int, size: float) -> bool:
     """Returns True if two bodies are at the same position at rest and in all frames."""
-    if np.linalg.norm(bodies[a].rest - bodies[b].rest) > _SAME_PLACE * size:
+    if np.linalg.norm(bodies[a].rest - bodies[b].rest) > _MAX_REST_DISTANCE_FRACTION * size:
         return False
     away = np.linalg.norm(bodies[a].places - bodies[b].places, axis=1)
-    return bool(away.max(initial=0.0) <= _SAME_PLACE_FRACTION * size)
+    return bool(away.max(initial=0.0) <= _MAX_MOVING_DISTANCE_FRACTION * size)
 
 
 def _build_skeleton(
@@ -183,14 +185,14 @@ def _build_skeleton(
         names[home] = min(names.get(home, bodies[j].name), bodies[j].name, key=len)
     joints = _Joints(size)
     number: dict[int, int] = {}
-    for j in downward(parents):
+    for j in depth_first_order(parents):
         if first[j] != j:
             continue
         above = -1 if parents[j] < 0 else number[first[parents[j]]]
         number[j] = joints.add(names[j], above, bodies[j].rest, parents[j] if above >= 0 else j, j)
     root = next(j for j in parents if parents[j] < 0)
     bone: dict[int, int] = {}
-    for j in downward(parents):
+    for j in depth_first_order(parents):
         home = number[first[j]]
         if j == root and len(joints.names) > 1:
             bone[j] = 0
@@ -267,7 +269,7 @@ class _Joints:
     def sorted(self, bone: dict[int, int]) -> tuple[Skeleton, list[int], list[int], dict[int, int]]:
         """Returns the skeleton with joints in depth-first order, and the drivers, bodies and bones in this
         order."""
-        order = downward(dict(enumerate(self.parents)))
+        order = depth_first_order(dict(enumerate(self.parents)))
         new = {old: k for k, old in enumerate(order)}
         above = [-1 if self.parents[old] < 0 else new[self.parents[old]] for old in order]
         names = tuple(self.names[old] for old in order)
