@@ -65,7 +65,7 @@ def new(
     """
     need_folder(output)
     from enliven.document import Project
-    from enliven.example_sessions import MeshTable, TakeTable, fitted, write_session
+    from enliven.example_sessions import MeshTable, TakeTable, fit_mesh, write_session
     from enliven.meshes import load_mesh
     from enliven.modeling.puppet import suggested_puppet
     from enliven.takes import read_take
@@ -76,7 +76,7 @@ def new(
     clip, more = read_take(take, animation, start, end)
     _print_result(*notes, *more)
     project = Project().with_takes(clip)
-    puppet_project = suggested_puppet(project, fitted(loaded, mesh_from), clip.id, mesh.stem, points, poses)
+    puppet_project = suggested_puppet(project, fit_mesh(loaded, mesh_from), clip.id, mesh.stem, points, poses)
     write_session(output, puppet_project, mesh.stem, mesh_from, {clip.id: take_from})
     puppet = puppet_project.puppets[mesh.stem]
     say(
@@ -98,7 +98,7 @@ def check(
       enliven examples check CACTUS.toml
       enliven examples check SHOW.enliven --puppet cactus
     """
-    from enliven.examples import coverage_of, missing, motion_of, unposed
+    from enliven.examples import describe_unposed, measure_coverage, missing, motion_of
 
     source = open_puppet(session, puppet)
     project, character = source.project, source.puppet
@@ -108,7 +108,7 @@ def check(
     say(f"enliven: {character.id}: {len(character.points)} control points: {pairs or 'none'}")
     shown = ", ".join(f"{pose.time:.2f} s of {pose.take}" for pose in character.poses)
     say(f"enliven: {len(character.poses)} key poses: {shown or 'none'}")
-    lacking = [*missing(project, character), *unposed(character)]
+    lacking = [*missing(project, character), *describe_unposed(character)]
     if not character.layers:
         lacking.append("Add the motion to play: [[layer]].")
     for sentence in lacking:
@@ -116,7 +116,7 @@ def check(
     if missing(project, character):
         raise typer.Exit(3)
     for number in range(len(character.layers)):
-        say(f"enliven: {coverage_of(project, character, number)}")
+        say(f"enliven: {measure_coverage(project, character, number)}")
         _print_result(*motion_of(project, character, number).notes)
     if lacking:
         raise typer.Exit(3)
@@ -149,7 +149,7 @@ def fit(
       enliven examples fit SHOW.enliven --puppet cactus -o cactus.mcap
       enliven examples fit CACTUS.toml -o cactus.enliven
     """
-    from enliven.examples import missing, motion_of, unposed
+    from enliven.examples import describe_unposed, missing, motion_of
 
     write = find_writer(output)
     need_folder(sheet)
@@ -160,7 +160,7 @@ def fit(
     if output.suffix.lower() != ".enliven":
         # A project may still be posed in the studio, but a film of an unposed character would show a sliding
         # statue.
-        lacking = (*lacking, *unposed(character))
+        lacking = (*lacking, *describe_unposed(character))
     if lacking:
         raise InputError("it cannot move yet", where=str(session), mend=" ".join(lacking))
     if not any(not layer.muted for layer in character.layers):

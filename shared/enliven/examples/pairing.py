@@ -21,7 +21,7 @@ import scipy
 from enliven.arrays import Float, Int
 from enliven.document import Clip, Skeleton
 from enliven.examples.performer import performed
-from enliven.examples.puppet_examples import Weak
+from enliven.examples.puppet_examples import IdentityKey
 from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_about_y
 
 _LIMB_MIDDLE_COST = 0.65
@@ -97,11 +97,11 @@ class JointMotion:
 
 def joint_motion(clip: Clip) -> JointMotion:
     """Returns how much each joint moves in a take, from a cache if possible."""
-    return _take_motion(Weak(clip))
+    return _take_motion(IdentityKey(clip))
 
 
 @lru_cache(maxsize=_CACHED_TAKES)
-def _take_motion(take: Weak[Clip]) -> JointMotion:
+def _take_motion(take: IdentityKey[Clip]) -> JointMotion:
     clip = take()
     skeleton = clip.skeleton
     poses = performed(clip, skeleton.names).poses
@@ -149,7 +149,7 @@ def guess_joints(
     anatomy = anatomy_of(skeleton)
     root = skeleton.names[anatomy.trunk[0]]
     level = turned_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
-    level = _with_arms_out(level, anatomy)
+    level = _extend_arms(level, anatomy)
     candidates = [
         candidate
         for candidate in _joint_costs(anatomy, skeleton)
@@ -212,7 +212,7 @@ def foot_joints(skeleton: Skeleton) -> frozenset[str]:
     return frozenset(skeleton.names[joint] for limb in limbs for joint in _hand_joints(skeleton, limb))
 
 
-def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> list[int]:
+def keep_one_point_per_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> list[int]:
     """Selects control points such that only one joint of each hand or foot is followed.
 
     Points that share a joint because there are not enough joints are kept.
@@ -277,7 +277,7 @@ def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) ->
     """Returns the columns of middle joints one by one, and those of the sides in pairs."""
     column = {joint: number for number, joint in enumerate(joints)}
     images = _mirror_images(anatomy, len(skeleton))
-    aside = {joint for limb in _all_limbs(anatomy) for joint in skeleton.below(_own_joints(limb)[0])}
+    aside = {joint for limb in _all_limbs(anatomy) for joint in skeleton.below(_limb_joints(limb)[0])}
     units = list[_Unit]()
     for joint, number in column.items():
         other = int(images[joint])
@@ -293,7 +293,7 @@ def _mirror_images(anatomy: Anatomy, count: int) -> Int:
     themselves."""
     images = np.arange(count)
     for left, right in anatomy.pairs:
-        for left_joint, right_joint in zip(_own_joints(left)[::-1], _own_joints(right)[::-1], strict=False):
+        for left_joint, right_joint in zip(_limb_joints(left)[::-1], _limb_joints(right)[::-1], strict=False):
             images[left_joint], images[right_joint] = right_joint, left_joint
     return images
 
@@ -312,7 +312,7 @@ def _hand_joints(skeleton: Skeleton, limb: SkeletonLimb) -> set[int]:
     return set(skeleton.below(first)) if first is not None else {limb.chain[-1]}
 
 
-def _own_joints(limb: SkeletonLimb) -> tuple[int, ...]:
+def _limb_joints(limb: SkeletonLimb) -> tuple[int, ...]:
     """Returns the joints of a limb without the junction that it starts from."""
     return limb.chain[max(limb.start, 1) :]
 
@@ -334,7 +334,7 @@ def _upper_body_candidates(found: list[_Candidate], anatomy: Anatomy, skeleton: 
     ]
 
 
-def _with_arms_out(level: Float, anatomy: Anatomy) -> Float:
+def _extend_arms(level: Float, anatomy: Anatomy) -> Float:
     """Returns (N, 3) joints with the arms held out to the sides. In a hanging arm, the hand would be below
     its elbow."""
     out = level.copy()

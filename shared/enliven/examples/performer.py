@@ -46,7 +46,7 @@ def performed(clip: Clip, joints: Sequence[str]) -> PerformerClip:
     numbers = [clip.skeleton.index(name) for name in joints]
     world = joint_places(clip, numbers)[:, numbers]
     yaw = np.unwrap(yaw_of(clip.turns[:, 0]))
-    return PerformerClip(in_body(world, clip.root, yaw), world, clip.root, yaw, clip.step)
+    return PerformerClip(to_body_frame(world, clip.root, yaw), world, clip.root, yaw, clip.step)
 
 
 def yaw_of(turns: Float) -> Float:
@@ -54,6 +54,6 @@ def yaw_of(turns: Float) -> Float:
     return np.asarray(2.0 * np.arctan2(turns[..., 2], turns[..., 0]))
 
 
-def in_body(places: Float, root: Float, yaw: Float) -> Float:
+def to_body_frame(places: Float, root: Float, yaw: Float) -> Float:
     """Converts world positions (F, P, 3) to the body frame of the root (F, 3), without the yaw (F,)."""
     return turned_about_y(places - root[:, None], -np.asarray(yaw)[:, None])

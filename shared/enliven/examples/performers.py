@@ -53,7 +53,9 @@ class Role:
         return turned_about_y(poses * self.factors[:, None], np.asarray(self.turn))
 
 
-def cast(reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: str = "performer") -> Role:
+def match_performer(
+    reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: str = "performer"
+) -> Role:
     """Finds the joints of a skeleton that correspond to the reference's joints, and their scale.
 
     Args:

@@ -19,8 +19,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Pose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import Material, material_of
-from enliven.examples.puppet_solve import solved
+from enliven.examples.puppet_examples import Material, collect_material
+from enliven.examples.puppet_solve import solve_motion
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.mapping import turned_about_y
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
@@ -53,7 +53,7 @@ def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
     Raises:
         InputError: if the puppet or the layer lacks data, or constraints contradict one another.
     """
-    return _cached_motion(material_of(project, puppet, _layer_numbered(puppet, layer)))
+    return _cached_motion(collect_material(project, puppet, _layer_numbered(puppet, layer)))
 
 
 def state_of(project: Project, puppet: Puppet, time: float) -> State:
@@ -79,13 +79,13 @@ def state_of(project: Project, puppet: Puppet, time: float) -> State:
             # The path comes from the layers that travel. The first one determines it, in proportion to its
             # weight.
             for share, frame in zip(shares, frames, strict=True):
-                turned, way = motion.way_at(frame, at.rounds, ends)
+                turned, way = motion.root_at(frame, at.rounds, ends)
                 yaw, root = yaw + free * at.weight * share * turned, root + free * at.weight * share * way
             free *= 1.0 - at.weight
     return State(places, yaw, root)
 
 
-def clock(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
+def loop_position(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
     """Returns the (fractional) frame of its take that a layer plays, and the number of completed loops."""
     second, rounds = layer.played(time, (motion.frames - 1) * motion.step)
     return motion.frame_of(second), rounds
@@ -118,4 +118,4 @@ def _layer_numbered(puppet: Puppet, number: int) -> PuppetLayer:
 
 @lru_cache(maxsize=_CACHED_MOTIONS)
 def _cached_motion(material: Material) -> PuppetMotion:
-    return solved(material)
+    return solve_motion(material)

@@ -53,7 +53,7 @@ class PuppetMotion:
         """Returns control points (P, 3), yaw and root (3,) at a time of the take, clamped to its first and
         last frame."""
         frame = float(np.clip(seconds / self.step, 0.0, self.frames - 1))
-        return self.places_at(frame), *self.way_at(frame)
+        return self.places_at(frame), *self.root_at(frame)
 
     def places_at(self, frame: float) -> Float:
         """Returns (P, 3) metres, interpolated at a fractional frame."""
@@ -64,7 +64,7 @@ class PuppetMotion:
         """Returns the fractional frame at a second of the take."""
         return min(second / self.step, self.frames - 1.0)
 
-    def way_at(
+    def root_at(
         self, frame: float, rounds: int = 0, ends: tuple[float, float] | None = None
     ) -> tuple[float, Float]:
         """Returns yaw and root (3,) at a fractional frame, after ``rounds`` loops from the first of ``ends``

@@ -29,7 +29,7 @@ from enliven.examples.baking import (
     SurfaceFrames,
     bake_morphs,
     bake_surface,
-    states_of,
+    evaluate_states,
     stretch_axes,
 )
 from enliven.exporters.file_keys import file_keys_of
@@ -178,7 +178,7 @@ def _of_puppet(
     project: Project, puppet: Puppet, times: Float, how: str, settings: BakeSettings
 ) -> Performance:
     """Returns the performance of a puppet, baked in its own frame."""
-    states, turns, places = states_of(project, puppet, times)
+    states, turns, places = evaluate_states(project, puppet, times)
     if puppet.root_layers:
         whole = root_motions(project, puppet, times)
         turns, places = multiply(whole.turn, turns), whole(places[:, None])[:, 0]

@@ -342,7 +342,7 @@ class EmbeddedActor(Actor):
             linear, positions = self._approach.at(own, time_ns)
         else:
             linear, positions = self._held_state(seen, floor, time_ns)
-        return self._soft.raised(linear, self._swing(positions, time_ns), floor)
+        return self._soft.raise_above_floor(linear, self._swing(positions, time_ns), floor)
 
     def _held_state(
         self, seen: Mapping[int, ObservedPoints], floor: float, time_ns: int

@@ -21,7 +21,7 @@ import numpy as np
 from enliven.document.clip import Clip
 from enliven.document.project import Project
 from enliven.document.puppet import KeyPose
-from enliven.example_sessions.mesh import fitted
+from enliven.example_sessions.mesh import fit_mesh
 from enliven.example_sessions.tables import MeshTable
 from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import motion_of
@@ -122,7 +122,7 @@ def posed(mesh: Mesh, clip: Clip) -> Project:
 def mesh_named(name: str) -> Mesh:
     """Returns one of :data:`MESHES`, upright and scaled."""
     table = MESHES[name]
-    return fitted(load_mesh(DATA / table.file)[0], table)
+    return fit_mesh(load_mesh(DATA / table.file)[0], table)
 
 
 @lru_cache
@@ -146,5 +146,5 @@ def _offset(motion: PuppetMotion) -> float:
     turn, path = float(motion.yaw[-1]), motion.path[-1]
     for _ in range(rounds):
         path = turned_about_y(path, np.asarray(turn)) + motion.path[-1]
-    root = motion.way_at(motion.frames - 1.0, rounds)[1] - motion.root[0]
+    root = motion.root_at(motion.frames - 1.0, rounds)[1] - motion.root[0]
     return float(np.linalg.norm((root - path)[[0, 2]]))

@@ -154,7 +154,7 @@ def test_a_row_too_many_is_read_and_noted() -> None:
         ("OFFSET 0 90 0", "OFFSET 0 90", 4, "2 numbers, expected 3"),
         ("OFFSET 0 90 0", "OFFSET 0 tall 0", 4, "not a number"),
         ("Zrotation", "Wrotation", 5, "channel Wrotation does not exist"),
-        ("CHANNELS 6", "CHANNELS 5", 5, "says 5 and names 6"),
+        ("CHANNELS 6", "CHANNELS 5", 5, "states 5 channels but names 6"),
         ("}\nMOTION", "MOTION", 10, "before the hierarchy is complete"),
         ("Frames: 2", "Frames: two", 12, "expected 'Frames:'"),
         ("0.04", "0", 13, "lasts 0.0 s"),

@@ -19,7 +19,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.document import ContactSettings, LocomotionSettings
 from enliven.examples import PuppetTravel, State
-from enliven.examples.spacetime import PathFollower, from_floor, on_floor, stand
+from enliven.examples.spacetime import PathFollower, floor_numbers, floor_positions, stand
 from enliven.mapping import turned_about_y
 from enliven.person import Body, Joint
 
@@ -202,7 +202,7 @@ class Locomotion:
         self.root = np.array(root, np.float64)
         self._before, self.anchor = None, -1
         self._roots.clear()
-        self._following, self._from = self._new(), (way, complex(on_floor(self.root)))
+        self._following, self._from = self._new(), (way, complex(floor_numbers(self.root)))
 
     def stands(self, state: State) -> Float:
         """Returns (3,) metres, the centre of the feet, rotated by the yaw and moved to the root, without
@@ -216,7 +216,7 @@ class Locomotion:
         """Moves the root, including past roots, by (3,) metres."""
         self.root = self.root + by
         self._roots = deque((root + by for root in self._roots), self._roots.maxlen)
-        self._from = self._from[0], self._from[1] + complex(on_floor(by))
+        self._from = self._from[0], self._from[1] + complex(floor_numbers(by))
 
     def go(
         self, places: Float, yaw: float, footing: Footing, size: float, way: complex
@@ -249,12 +249,12 @@ class Locomotion:
         """Pulls the root towards the path. Returns the places (P, 3), with standing feet locked."""
         stands = (self._known(footing.stands) | (self._feet == self.anchor)) & footing.touches
         stands = stands[: len(self._following.held)]
-        off = way - self._from[0] - (complex(on_floor(root)) - self._from[1])
-        root += from_floor(self._following.next(off, stands.tolist()))
+        off = way - self._from[0] - (complex(floor_numbers(root)) - self._from[1])
+        root += floor_positions(self._following.next(off, stands.tolist()))
         if not self._following.held:
             return places
         out = places.copy()
-        out[self._feet] += turned_about_y(from_floor(np.array(self._following.held)), np.asarray(-yaw))
+        out[self._feet] += turned_about_y(floor_positions(np.array(self._following.held)), np.asarray(-yaw))
         return out
 
     def _glide(self, turned: Float, root: Float) -> None:

@@ -52,7 +52,7 @@ class Cells(NamedTuple):
     eliminated: Int32
 
 
-def cells_of(positions: Float, edges: Int, weights: Float, eliminated: Int32) -> Cells:
+def build_cells(positions: Float, edges: Int, weights: Float, eliminated: Int32) -> Cells:
     """Returns the cells of ``positions`` (V, 3) and ``edges`` (E, 2)."""
     count = len(positions)
     ends = np.concatenate([edges, edges[:, ::-1]])

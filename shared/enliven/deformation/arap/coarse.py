@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Bool, Float, Float32, Int, Int32
-from enliven.deformation.arap.riders import coarse_faces, followed, riding_on, spread, with_riders
+from enliven.deformation.arap.riders import add_tiny_shells, coarse_faces, find_tiny_shells, followed, spread
 from enliven.deformation.graph import dijkstra_workspace, settle_within, ways
 from enliven.errors import InputError
 from enliven.kernels import njit
@@ -34,7 +34,7 @@ _FOLLOW_RADIUS_SPACINGS = 1.5
 spacing."""
 _MAX_PATH_RATIO = 1.25
 """Maximum ratio of a path along edges to the straight distance for the path to count as straight."""
-_MOST_ROUNDS = 6
+_MAX_SPACING_CORRECTIONS = 6
 """Maximum number of corrections of the spacing. After that, the last sample count is accepted, even with an
 error above 15 %."""
 _MIN_SPACING_IN_EDGES = 1.5
@@ -93,7 +93,7 @@ class Coarse(NamedTuple):
     added: Int
 
 
-def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -> Coarse:
+def sample_coarse_surface(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -> Coarse:
     """Returns about ``count`` samples of the mesh, including those of ``held`` (P,).
 
     Args:
@@ -114,12 +114,12 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
     numbers = order[np.searchsorted(samples, own, sorter=order)]
     if before is not None and before.base is base and np.array_equal(before.added, added):
         return before._replace(held=numbers)
-    start, near, way = _with_more(base, added)
+    start, near, way = _add_samples(base, added)
     points, reach = base.whole.vertices, _FOLLOW_RADIUS_SPACINGS * base.spacing
     faces, links = coarse_faces(base.whole.faces, _nearest_samples(start, near, way))
     start, near, weights = followed(points, points[samples], start, near, way, reach, _MAX_PATH_RATIO)
     if base.riding.any():
-        start, near, weights = with_riders(base.whole, base.riding, start, near, weights)
+        start, near, weights = add_tiny_shells(base.whole, base.riding, start, near, weights)
     start, near, weights = spread(base.welded, start, near, weights)
     coarse = Mesh(points[samples], faces, mesh.name)
     notes = _coarsening_notes(base, len(samples))
@@ -130,7 +130,7 @@ def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseS
     """Returns samples of the mesh and their neighbourhoods. Shells at the positions ``awake`` (A, 3) always
     get samples.
     """
-    whole, welded = _in_order(*weld(mesh))
+    whole, welded = _reorder_along_curve(*weld(mesh))
     net = edges_around(whole.vertices, whole.faces)
     label = shells(whole.faces, len(whole.vertices))
     held = np.empty(0, np.int64)
@@ -138,8 +138,8 @@ def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseS
         held = label[scipy.spatial.cKDTree(whole.vertices).query(awake)[1]]
     spacing = float(np.sqrt(whole.area / (_SAMPLES_PER_SQUARED_SPACING * count)))
     finest = _MIN_SPACING_IN_EDGES * float(net[2].mean()) if len(net[2]) else 0.0
-    for _ in range(_MOST_ROUNDS):
-        riding = riding_on(whole.vertices, label, held, spacing)
+    for _ in range(_MAX_SPACING_CORRECTIONS):
+        riding = find_tiny_shells(whole.vertices, label, held, spacing)
         order = np.random.default_rng(0).permutation(np.flatnonzero(~riding))
         samples = poisson_disk_samples(*net, order, spacing)
         if 0.85 * count <= len(samples) <= 1.15 * count or spacing <= finest:
@@ -149,7 +149,7 @@ def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseS
     return CoarseSampling(whole, welded, net, spacing, samples, riding, *near)
 
 
-def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
+def _reorder_along_curve(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
     """Returns the mesh and its welding, with vertices and faces along a space-filling curve for cache
     locality.
     """
@@ -161,7 +161,7 @@ def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
     return Mesh(whole.vertices[order], faces.astype(np.int32), whole.name), place[welded]
 
 
-def _with_more(base: CoarseSampling, added: Int) -> tuple[Int, Int32, Float]:
+def _add_samples(base: CoarseSampling, added: Int) -> tuple[Int, Int32, Float]:
     """Returns the CSR of ``base`` with the additional samples ``added`` (A,), numbered after the existing
     ones."""
     if not len(added):

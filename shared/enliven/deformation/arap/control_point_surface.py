@@ -17,12 +17,12 @@ from time import perf_counter
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.arap.coarse import Coarse, coarse_of
+from enliven.deformation.arap.coarse import Coarse, sample_coarse_surface
 from enliven.deformation.arap.detail import carry
-from enliven.deformation.arap.guide import Guide, handles_of, rows_of, settle_from_rest
+from enliven.deformation.arap.guide import Guide, handles_from_vertices, settle_from_rest, targets_from_places
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.surface import check_mesh
-from enliven.deformation.arap.threads import ThreadChoice, shared
+from enliven.deformation.arap.threads import ThreadChoice, run_on_threads
 from enliven.document import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes import Mesh
@@ -63,8 +63,8 @@ class PuppetSurface:
     ) -> None:
         self.mesh, self._settings = mesh, settings or ArapSettings()
         check_mesh(mesh, self._settings.most_carried)
-        self._aside: PuppetSurface | None = None
-        self._pace = ThreadChoice()
+        self._second_surface: PuppetSurface | None = None
+        self._thread_choice = ThreadChoice()
         self._body: tuple[ArapSolver, Coarse | None] | None = None
         self.hold(held, weights)
 
@@ -80,7 +80,7 @@ class PuppetSurface:
             raise InputError(f"{len(pulls)} weights for {len(vertices)} control points", where=_ERROR_CONTEXT)
         solver, coarse = self._solver_with_coarse(vertices)
         solved = vertices if coarse is None else coarse.held
-        solver.set_handles(handles_of(solved, pulls))
+        solver.set_handles(handles_from_vertices(solved, pulls))
         solver.reset()
         self._solver, self._coarse, self._guide = solver, coarse, None
         if (
@@ -89,10 +89,12 @@ class PuppetSurface:
         ):
             self._guide = Guide(solver, solved, pulls)
         hard = np.array([k for k, weight in enumerate(pulls) if weight is None], np.int64)
-        self._pins = (hard, hard) if coarse is None else _welded_to(coarse.base.welded, vertices, hard)
-        self._body, self._held, self._aside = (solver, coarse), vertices, None
+        self._pins = (
+            (hard, hard) if coarse is None else _find_welded_vertices(coarse.base.welded, vertices, hard)
+        )
+        self._body, self._held, self._second_surface = (solver, coarse), vertices, None
         self.notes = solver.notes if coarse is None else coarse.notes
-        self.pose = _read_only(self.mesh.vertices.copy())
+        self.pose = _as_read_only(self.mesh.vertices.copy())
 
     def _solver_with_coarse(self, held: Int) -> tuple[ArapSolver, Coarse | None]:
         """Returns the solver and its coarse surface, created if necessary. The surface is None if the solver
@@ -101,7 +103,7 @@ class PuppetSurface:
         if len(self.mesh.vertices) <= self._settings.coarse_above:
             return (ArapSolver(self.mesh, self._settings), None) if self._body is None else self._body
         before = None if self._body is None else self._body[1]
-        coarse = coarse_of(self.mesh, held, self._settings.coarse_vertices, before)
+        coarse = sample_coarse_surface(self.mesh, held, self._settings.coarse_vertices, before)
         if self._body is not None and before is not None and coarse.mesh is before.mesh:
             return self._body[0], coarse
         return ArapSolver(coarse.mesh, self._settings, coarse.links), coarse
@@ -123,7 +125,7 @@ class PuppetSurface:
         if len(wanted):
             if self._guide is not None:
                 self._guide.take(self._solver, wanted)
-            self._solver.solve(rows_of(wanted))
+            self._solver.solve(targets_from_places(wanted))
             self.pose = self._carried_vertices(wanted)
         return self.pose
 
@@ -137,24 +139,24 @@ class PuppetSurface:
         wanted = self._checked_places(places)
         if not len(wanted):
             return self.pose
-        self._solver.check(rows_of(wanted))
+        self._solver.check(targets_from_places(wanted))
         if self._guide is None:
             settle_from_rest(self._solver, self.mesh.vertices[self._held], wanted)
         else:
             self._solver.start_from(self._guide.settle(wanted), self._guide.pressure)
         for _ in range(_DETAIL_SETTLING_FRAMES):
-            self._solver.solve(rows_of(wanted))
+            self._solver.solve(targets_from_places(wanted))
         self.pose = self._carried_vertices(wanted)
         return self.pose
 
-    def aside(self, places: Float) -> Float:
+    def settle_separately(self, places: Float) -> Float:
         """Returns the result of :meth:`settle` from a second solver, without changing the current pose.
 
         It may be called from another thread than the other methods, but not by two threads at once.
         """
-        if self._aside is None:
-            self._aside = self._twin_surface()
-        return self._aside.settle(places)
+        if self._second_surface is None:
+            self._second_surface = self._twin_surface()
+        return self._second_surface.settle(places)
 
     def _twin_surface(self) -> PuppetSurface:
         """Returns a second surface at rest with the same control points; it shares the factor and the
@@ -172,12 +174,12 @@ class PuppetSurface:
             return self._solver.pose
         out, maps = np.empty_like(self.mesh.vertices), self._solver.maps()
         follow = (maps, coarse.start, coarse.near, coarse.weights, self.mesh.vertices, out)
-        threads, start = self._settings.threads or self._pace.threads(), perf_counter()
-        shared(carry, len(out), threads, *follow)
-        self._pace.note(threads, perf_counter() - start)
+        threads, start = self._settings.threads or self._thread_choice.threads(), perf_counter()
+        run_on_threads(carry, len(out), threads, *follow)
+        self._thread_choice.note(threads, perf_counter() - start)
         vertices, rows = self._pins
         out[vertices] = wanted[rows]
-        return _read_only(out)
+        return _as_read_only(out)
 
     def _checked_places(self, places: Float) -> Float:
         wanted = np.array(places, np.float64)
@@ -190,7 +192,7 @@ class PuppetSurface:
         return wanted
 
 
-def _welded_to(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
+def _find_welded_vertices(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
     """Returns (X,) the vertices at the position of a hard control point, and (X,) the number of that control
     point.
     """
@@ -201,6 +203,6 @@ def _welded_to(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
     return vertices, numbers[vertices]
 
 
-def _read_only(array: Float) -> Float:
+def _as_read_only(array: Float) -> Float:
     array.setflags(write=False)
     return array

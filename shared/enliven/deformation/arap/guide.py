@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.arap.coarse import coarse_of
+from enliven.deformation.arap.coarse import sample_coarse_surface
 from enliven.deformation.arap.detail import carry
 from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.solver import ArapSolver
@@ -55,10 +55,12 @@ class Guide:
     ) -> None:
         mesh, settings = fine.mesh, fine.settings
         faces = np.concatenate([mesh.faces, fine.joints[:, [0, 1, 1]]]).astype(np.int32)
-        self._coarse = coarse_of(Mesh(mesh.vertices, faces, mesh.name), held, settings.guide_vertices)
+        self._coarse = sample_coarse_surface(
+            Mesh(mesh.vertices, faces, mesh.name), held, settings.guide_vertices
+        )
         own = replace(settings, iterations=_PROXY_ITERATIONS, follow=max(settings.follow, _MIN_PROXY_FOLLOW))
         self._solver = ArapSolver(self._coarse.mesh, own, self._coarse.links)
-        self._solver.set_handles(handles_of(self._coarse.held, weights))
+        self._solver.set_handles(handles_from_vertices(self._coarse.held, weights))
         self._rest, self._home, self._places = mesh.vertices, mesh.vertices[held], mesh.vertices[held]
         self.carried = mesh.vertices
 
@@ -70,10 +72,10 @@ class Guide:
         Raises:
             InputError: if the places have the wrong shape, or are not finite; nothing has changed then.
         """
-        self._solver.solve(rows_of(places))
-        turn, _, _ = rigid_between(self._places, places)
+        self._solver.solve(targets_from_places(places))
+        turn, _, _ = fit_rigid_motion(self._places, places)
         before, self.carried, self._places = self.carried, self._carried_vertices(), places
-        fine.go_along(before, self.carried, turn)
+        fine.move_with_proxy(before, self.carried, turn)
 
     def settle(self, places: Float) -> Float:
         """Returns (V, 3) metres, the mesh moved from rest to ``places`` in small steps, independent of
@@ -109,26 +111,26 @@ def settle_from_rest(solver: ArapSolver, home: Float, places: Float) -> None:
     applied in the last step. Spread over the steps, it would press the figure through its own middle.
     """
     solver.reset()
-    turn, old, new = rigid_between(home, places)
+    turn, old, new = fit_rigid_motion(home, places)
     near = (places - new) @ turn + old
     for step in range(1, _PATH_STEPS + 1):
-        solver.solve(rows_of(home + (near - home) * (step / _PATH_STEPS)))
+        solver.solve(targets_from_places(home + (near - home) * (step / _PATH_STEPS)))
     for _ in range(_SETTLING_FRAMES):
         solver.solve()
-    solver.solve(rows_of(places))
+    solver.solve(targets_from_places(places))
 
 
-def handles_of(vertices: Int, weights: Sequence[float | None]) -> list[Handle]:
+def handles_from_vertices(vertices: Int, weights: Sequence[float | None]) -> list[Handle]:
     """Returns one handle per control point, named by its number."""
     return [Handle(str(k), (int(v),), w) for k, (v, w) in enumerate(zip(vertices, weights, strict=True))]
 
 
-def rows_of(places: Float) -> dict[str, Float]:
-    """Returns the targets (P, 3) for :func:`handles_of`."""
+def targets_from_places(places: Float) -> dict[str, Float]:
+    """Returns the targets (P, 3) for :func:`handles_from_vertices`."""
     return {str(k): place[None] for k, place in enumerate(places)}
 
 
-def rigid_between(home: Float, places: Float) -> tuple[Float, Float, Float]:
+def fit_rigid_motion(home: Float, places: Float) -> tuple[Float, Float, Float]:
     """Returns the rotation (3, 3) and the two centres (3,) of the best rigid motion of points (P, 3)."""
     old, new = home.mean(0), places.mean(0)
     covariance = (places - new).T @ (home - old)

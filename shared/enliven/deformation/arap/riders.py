@@ -49,7 +49,7 @@ def followed(points, samples, start, near, way, reach, detour):
     return offsets, kept[:size].copy(), weights[:size].copy()
 
 
-def riding_on(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
+def find_tiny_shells(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
     """Returns (W,) True for vertices on a tiny shell (numbered by ``label``) that is not ``awake``."""
     count = int(label.max()) + 1
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
@@ -71,18 +71,18 @@ def coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
     three = corners[(corners != corners[:, [1, 2, 0]]).all(1)]
     low, middle, high = np.sort(three, 1).T
     coarse = three[np.unique((low * count + middle) * count + high, return_index=True)[1]]
-    pairs = np.setdiff1d(sides_of(corners, count), sides_of(coarse, count))
+    pairs = np.setdiff1d(unique_sides(corners, count), unique_sides(coarse, count))
     pairs = np.stack([pairs // count, pairs % count], 1)
     return coarse.astype(np.int32), pairs[pairs[:, 0] != pairs[:, 1]]
 
 
-def sides_of(corners: Int, count: int) -> Int:
+def unique_sides(corners: Int, count: int) -> Int:
     """Returns (S,) the sides of faces without duplicates, as lower * count + higher."""
     turned = corners[:, [1, 2, 0]]
     return np.unique(np.minimum(corners, turned) * count + np.maximum(corners, turned))
 
 
-def with_riders(
+def add_tiny_shells(
     whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
 ) -> tuple[Int, Int32, Float32]:
     """Returns the CSR with tiny shells added. All vertices of a tiny shell follow the samples of its nearest

@@ -57,7 +57,7 @@ def _second_thread() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, "enliven-arap")
 
 
-def shared(kernel: Callable[..., Any], count: int, threads: int, *arguments: Any) -> None:
+def run_on_threads(kernel: Callable[..., Any], count: int, threads: int, *arguments: Any) -> None:
     """Runs ``kernel(*arguments, first, last)`` over 0 to ``count``, in one or two threads."""
     if threads < 2 or count < _MIN_THREADED_VERTICES:
         kernel(*arguments, 0, count)

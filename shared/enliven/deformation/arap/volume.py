@@ -50,7 +50,7 @@ class Volume(NamedTuple):
     ease: float
 
 
-def volume_of(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume | None:
+def enclosed_volume(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume | None:
     """Returns the volume of a surface of places (P, 3), or None if it encloses nothing."""
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
     keys, uses = np.unique(sides[:, 0] * len(rest) + sides[:, 1], return_counts=True)

@@ -24,7 +24,9 @@ _FIXED_FRAME_COST_STEPS = 2.0
 """Cost of a frame's fixed parts, in steps: choosing its start and writing its state out."""
 
 
-def allowance_of(budget_ms: float, x: Float, terms: Terms, planes: Planes, system: RigidSystem) -> Allowance:
+def measure_allowance(
+    budget_ms: float, x: Float, terms: Terms, planes: Planes, system: RigidSystem
+) -> Allowance:
     """Returns the allowance of a frame for a budget. ``x`` (16 N,) is the state at which the costs are
     measured.
     """
@@ -32,14 +34,18 @@ def allowance_of(budget_ms: float, x: Float, terms: Terms, planes: Planes, syste
     if size not in _MEASURED_COSTS_MS:
         work = SolverBuffers.empty(len(terms.stretch))
         at = x.copy()
-        matrix = _least_ms(lambda: refactor(at, terms, planes, work.raw, system))
-        step = _least_ms(lambda: full_step(at, terms, planes, system, work))
-        _MEASURED_COSTS_MS[size] = step, matrix, _least_ms(lambda: gradient(at, terms, planes, work.raw))
+        matrix = _fastest_run_ms(lambda: refactor(at, terms, planes, work.raw, system))
+        step = _fastest_run_ms(lambda: full_step(at, terms, planes, system, work))
+        _MEASURED_COSTS_MS[size] = (
+            step,
+            matrix,
+            _fastest_run_ms(lambda: gradient(at, terms, planes, work.raw)),
+        )
     step, matrix, retry = _MEASURED_COSTS_MS[size]
     return Allowance(budget_ms / step - _FIXED_FRAME_COST_STEPS, matrix / step, retry / step)
 
 
-def _least_ms(do: Callable[[], object]) -> float:
+def _fastest_run_ms(do: Callable[[], object]) -> float:
     """Returns the milliseconds of the fastest of several runs, after a first one that compiles."""
     do()
     least = float("inf")

@@ -30,7 +30,7 @@ _NEGLIGIBLE_ENERGY = 1e-6
 millimetre off."""
 
 
-def lower_state(x: Float, terms: Terms, planes: Planes, system: RigidSystem) -> Float | None:
+def find_lower_state(x: Float, terms: Terms, planes: Planes, system: RigidSystem) -> Float | None:
     """Returns the state at the minimum below a state (16 N,), or None if the state is practically at the
     minimum.
 

@@ -119,7 +119,7 @@ class RigidSystem(NamedTuple):
             pattern.row_start,
             pattern.column,
             pattern.by_row,
-            _unit_of(terms.offsets),
+            _translation_unit(terms.offsets),
             pattern.block_of(ends),
             pattern.block_of(pairs.reshape(-1, 2)).reshape(-1, len(places)),
             np.zeros(SIZE * pattern.blocks, np.float32),
@@ -146,7 +146,7 @@ class RigidSystem(NamedTuple):
         return self._replace(**{n: np.zeros_like(v) for n, v in self._asdict().items() if n not in pattern})
 
 
-def _unit_of(offsets: Float) -> float:
+def _translation_unit(offsets: Float) -> float:
     """Returns the power of two nearest to the root mean square length of (E, 3) offsets; 1 if there are
     none.
     """

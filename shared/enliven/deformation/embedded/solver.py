@@ -31,16 +31,16 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.deformation.constraints import PlaneConstraints, PointConstraints
 from enliven.deformation.embedded.block_cholesky import analyse, elimination_order
-from enliven.deformation.embedded.budget import allowance_of
+from enliven.deformation.embedded.budget import measure_allowance
 from enliven.deformation.embedded.energy import Terms, gradient
-from enliven.deformation.embedded.final_refinement import lower_state
+from enliven.deformation.embedded.final_refinement import find_lower_state
 from enliven.deformation.embedded.frame import SolverState, next_frame
 from enliven.deformation.embedded.inputs import (
     NO_PLANES,
     checked_stiffness,
-    holds_of,
-    planes_of,
-    rows_of,
+    coefficient_rows,
+    convert_planes,
+    sort_by_node,
     take_usable,
 )
 from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, record_energies, start_anew
@@ -146,8 +146,8 @@ class EmbeddedSolver:
     def _terms_of(self, attachment: PointConstraints, stiffness: Float) -> Terms:
         """Returns the energy's constants, with the nodes numbered in elimination order."""
         graph, settings = self.graph, self.settings
-        nodes, rows = rows_of(attachment, graph.positions, self._place)
-        held_start, held_by, arms = holds_of(nodes, rows, len(graph.positions))
+        nodes, rows = coefficient_rows(attachment, graph.positions, self._place)
+        held_start, held_by, arms = sort_by_node(nodes, rows, len(graph.positions))
         edges, rigid = graph.edges, np.flatnonzero(graph.rigid).astype(np.int32)
         along = np.sqrt(stiffness[edges[:, 0]] * stiffness[edges[:, 1]])
         return Terms(
@@ -174,7 +174,7 @@ class EmbeddedSolver:
         x, rest, terms, work = self._x.reshape(-1), self._rest.reshape(-1), self._terms, self._work
         allowance = UNLIMITED
         if settings.budget_ms > 0.0:
-            allowance = allowance_of(settings.budget_ms, x, terms, self._planes, self._current_matrix)
+            allowance = measure_allowance(settings.budget_ms, x, terms, self._planes, self._current_matrix)
         limits = int(settings.iterations), float(settings.tolerance), allowance
         return SolverState(x, rest, self._order, terms, work, float(settings.constraint), *limits)
 
@@ -210,7 +210,7 @@ class EmbeddedSolver:
             start_anew(self._work.age)
         targets, weights = self._checked_targets(targets, weights)
         if planes is not None or self._planes is not NO_PLANES:
-            self._planes = planes_of(planes, self.settings.planes, self.graph.positions, self._place)
+            self._planes = convert_planes(planes, self.settings.planes, self.graph.positions, self._place)
             self._held_planes = hold(self._planes)
         self._leave_ridge(targets, weights)
         linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
@@ -237,7 +237,7 @@ class EmbeddedSolver:
         ended = bool(self._work.age[2])
         if ended and not self._lower:
             self._lower.append(
-                lower_state(self._x.reshape(-1), self._terms, self._planes, self._current_matrix)
+                find_lower_state(self._x.reshape(-1), self._terms, self._planes, self._current_matrix)
             )
         return ended and self._lower[0] is None
 

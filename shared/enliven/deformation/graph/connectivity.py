@@ -17,7 +17,7 @@ def components(count: int, edges: Int32 | Int) -> Int:
     return np.asarray(connected_components(graph, directed=False)[1], np.int64)
 
 
-def joints(count: int, edges: Int32 | Int, distances: Float) -> Int32:
+def joining_edges(count: int, edges: Int32 | Int, distances: Float) -> Int32:
     """Returns (C - 1, 2) the edges that join C components into one, with the smallest sum of distances.
 
     KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components. The
@@ -53,7 +53,7 @@ def _shortest_ways_out(distances, label):
     return out
 
 
-def weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
+def find_weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
     """Returns the bridges and cut vertices of a connected graph, by Tarjan's low-link algorithm.
 
     Returns:

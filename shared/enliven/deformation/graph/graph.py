@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
-from enliven.deformation.graph.connectivity import joints, weak_edges
+from enliven.deformation.graph.connectivity import find_weak_edges, joining_edges
 from enliven.deformation.graph.sampling import (
     SurfaceSamples,
     distance_matrix,
@@ -19,12 +19,12 @@ from enliven.deformation.graph.sampling import (
 )
 from enliven.deformation.graph.surface import (
     VoronoiCells,
-    between_nodes,
-    net_of,
+    build_net,
+    node_distances,
+    path_lengths,
     voronoi_cells,
-    ways_from_nodes,
 )
-from enliven.deformation.graph.weights import DETOUR, SLACK, blending_weights, carriers
+from enliven.deformation.graph.weights import DETOUR, SLACK, blending_weights, choose_carriers
 from enliven.document import Character, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
@@ -92,7 +92,7 @@ class DeformationGraph:
         """
         welded = weld(mesh)
         samples = poisson_disk(mesh, nodes, radius, seed, welded)
-        net = net_of(mesh, _mean_spacing(mesh.area, len(samples.positions)), welded)
+        net = build_net(mesh, _mean_spacing(mesh.area, len(samples.positions)), welded)
         return _linked_graph(samples, voronoi_cells(net, samples.positions, samples.faces))
 
     @staticmethod
@@ -114,8 +114,10 @@ class DeformationGraph:
             raise InputError(problem, where=mesh.name, mend="Give a mesh with faces.")
         count, pairs = len(positions), np.sort(np.asarray(edges).reshape(-1, 2), 1)
         distances = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-        pairs = np.unique(np.concatenate([pairs, joints(count, pairs, distances)]), axis=0).astype(np.int32)
-        bridges, cuts, hanging = weak_edges(count, pairs)
+        pairs = np.unique(np.concatenate([pairs, joining_edges(count, pairs, distances)]), axis=0).astype(
+            np.int32
+        )
+        bridges, cuts, hanging = find_weak_edges(count, pairs)
         near = nearest_on_surface(mesh, positions)
         return DeformationGraph(positions, near.normals, near.faces, pairs, hanging, bridges, cuts, 0.0)
 
@@ -134,11 +136,11 @@ class DeformationGraph:
         spacing = _mean_spacing(mesh.area, len(self.positions))
         cells = self.cells
         if cells is None or cells.net.mesh is not mesh:
-            cells = voronoi_cells(net_of(mesh, spacing), self.positions, self.faces)
-        ways = between_nodes(len(self.positions), cells.borders, cells.lengths)
-        followed = carriers(self.positions, ways, spacing)
+            cells = voronoi_cells(build_net(mesh, spacing), self.positions, self.faces)
+        ways = path_lengths(len(self.positions), cells.borders, cells.lengths)
+        followed = choose_carriers(self.positions, ways, spacing)
         leaps = self.edges[np.isinf(ways[self.edges[:, 0], self.edges[:, 1]])]
-        near = ways_from_nodes(cells, followed, leaps, spacing, _MAX_FOLLOW_SPACINGS * spacing)
+        near = node_distances(cells, followed, leaps, spacing, _MAX_FOLLOW_SPACINGS * spacing)
         return blending_weights(cells.net, near, self.positions, spacing, NEIGHBOURS)
 
 
@@ -188,7 +190,7 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     spacing = _mean_spacing(cells.net.mesh.area, count)
     apart = distance_matrix(samples)
     straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
-    ways = between_nodes(count, cells.borders, cells.lengths)
+    ways = path_lengths(count, cells.borders, cells.lengths)
     detours = ways > DETOUR * straight + SLACK * spacing
     far = detours | (ways > _MAX_NEIGHBOUR_SPACINGS * spacing)
     # Sort pairs without a finite D after all others, by their distance along the surface.
@@ -202,9 +204,9 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     # Prefer paths along the surface: make every link between shells longer than all of these paths.
     longest = float(ways[np.isfinite(ways)].max(initial=0.0))
     links = np.where(np.isfinite(ways), ways, longest + across)
-    edges = np.concatenate([edges, joints(count, edges, links)])
+    edges = np.concatenate([edges, joining_edges(count, edges, links)])
     edges = np.unique(edges, axis=0).astype(np.int32)
-    bridges, cuts, hanging = weak_edges(count, edges)
+    bridges, cuts, hanging = find_weak_edges(count, edges)
     return DeformationGraph(
         samples.positions,
         samples.normals,

@@ -24,7 +24,7 @@ from enliven.deformation.graph import surface_kernels as kernels
 from enliven.deformation.graph.connectivity import components
 from enliven.meshes import Mesh, longest_edge, split_long_edges, weld
 
-_MOST_VERTICES = 200_000
+_MAX_SUBDIVIDED_VERTICES = 200_000
 """Maximum number of vertices of a subdivided mesh, unless the mesh itself has more. It bounds the net's
 memory and time."""
 _CELLS_PER_SPACING = 6
@@ -90,7 +90,7 @@ class SurfaceNet:
     origin: Int | None
 
 
-def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> SurfaceNet:
+def build_net(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> SurfaceNet:
     """Returns the net of a mesh, for nodes about ``spacing`` metres apart.
 
     Args:
@@ -129,7 +129,7 @@ def _subdivided_mesh(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | 
     origin: Int | None = None
     while longest_edge(vertices, faces) > longest:
         finer, split, _, source = split_long_edges(vertices, faces, longest)
-        if len(finer) > max(_MOST_VERTICES, len(welded.vertices)):
+        if len(finer) > max(_MAX_SUBDIVIDED_VERTICES, len(welded.vertices)):
             break
         vertices, faces, origin = finer, split, source if origin is None else origin[source]
     return vertices, faces, origin
@@ -212,7 +212,7 @@ def _graph_with_nodes(net: SurfaceNet, positions: Float, faces: Int32) -> Weight
     corner = net.label[inside]
     ties = np.unique(np.stack([corner, count + node], 1), axis=0).astype(np.int32)
     part = components(count + len(faces), np.concatenate([net.graph.edges, ties]))
-    ties = np.concatenate([ties, _adopting_links(net.points, part, positions)])
+    ties = np.concatenate([ties, _links_to_orphans(net.points, part, positions)])
     ends = np.concatenate([net.points, positions])
     lengths = np.linalg.norm(ends[ties[:, 0]] - ends[ties[:, 1]], axis=1)
     return WeightedGraph(
@@ -220,7 +220,7 @@ def _graph_with_nodes(net: SurfaceNet, positions: Float, faces: Int32) -> Weight
     )
 
 
-def _adopting_links(points: Float, part: Int, positions: Float) -> Int32:
+def _links_to_orphans(points: Float, part: Int, positions: Float) -> Int32:
     """Returns (O, 2) one connection, from its nearest point to the nearest node, for each part without a
     node.
     """
@@ -243,7 +243,7 @@ def _adjacency_lists(graph: WeightedGraph, count: int) -> tuple[Int, Int32, Floa
     return offsets, columns[order], np.concatenate([graph.lengths, graph.lengths])[order]
 
 
-def ways_from_nodes(
+def node_distances(
     cells: VoronoiCells, nodes: Int, joints: Int32, spacing: float, reach: float
 ) -> tuple[Int, Int32, Float]:
     """Returns the nodes within ``reach`` metres of each point of the net along the surface, and their
@@ -284,13 +284,13 @@ def points_around(net: SurfaceNet, reach: float) -> tuple[Int, Int32, Float]:
     return ends, points, metres
 
 
-def members(net: SurfaceNet) -> tuple[Int, Int32]:
+def vertices_of_points(net: SurfaceNet) -> tuple[Int, Int32]:
     """Returns the vertices that each point of the net represents, as CSR: offsets (C + 1,) and vertices."""
     starts, order = kernels.by_label(net.of_vertex, len(net.points))
     return starts, order
 
 
-def between_nodes(count: int, edges: Int, lengths: Float, limit: float = np.inf) -> Float:
+def path_lengths(count: int, edges: Int, lengths: Float, limit: float = np.inf) -> Float:
     """Returns (N, N) the shortest path between nodes over weighted edges; infinite beyond ``limit``
     metres.
     """

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from enliven.arrays import Float, Int
 from enliven.deformation.graph.geodesic_kernels import spread
-from enliven.deformation.graph.surface import SurfaceNet, net_of
+from enliven.deformation.graph.surface import SurfaceNet, build_net
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import Mesh, submesh
@@ -54,7 +54,7 @@ class LimbEnds:
     longest: float
     ways: csr_matrix
 
-    def ways_from(self, points: Int) -> Float:
+    def distances_from(self, points: Int) -> Float:
         """Returns (P, C) metres along the surface from some points to all."""
         return np.atleast_2d(dijkstra(self.ways, indices=points))
 
@@ -72,9 +72,9 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbE
         raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
     # The submesh excludes vertices without a face.
     surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))
-    net = net_of(surface, float(np.sqrt(mesh.area / nodes)))
+    net = build_net(surface, float(np.sqrt(mesh.area / nodes)))
     ways = _joined_net_edges(net)
-    from_sources = _spread_out(ways, _PATH_SOURCE_COUNT)
+    from_sources = _sample_far_points(ways, _PATH_SOURCE_COUNT)
     far = from_sources.mean(0)
     tips, persistence = _local_maxima(ways.indptr, ways.indices, far, np.argsort(-far, kind="stable"))
     persistence[np.argmax(persistence)] = np.inf
@@ -96,7 +96,7 @@ def extremities(mesh: Mesh, most: int = 12) -> Int:
     return np.asarray(used[tree.query(limbs.points[limbs.ends])[1]], np.int64)
 
 
-def _spread_out(ways: csr_matrix, count: int) -> Float:
+def _sample_far_points(ways: csr_matrix, count: int) -> Float:
     """Returns (S, C) metres along the surface from some points that are far from each other."""
     net = ways.indptr.astype(np.int64), ways.indices, ways.data
     near, _ = spread(*net, np.array([0]))

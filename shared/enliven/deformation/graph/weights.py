@@ -24,7 +24,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.graph.surface import SurfaceNet, members, points_around
+from enliven.deformation.graph.surface import SurfaceNet, points_around, vertices_of_points
 from enliven.deformation.graph.surface_kernels import insert
 from enliven.document import SkinWeights
 from enliven.kernels import njit
@@ -53,7 +53,7 @@ _MAX_CANDIDATE_NODES = 64
 """Maximum number of nodes that are considered for the vertices of one point of the net."""
 
 
-def carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> Int:
+def choose_carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> Int:
     """Returns (M,) the nodes that vertices follow, ascending: each one that is not near to an earlier one.
 
     If there would be fewer than ``least``, returns all nodes.
@@ -81,7 +81,7 @@ def blending_weights(
     Args:
         net: of the mesh.
         near: the carriers near each point of the net, and their distances along the surface
-            (:func:`enliven.deformation.graph.surface.ways_from_nodes`).
+            (:func:`enliven.deformation.graph.surface.node_distances`).
         positions: (N, 3) metres.
         spacing: metres, s.
         k: nodes per vertex, at most 4.
@@ -93,7 +93,7 @@ def blending_weights(
     )
     cells = np.array([_MAX_POINT_DISTANCE_CELLS, _MAX_PATH_LENGTH_CELLS]) * net.cell
     indices, weights = _at_vertices(
-        net.mesh.vertices, *members(net), net.points, nodes, shares, *around, cells, k
+        net.mesh.vertices, *vertices_of_points(net), net.points, nodes, shares, *around, cells, k
     )
     return SkinWeights(indices, weights)
 

@@ -81,7 +81,7 @@ def bake_surface(
     settings = settings or BakeSettings()
     welded, of = weld(mesh)
     first = np.unique(of, return_index=True)[1]
-    chosen = farthest(traits.reshape(len(traits), -1), settings.frames)
+    chosen = sample_farthest(traits.reshape(len(traits), -1), settings.frames)
     wanted = _gather_frames(frames, chosen, first)
     fit = _Fit(welded, wanted, [int(of[v]) for v in held], settings, shear)
     for _ in range(_MAX_REFITS):
@@ -96,7 +96,7 @@ def bake_surface(
     return BakedSurface(fit.pivots, fit.seeds.edges(), skin, linear, places, axes, error)
 
 
-def farthest(traits: Float, count: int) -> Int:
+def sample_farthest(traits: Float, count: int) -> Int:
     """Selects ``count`` rows of (F, D) by farthest point sampling, starting with the first. Returns their
     ascending indices (C,)."""
     if len(traits) <= count:
@@ -167,7 +167,7 @@ class _Fit:
             share = self._error_ratios()
             if share.max() <= 1.0 and not self._shear:
                 self._bound = True
-                self._better_maps()
+                self._fit_maps()
                 self._alternate_fits(_FINAL_ROUNDS)
                 share, self._bound = self._error_ratios(), False
             room = most - len(self.pivots)
@@ -176,7 +176,7 @@ class _Fit:
             self._assign_seeds()
         if not self._shear and self.maps.axes is None:
             self._bound = True
-            self._better_maps()
+            self._fit_maps()
             self._alternate_fits(_FINAL_ROUNDS)
 
     @property
@@ -187,12 +187,12 @@ class _Fit:
     def take(self, frames: list[Float]) -> None:
         """Adds frames (V, 3) to the fit."""
         self._wanted = np.concatenate([self._wanted, np.stack(frames, 1)], 1)
-        self._better_maps()
+        self._fit_maps()
 
     def _alternate_fits(self, rounds: int) -> None:
         for _ in range(rounds):
-            self._better_weights()
-            self._better_maps()
+            self._fit_weights()
+            self._fit_maps()
 
     def _error_ratios(self) -> Float:
         """Returns (V,) each vertex's error divided by the tolerance: above 1 if it exceeds the tolerance."""
@@ -211,9 +211,9 @@ class _Fit:
         self.indices[:, 0] = self._candidates[:, 0]
         self.weights = np.zeros((len(self._rest), 4))
         self.weights[:, 0] = 1.0
-        self._better_maps()
+        self._fit_maps()
 
-    def _better_maps(self) -> None:
+    def _fit_maps(self) -> None:
         self.maps = Maps(self._rest, self.pivots, self.indices, self.weights, self._settings.rigid)
         maps = self.maps.of(self._wanted)
         if self._bound:
@@ -221,7 +221,7 @@ class _Fit:
             maps = self.maps.of(self._wanted)
         self._found = maps
 
-    def _better_weights(self) -> None:
+    def _fit_weights(self) -> None:
         smooth = self._wanted.shape[1] * (self._settings.smooth * self.size) ** 2
         flat = self._wanted.reshape(len(self._rest), -1)
         by_node = np.ascontiguousarray(self._found.transpose(1, 2, 0, 3)).reshape(len(self.pivots), 4, -1)

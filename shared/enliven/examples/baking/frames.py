@@ -50,7 +50,7 @@ class SurfaceFrames:
         self._known = solved
 
 
-def states_of(project: Project, puppet: Puppet, times: Float) -> tuple[Float, Float, Float]:
+def evaluate_states(project: Project, puppet: Puppet, times: Float) -> tuple[Float, Float, Float]:
     """Evaluates a puppet at ``times`` (F,).
 
     Returns:
@@ -58,11 +58,11 @@ def states_of(project: Project, puppet: Puppet, times: Float) -> tuple[Float, Fl
         of the mesh's frame in the world.
     """
     states = [state_of(project, puppet, float(time)) for time in times]
-    turn, place = ways_of(puppet, states)
+    turn, place = frame_poses(puppet, states)
     return np.array([state.places for state in states]).reshape(len(times), -1, 3), turn, place
 
 
-def ways_of(puppet: Puppet, states: list[State]) -> tuple[Float, Float]:
+def frame_poses(puppet: Puppet, states: list[State]) -> tuple[Float, Float]:
     """Returns rotations (F, 4) and positions (F, 3) of the puppet's frame. A point x of it is at turn x +
     place in the world."""
     yaws = np.array([state.yaw for state in states])

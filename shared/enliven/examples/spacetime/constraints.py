@@ -45,7 +45,7 @@ class Conditions:
     difference: Float
 
 
-def conditions_of(
+def convert_constraints(
     constraints: Sequence[Constraint], examples: Examples, frames: int, step: float
 ) -> Conditions:
     """Converts constraints to independent conditions.

@@ -90,12 +90,12 @@ def _part_beyond_circle(off: complex, radius: float) -> complex:
     return (far - radius) / far * off if far > radius else 0j
 
 
-def on_floor(places: Float) -> Complex:
+def floor_numbers(places: Float) -> Complex:
     """Converts positions (..., 3) to complex numbers on the floor (...,), metres."""
     return np.asarray(places[..., 0] + 1j * places[..., 2])
 
 
-def from_floor(places: Complex | complex) -> Float:
+def floor_positions(places: Complex | complex) -> Float:
     """Converts complex numbers on the floor (...,) to positions (..., 3) at height 0, metres."""
     at = np.asarray(places)
     return np.stack([at.real, np.zeros(at.shape), at.imag], axis=-1)

@@ -65,7 +65,7 @@ def find_switches(
     if len(feet) < 3:
         return (Switch(0, "contact"),)
     touches = np.asarray(standing_feet(feet, step, size, settings).any(1))
-    return switches_of(_without_short_phases(touches, settings.contact.shortest / step))
+    return switches_from_contact(_without_short_phases(touches, settings.contact.shortest / step))
 
 
 def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSettings | None = None) -> Bool:
@@ -93,13 +93,13 @@ def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSet
     return stands
 
 
-def switches_of(touches: Bool) -> tuple[Switch, ...]:
+def switches_from_contact(touches: Bool) -> tuple[Switch, ...]:
     """Returns the switches of a performer from the frames (F,) in which the performer touches the floor."""
     frames = [0, *(np.flatnonzero(np.diff(touches.astype(np.int8))) + 1)]
     return tuple(Switch(int(f), "contact" if touches[f] else "flight") for f in frames)
 
 
-def locate(
+def place_motion(
     places: Float,
     yaw: Float,
     step: float,
@@ -129,15 +129,17 @@ def locate(
         raise InputError(
             "it has no feet", where="locomotion", mend="Name the control points that it stands on."
         )
-    way = _Way(turned, np.asarray(feet, np.int64), step, settings, stands)
+    way = _RootPath(turned, np.asarray(feet, np.int64), step, settings, stands)
     for first, last in runs_of(touches) if touches.any() else []:
         way.fly(first)
         way.stand(first, last)
     way.fly(len(turned))
-    return PlacedMotion(turned + way.root[:, None], way.root, way.anchors, switches_of(way.anchors >= 0))
+    return PlacedMotion(
+        turned + way.root[:, None], way.root, way.anchors, switches_from_contact(way.anchors >= 0)
+    )
 
 
-class _Way:
+class _RootPath:
     """The root of the mesh, computed frame by frame from the start."""
 
     def __init__(

@@ -19,7 +19,7 @@ from enliven.mapping import turned_about_y
 from enliven.motion.contact import hold, runs_of
 
 
-def planted(
+def lock_feet(
     places: Float,
     yaw: Float,
     placed: PlacedMotion,

@@ -11,7 +11,7 @@ import scipy
 from enliven.arrays import Float, Float32
 from enliven.document import Plane, Project
 from enliven.errors import InputError
-from enliven.examples import reflected
+from enliven.examples import reflect_points
 from enliven.meshes import Mesh
 
 Brush = Literal["stiffer", "softer", "erase"]
@@ -43,7 +43,7 @@ def brushed(
     if mesh.stiffness is not None:
         doublings = np.log2(mesh.stiffness, dtype=np.float64)
     if mirror is not None:
-        other = reflected(stroke, np.asarray(mirror.point), np.asarray(mirror.normal))
+        other = reflect_points(stroke, np.asarray(mirror.point), np.asarray(mirror.normal))
         stroke = np.concatenate([stroke, other])
     near = 1.0 - np.minimum(scipy.spatial.cKDTree(stroke).query(mesh.vertices)[0] / radius, 1.0)
     covered = near * near * (3.0 - 2.0 * near)

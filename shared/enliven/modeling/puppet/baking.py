@@ -18,7 +18,7 @@ from enliven.examples.baking import (
     BakeSettings,
     SurfaceFrames,
     bake_surface,
-    states_of,
+    evaluate_states,
 )
 from enliven.meshes import Mesh
 from enliven.rotation import rotate, to_matrix
@@ -72,7 +72,7 @@ def baked(
     settings = settings or BakeSettings()
     stop = project.end_of(puppet) if end is None else end
     times = frame_times(start, stop, rate, puppet.id)
-    places, turns, roots = states_of(project, puppet, times)
+    places, turns, roots = evaluate_states(project, puppet, times)
     frames = SurfaceFrames(puppet, places, settings.kept)
     point_vertices = [point.vertex for point in puppet.points]
     surface = bake_surface(puppet.mesh, frames, places, point_vertices, settings)

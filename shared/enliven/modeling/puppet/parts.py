@@ -14,13 +14,13 @@ from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples import (
     State,
-    clock,
+    collect_material,
+    convert_to_reference,
     examples_of,
     frame_at,
-    material_of,
+    loop_position,
     missing,
     motion_of,
-    seen_by,
     state_of,
 )
 from enliven.examples.baking import EdgeGraph
@@ -80,7 +80,7 @@ def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
     if layer is None or missing(project, puppet):
         return puppet
     motion = motion_of(project, puppet, puppet.layers.index(layer))
-    frame = round(clock(layer, motion, time)[0])
+    frame = round(loop_position(layer, motion, time)[0])
     return with_pose_of(project, puppet, layer, frame)
 
 
@@ -112,7 +112,7 @@ def unfolded(project: Project, puppet: Puppet) -> Puppet:
     if puppet.symmetry is None or layer is None or missing(project, puppet):
         return plain
     motion = motion_of(project, puppet, puppet.layers.index(layer))
-    examples, took = seen_by(material_of(project, puppet, layer))
+    examples, took = convert_to_reference(collect_material(project, puppet, layer))
     for image in examples.sources[len(puppet.poses) :]:
         frame = int(((took.poses - image) ** 2).sum((1, 2)).argmin())
         pose = KeyPose(layer.take, frame * motion.step, motion.places_at(frame))

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import AnyArray
 from enliven.document import KeyPose, Plane, Project, Puppet
 from enliven.errors import InputError
-from enliven.examples import examples_of, frame_at, mirrored_places, missing, partners_of
+from enliven.examples import examples_of, find_partners, frame_at, mirror_places, missing
 from enliven.modeling.mesh import plane_of_symmetry
 from enliven.modeling.rig import check_names
 
@@ -75,8 +75,8 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
         mend = "Set a plane of symmetry first."
         raise InputError("its mesh has no plane of symmetry", where=f"puppet {puppet.id!r}", mend=mend)
     names = [point.name for point in puppet.points]
-    partners = partners_of(puppet.rest, np.array(plane.point), np.array(plane.normal), names=names)
-    places = mirrored_places(pose.places, puppet.rest, partners, np.array(plane.normal))
+    partners = find_partners(puppet.rest, np.array(plane.point), np.array(plane.normal), names=names)
+    places = mirror_places(pose.places, puppet.rest, partners, np.array(plane.normal))
     return project.with_characters(_with_pose(puppet, number, replace(pose, places=places)))
 
 

@@ -83,7 +83,7 @@ def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
     """Returns the choice with the lowest cost. None if the mesh has fewer than five ends, or all choices
     cost more than ``most``.
     """
-    ways = found.ways_from(found.ends)
+    ways = found.distances_from(found.ends)
     between = ways[:, found.ends]
     heads, chosen = _all_choices(between, found.longest)
     if not len(chosen):
@@ -114,7 +114,7 @@ def five_ends(found: LimbEnds, most: float = np.inf) -> FiveEnds | None:
 def given_ends(found: LimbEnds, points: Float) -> FiveEnds:
     """Returns the choice with the given ends (5, 3) metres: head, two hands, two feet."""
     nearest = np.array([np.linalg.norm(found.points - point, axis=1).argmin() for point in points])
-    ways = found.ways_from(nearest)
+    ways = found.distances_from(nearest)
     between = ways[:, nearest]
     distances = [between[a, b] for a in range(5) for b in range(a + 1, 5)]
     cost, trees = ways_misfit(np.array([distances]))

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, UInt8
 from enliven.document import Plane, RigBase
-from enliven.examples import reflected
+from enliven.examples import reflect_points
 from enliven.meshes import Mesh, barycentric
 from enliven.modeling.edits import MOST_DOUBLINGS, Brush, brushed, paint_character, unpaint_character
 from enliven.modeling.mesh import plane_of_symmetry
@@ -178,7 +178,7 @@ class PaintTool(Tool):
             and self._over is not None
         ):
             posed = self.editor.stage_character(character.id)
-            other = reflected(self._over[1], np.asarray(plane.point), np.asarray(plane.normal))
+            other = reflect_points(self._over[1], np.asarray(plane.point), np.asarray(plane.normal))
             nearest = int(np.linalg.norm(character.mesh.vertices - other, axis=1).argmin())
             marks += [
                 Disc(at, self.radius, (*MARK[:3], _MIRRORED_RING_OPACITY), 1.5)
