@@ -161,14 +161,14 @@ def retarget(
 
 def _print_quality(made: RetargetedShape, rig: Rig, write_map: Path | None) -> None:
     """Prints the quality of the motion. If it has visible faults, warns and suggests a better mapping."""
-    from enliven.mapping import idle_limbs, limb_of, next_best, quality_of, write_plan
+    from enliven.mapping import idle_limbs, limb_name, next_best, quality_of, write_plan
 
     for limb in idle_limbs(made.clip, made.plan):
         mend = "Give it a chain: --write-map writes the mapping to begin with."
         say(f"enliven: the performer's {limb} drives nothing. {mend}", err=True)
     quality = quality_of(made.project, made.shape_id, made.clip, made.duration, made.plan)
     say(f"enliven: {quality}")
-    less = {limb_of(c): c.weight for c in made.plan.chains if c.weight < 1.0 and "whole" not in c.role}
+    less = {limb_name(c): c.weight for c in made.plan.chains if c.weight < 1.0 and "whole" not in c.role}
     if less:
         message = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
         say(f"enliven: moved less by the mapping: {message}")
@@ -197,18 +197,19 @@ def _print_quality(made: RetargetedShape, rig: Rig, write_map: Path | None) -> N
 def _exceeded_bounds(quality: MotionQuality, pinned: bool) -> list[str]:
     """Returns a sentence for each exceeded bound, with the affected joints. ``pinned`` is True if feet are
     locked."""
-    from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH
+    from enliven.mapping import MAX_FLOOR_DISTANCE, MAX_INTERSECTION, MAX_SLIDE_CM_S, MAX_STRETCH
 
     sunk, afloat, feet = quality.sunk or 0.0, quality.afloat or 0.0, ", ".join(quality.feet)
     limbs = ", ".join(f"{limb.limb} {limb.median:.0f}\u00b0" for limb in quality.worst_limbs[:4])
     faults = {
         f"limbs point away from the performer's: {limbs}": bool(limbs),
         f"the surface stretches at {', '.join(quality.joints)} (--soften moves limbs less)": quality.stretch
-        > BOUND,
-        f"it goes below the floor at {feet}": sunk > LEVEL,
-        f"it is above the floor at {feet} while the performer stands": afloat > max(LEVEL, sunk),
-        f"feet slide at {feet}{'' if pinned else ' (--pin holds them)'}": (quality.slide or 0.0) > SLIDE,
-        f"parts go through one another: {', '.join(quality.parts)}": quality.through > THROUGH,
+        > MAX_STRETCH,
+        f"it goes below the floor at {feet}": sunk > MAX_FLOOR_DISTANCE,
+        f"it is above the floor at {feet} while the performer stands": afloat > max(MAX_FLOOR_DISTANCE, sunk),
+        f"feet slide at {feet}{'' if pinned else ' (--pin holds them)'}": (quality.slide or 0.0)
+        > MAX_SLIDE_CM_S,
+        f"parts go through one another: {', '.join(quality.parts)}": quality.through > MAX_INTERSECTION,
     }
     return [words for words, is_present in faults.items() if is_present]
 
@@ -236,7 +237,7 @@ def _retarget_plan(
     line."""
     from dataclasses import replace
 
-    from enliven.mapping import Plan, automatic, softened
+    from enliven.mapping import Plan, automatic, soften_plan
     from enliven.settings import load_settings
 
     plan = automatic(clip, rig.shape) if plan is None else plan
@@ -249,7 +250,7 @@ def _retarget_plan(
     if mode != "auto":
         changes["chains"] = tuple(replace(chain, mode=mode) for chain in plan.chains)
     plan = replace(plan, **changes)
-    return softened(plan, clip, rig.shape) if soften else plan
+    return soften_plan(plan, clip, rig.shape) if soften else plan
 
 
 def _is_number(text: str) -> bool:

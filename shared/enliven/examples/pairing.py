@@ -22,7 +22,7 @@ from enliven.arrays import Float, Int
 from enliven.document import Clip, Skeleton
 from enliven.examples.performer import performed
 from enliven.examples.puppet_examples import IdentityKey
-from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_about_y
+from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, rotate_about_y
 
 _LIMB_MIDDLE_COST = 0.65
 """Cost of a joint in the middle of a limb. Costs are distances, in widths and heights of the body. The end of
@@ -145,10 +145,10 @@ def guess_joints(
     # Mirror images define left and right, even for a fish, which is longer than wide. Without them, the
     # longer horizontal side of the mesh is its side-to-side axis.
     if partners is None and deep[2] > _MIN_DEPTH_RATIO * deep[0]:
-        rest = turned_about_y(rest, -np.pi / 2)
+        rest = rotate_about_y(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
     root = skeleton.names[anatomy.trunk[0]]
-    level = turned_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
+    level = rotate_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
     level = _extend_arms(level, anatomy)
     candidates = [
         candidate

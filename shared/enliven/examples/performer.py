@@ -15,7 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, joint_places
-from enliven.mapping import turned_about_y
+from enliven.mapping import rotate_about_y
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,4 +56,4 @@ def yaw_of(turns: Float) -> Float:
 
 def to_body_frame(places: Float, root: Float, yaw: Float) -> Float:
     """Converts world positions (F, P, 3) to the body frame of the root (F, 3), without the yaw (F,)."""
-    return turned_about_y(places - root[:, None], -np.asarray(yaw)[:, None])
+    return rotate_about_y(places - root[:, None], -np.asarray(yaw)[:, None])

@@ -21,7 +21,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.mapping import Anatomy, anatomy_of, turned_about_y
+from enliven.mapping import Anatomy, anatomy_of, rotate_about_y
 
 _SAME_SKELETON_TOLERANCE = 1e-9
 """Maximum difference between the joints of equal skeletons, as a fraction of the skeleton's size."""
@@ -50,7 +50,7 @@ class Role:
         """Converts (..., P, 3) poses in the body frame to those of the reference."""
         if self.turn == 0.0 and (self.factors == 1.0).all():
             return poses
-        return turned_about_y(poses * self.factors[:, None], np.asarray(self.turn))
+        return rotate_about_y(poses * self.factors[:, None], np.asarray(self.turn))
 
 
 def match_performer(

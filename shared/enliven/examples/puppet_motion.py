@@ -22,7 +22,7 @@ from enliven.errors import InputError
 from enliven.examples.puppet_examples import Material, collect_material
 from enliven.examples.puppet_solve import solve_motion
 from enliven.examples.puppet_trajectory import PuppetMotion
-from enliven.mapping import turned_about_y
+from enliven.mapping import rotate_about_y
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 
 _CACHED_MOTIONS = 64
@@ -93,7 +93,7 @@ def loop_position(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tupl
 
 def in_world(puppet: Puppet, state: State, points: AnyArray) -> Float:
     """Converts points (..., 3) in the mesh's frame to (..., 3) metres in the world."""
-    local = turned_about_y(np.asarray(points, np.float64), np.asarray(state.yaw)) + state.root
+    local = rotate_about_y(np.asarray(points, np.float64), np.asarray(state.yaw)) + state.root
     return np.asarray(rotate(puppet.turn, local) + puppet.place)
 
 

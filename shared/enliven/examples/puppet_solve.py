@@ -33,7 +33,7 @@ from enliven.examples.spacetime import (
     lock_feet,
 )
 from enliven.examples.travel import PerformerFeet, convert_take, layer_travel, performer_feet
-from enliven.mapping import facing_of, turned_about_y
+from enliven.mapping import facing_of, rotate_about_y
 
 
 def solve_motion(material: Material) -> PuppetMotion:
@@ -130,7 +130,7 @@ class _Solve:
         mixed = self._rest + self._layer.weight * (places - self._rest)
         if self._performer_feet is None:
             still = np.zeros((len(places), 3))
-            return PlacedMotion(turned_about_y(mixed, yaw[:, None]), still, _no_anchors(places), ())
+            return PlacedMotion(rotate_about_y(mixed, yaw[:, None]), still, _no_anchors(places), ())
         placed = self._performer_feet.locate(mixed, yaw, self._alternating_stance, self._layer.switches)
         # Keep the control points of the feet as high above the soles as in the rest pose.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
@@ -182,7 +182,7 @@ class _Solve:
         if held.shape[1] == 0 or not held.any():
             return places
         out = places.copy()
-        out[:, self._held_feet] += turned_about_y(floor_positions(held), -yaw[:, None]) / self._layer.weight
+        out[:, self._held_feet] += rotate_about_y(floor_positions(held), -yaw[:, None]) / self._layer.weight
         return out
 
     def plant_feet(self, places: Float, placed: PlacedMotion, yaw: Float) -> Float:

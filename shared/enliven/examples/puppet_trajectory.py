@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.document import Switch
-from enliven.mapping import turned_about_y
+from enliven.mapping import rotate_about_y
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ class PuppetMotion:
 
 
 def _turn_about_y(vector: Float, angle: float) -> Float:
-    return np.asarray(turned_about_y(vector, np.asarray(angle)))
+    return np.asarray(rotate_about_y(vector, np.asarray(angle)))
 
 
 def _ease_in_out(part: float) -> float:

@@ -32,7 +32,7 @@ from enliven.examples.puppet_examples import (
     reference_among,
 )
 from enliven.examples.spacetime import PlacedMotion, find_switches, floor_numbers, place_motion, standing_feet
-from enliven.mapping import facing_of, turned_about_y
+from enliven.mapping import facing_of, rotate_about_y
 
 _CACHED_TRAVELS = 64
 """Number of puppets and edits in the least-recently-used cache."""
@@ -77,7 +77,7 @@ class PuppetTravel:
 
 def floor_path(took: PerformerClip, facing: float, mirrored: bool = False) -> Complex:
     """Returns (F,) metres, the path of a performer on the floor, rotated so that they face +Z at first."""
-    way = floor_numbers(turned_about_y(took.root - took.root[0], -(took.yaw[0] + facing)))
+    way = floor_numbers(rotate_about_y(took.root - took.root[0], -(took.yaw[0] + facing)))
     return -way.conj() if mirrored else way
 
 

@@ -85,7 +85,7 @@ def write_bvh(
     write_file(Path(path), bvh_text(performances[0], unit), "Choose another place.")
 
 
-def units_in_metre(unit: str = "m") -> float:
+def units_per_metre(unit: str = "m") -> float:
     """Returns the number of units per metre.
 
     Raises:
@@ -98,7 +98,7 @@ def units_in_metre(unit: str = "m") -> float:
     return _UNITS_PER_METRE[unit]
 
 
-BVH = Exporter(write_bvh, jointed=True, single=True, check=units_in_metre)
+BVH = Exporter(write_bvh, jointed=True, single=True, check=units_per_metre)
 
 
 def bvh_text(performance: Performance, unit: str = "m") -> str:
@@ -107,7 +107,7 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
     if skeleton is None:
         mend = "Write a .glb instead: its joints carry any surface."
         raise InputError("it has no skeleton, and a BVH file holds nothing else", where=where, mend=mend)
-    scale, times = units_in_metre(unit), performance.times
+    scale, times = units_per_metre(unit), performance.times
     turns = nearest_rotation(performance.linear)
     places = _joint_places(skeleton, turns, performance) if performance.stretches else None
     joints = _file_joints(skeleton, turns, places)

@@ -23,7 +23,7 @@ _MAX_RIGID_STRETCH = 1e-6
 """Maximum stretch of a bone that counts as rigid: rounding of long chains."""
 
 
-def file_keys_of(
+def find_file_keys(
     project: Project, shape: Shape, performance: Performance, start: float
 ) -> tuple[CubicKeys, ...]:
     """Returns the cubic keys that move a shape, in the seconds of its performance.
@@ -39,7 +39,7 @@ def file_keys_of(
     """
     clip, layer = _only_clip(project, shape)
     skeleton = performance.skeleton
-    if clip is None or layer is None or skeleton is None or not _only_turns(performance.linear):
+    if clip is None or layer is None or skeleton is None or not _is_rigid(performance.linear):
         return ()
     (segment,) = layer.lane(clip.duration)
     speed = layer.speed * segment.speed
@@ -57,7 +57,7 @@ def file_keys_of(
     )
 
 
-def _only_turns(linear: Float) -> bool:
+def _is_rigid(linear: Float) -> bool:
     """Returns True if no map (T, N, 3, 3) stretches or mirrors its bone."""
     gram = np.einsum("tnba,tnbc->tnac", linear, linear)
     return bool(np.abs(gram - np.eye(3)).max() <= _MAX_RIGID_STRETCH and (np.linalg.det(linear) > 0).all())

@@ -111,7 +111,7 @@ class Performance:
         return self.mesh, self.skin
 
 
-def stretches_of(linear: Float) -> tuple[Float, Float]:
+def split_stretch(linear: Float) -> tuple[Float, Float]:
     """Splits (T, N, 3, 3) maps R S into (T, N, 4) rotations R and (T, N, 3) scales, the diagonal of S.
 
     A mirroring map has negative scales.

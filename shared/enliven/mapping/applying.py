@@ -18,15 +18,15 @@ from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
-from enliven.mapping.ground import levelled
+from enliven.mapping.ground import level_root
 from enliven.mapping.plan import ChainPlan, Plan, Rest
 from enliven.mapping.resting import (
-    at_moment,
     first_heading,
     hanging_pose,
     mean_pose,
-    posed,
-    rebased,
+    pose_at,
+    pose_skeleton,
+    rebase,
     standing_turns,
 )
 from enliven.motion.layers import arc_of, bind_chain, branch, set_travel, travel_scale
@@ -47,7 +47,7 @@ def source_anatomy(clip: Clip) -> Anatomy:
     It is found in the rest pose, or in the mean pose of the take if that gives more pairs of limbs.
     """
     at_rest = anatomy_of(clip.skeleton)
-    amid = anatomy_of(posed(clip.skeleton, mean_pose(clip)))
+    amid = anatomy_of(pose_skeleton(clip.skeleton, mean_pose(clip)))
     if len(amid.pairs) > len(at_rest.pairs):
         return amid
     heading = first_heading(clip)
@@ -96,11 +96,11 @@ class _Turns:
         """Returns the rotation model_from_take (4,) of a chain, to be applied after mirroring."""
         return self.mirrored if line.plan.mirrored else self.plain
 
-    def forth(self, line: _Line, ways: Float) -> Float:
+    def to_model(self, line: _Line, ways: Float) -> Float:
         """Returns directions (..., 3) of the take in the model's axes."""
         return rotate(self.of(line), ways * _MIRROR_SIGNS if line.plan.mirrored else ways)
 
-    def back(self, line: _Line, ways: Float) -> Float:
+    def to_take(self, line: _Line, ways: Float) -> Float:
         """Returns directions (..., 3) of the model in the take's axes."""
         ways = rotate(conjugate(self.of(line)), ways)
         return ways * _MIRROR_SIGNS if line.plan.mirrored else ways
@@ -114,16 +114,16 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
     """
     source, target = clip.skeleton, shape.skeleton
     lines = [
-        _Line(chain, _joint_path(source, chain.source, "the take"), _target_way(target, chain))
+        _Line(chain, _joint_path(source, chain.source, "the take"), _target_direction(target, chain))
         for chain in plan.chains
     ]
     turns = _Turns(*facings(clip, shape, plan))
-    clip = levelled(clip, source_anatomy(clip).trunk[-1]) if plan.level else clip
+    clip = level_root(clip, source_anatomy(clip).trunk[-1]) if plan.level else clip
     lines = [line for line in lines if plan.turn or line.theirs != (0,)]
     project = project.with_characters(shape)
     first: Clip | None = None
     for since, group in _rest_poses(lines, clip, plan.rest, target, turns):
-        take = replace(rebased(clip, since), id=unused(clip.id, project.takes))
+        take = replace(rebase(clip, since), id=unused(clip.id, project.takes))
         first = first or take
         project = project.with_takes(take)
         for line in group:
@@ -154,12 +154,12 @@ def _rest_poses(
         group.append(line)
         if line.plan.mode == "pose":
             claimed |= line.bones
-            _pose_like(since, clip, line, group, target, turns)
+            _match_pose(since, clip, line, group, target, turns)
     for line in group:
-        arm = _posed_above(group, line, clip.skeleton)
+        arm = _posed_bone_above(group, line, clip.skeleton)
         if line.plan.mode != "move" or arm is None:
             continue
-        if _on_floor(target, line.theirs):
+        if _lies_on_floor(target, line.theirs):
             # The foot is flat in the rest pose, at any slope of the shin.
             since[list(line.mine[1:])] = standing_turns(clip, line.mine)
         else:
@@ -170,14 +170,14 @@ def _rest_poses(
     for line in conflicting:
         other = since.copy()
         if line.plan.mode == "pose":
-            _pose_like(other, clip, line, [line], target, turns)
+            _match_pose(other, clip, line, [line], target, turns)
         else:
             other[list(line.bones)] = plain[list(line.bones)]
         rests.append((other, [line]))
     return rests
 
 
-def _posed_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | None:
+def _posed_bone_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | None:
     """Returns the last bone of the nearest chain of mode "pose" above a chain in the take, or None."""
     way = source.path(0, line.mine[0])
     above = [
@@ -204,7 +204,7 @@ def carried(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) ->
     return project.with_characters(shape.with_changes(spans=tuple(spans)))
 
 
-def _on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
+def _lies_on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
     """Returns True if a chain lies along the floor at rest, as a foot does."""
     height = skeleton.positions[:, 1]
     return bool(height[list(chain)].max() < height.min() + _MAX_FOOT_HEIGHT * np.ptp(height))
@@ -237,9 +237,9 @@ def _rest_rotations(clip: Clip, rest: Rest | float) -> Float:
     if rest == "zero":
         return np.tile(IDENTITY, (len(clip.skeleton), 1))
     if rest == "first":
-        return at_moment(clip, 0.0).copy()
+        return pose_at(clip, 0.0).copy()
     if isinstance(rest, int | float):
-        return at_moment(clip, float(rest)).copy()
+        return pose_at(clip, float(rest)).copy()
     if rest == "auto":
         body = source_anatomy(clip)
         limbs = [limb.proper for pair in body.pairs for limb in pair]
@@ -248,7 +248,7 @@ def _rest_rotations(clip: Clip, rest: Rest | float) -> Float:
     return mean_pose(clip)
 
 
-def _pose_like(
+def _match_pose(
     since: Float, clip: Clip, line: _Line, lines: list[_Line], target: Skeleton, turns: _Turns
 ) -> None:
     """Sets the rest rotations of a source chain, in ``since`` (N, 4), so that its bones point in the target's
@@ -265,7 +265,7 @@ def _pose_like(
         return
     arc, ends = arc_of(skeleton, line.mine), target.positions[list(line.theirs)]
     at = np.stack([np.interp(arc, arc_of(target, line.theirs), ends[:, k]) for k in range(3)], 1)
-    ways, bones = turns.back(line, np.diff(at, axis=0)), skeleton.vectors[list(line.mine[1:])]
+    ways, bones = turns.to_take(line, np.diff(at, axis=0)), skeleton.vectors[list(line.mine[1:])]
     middle = turns.middle(skeleton, line)
     if middle:
         ways[:], bones[:] = ways.sum(0), bones.sum(0)
@@ -291,13 +291,13 @@ def _layer_basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skel
     basis = turns.of(line)
     if line.plan.mode == "move" and len(line.mine) > 1 < len(line.theirs):
         mine, theirs = _whole_limb_ends(lines, line)
-        way = turns.forth(line, source.positions[mine[1]] - source.positions[mine[0]])
+        way = turns.to_model(line, source.positions[mine[1]] - source.positions[mine[0]])
         wanted = target.positions[theirs[1]] - target.positions[theirs[0]]
         # Below a chain that has the performer's pose, this chain rotates about the performer's axes. Other
         # axes would change the pose of the limbs below. A tail that a spine drives points the opposite way,
         # so it gets axes of its own.
         carries = _leads_to_posed(lines, line) or float(way @ wanted) > 0.0
-        same = carries and _posed_above(lines, line, source) is not None
+        same = carries and _posed_bone_above(lines, line, source) is not None
         basis = basis if same else multiply(_smallest_rotation(way, wanted, turns.across), basis)
     return multiply(_half_turn(target, line.theirs), basis) if line.plan.flip else basis
 
@@ -384,7 +384,7 @@ def _joint_path(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple
     return tuple(way)
 
 
-def _target_way(skeleton: Skeleton, chain: ChainPlan) -> tuple[int, ...]:
+def _target_direction(skeleton: Skeleton, chain: ChainPlan) -> tuple[int, ...]:
     way = _joint_path(skeleton, chain.target, "the model")
     return branch(skeleton, way[0], way[-1]) if chain.extend else way
 

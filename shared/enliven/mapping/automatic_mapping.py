@@ -12,22 +12,22 @@ from enliven.arrays import Float
 from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton
 from enliven.errors import InputError
 from enliven.formats.rig import play_clip
-from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of, begins_tip
+from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of, is_tip_start
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
-from enliven.mapping.assignment import Drive, assigned, matching_joints, split
-from enliven.mapping.facing import turned_about_y
+from enliven.mapping.assignment import Drive, assign_limbs, matching_joints, split_drive
+from enliven.mapping.facing import rotate_about_y
 from enliven.mapping.gait import (
     bones_that_only_step,
     leg_of,
     legs_that_step,
-    on_feet,
     posed_legs_that_step,
+    standing_on_feet,
     step_scale,
     step_sizes,
 )
-from enliven.mapping.ground import kept_on_floor, stands
+from enliven.mapping.ground import keep_on_floor, stands_on_floor
 from enliven.mapping.human_names import finger_joints
-from enliven.mapping.joint_limits import limited
+from enliven.mapping.joint_limits import limit_joints
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.resting import mean_turn
@@ -60,7 +60,7 @@ class RetargetedShape:
     model_facing: float
     take_facing: float
     clips: tuple[Clip, ...] = ()
-    limited: tuple[str, ...] = ()
+    limit_joints: tuple[str, ...] = ()
 
 
 _MAX_TRUNK_ANGLE = np.radians(50.0)
@@ -85,7 +85,7 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     twins = _is_twin(clip.skeleton, shape.skeleton)
     level = mode == "move" and len(target.legs) > 1
     chains = _body_chains(clip.skeleton, source, shape.skeleton, mode, level)
-    drives = assigned(source, target)
+    drives = assign_limbs(source, target)
     for drive in drives:
         # Girdles keep the model's own directions: pointed like the performer's, a shoulder or hip would
         # leave the trunk. Hands and feet keep their own rest rotation too.
@@ -113,7 +113,7 @@ def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy)
     Other fingers follow the hand.
     """
     chains, source = list[ChainPlan](), clip.skeleton
-    for side, by, limb in _named_arms(theirs, ours):
+    for side, by, limb in _matching_arms(theirs, ours):
         wrist, hand = by.main[-1], finger_joints(target, limb.main[-1])
         for finger, chain in finger_joints(source, wrist).items():
             if finger not in hand or not _is_moving_finger(clip, chain):
@@ -127,7 +127,7 @@ def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy)
     return chains
 
 
-def _named_arms(theirs: Anatomy, ours: Anatomy) -> Iterator[tuple[str, SkeletonLimb, SkeletonLimb]]:
+def _matching_arms(theirs: Anatomy, ours: Anatomy) -> Iterator[tuple[str, SkeletonLimb, SkeletonLimb]]:
     """Yields (side, arm of the take, arm of the model) for each side on which both are known by name."""
     for by, pair in zip(theirs.arms[:1], ours.arms[:1], strict=False):
         for side, arm, limb in zip(("left", "right"), by, pair, strict=True):
@@ -201,11 +201,11 @@ def _trunk_direction(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     It is zero if both ends coincide.
     """
     end = anatomy.head.chain[-1] if anatomy.head else anatomy.trunk[-1]
-    way = turned_about_y(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
+    way = rotate_about_y(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
-def with_feet_pinned(
+def pin_all_feet(
     project: Project,
     shape: Shape,
     steps: Mapping[SkeletonLimb, float] | None = None,
@@ -232,12 +232,12 @@ def with_feet_pinned(
     for limb in (limb for pair in anatomy_of(shape.skeleton).legs for limb in pair if limb not in without):
         leg = leg_of(limb)
         if len(leg) > 2:
-            how = _short_steps(usual, shape.skeleton, leg, steps[limb]) if limb in steps else usual
+            how = _short_step_settings(usual, shape.skeleton, leg, steps[limb]) if limb in steps else usual
             project = pin_feet(project, shape.id, [leg[-1]], start=leg[0], settings=how)
     return project
 
 
-def _short_steps(
+def _short_step_settings(
     usual: ContactSettings, skeleton: Skeleton, leg: Sequence[int], size: float
 ) -> ContactSettings:
     """Returns contact settings for a foot with steps of a leg of ``size`` metres.
@@ -259,7 +259,7 @@ def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Sk
     if any(len(a) != len(arcs[0][0]) or len(b) != len(arcs[0][1]) for a, b in arcs):
         arcs = arcs[:1]
     mine, theirs = (np.mean(side, axis=0).tolist() for side in zip(*arcs, strict=True))
-    pieces = split(drive, matching_joints(drive, mine, theirs))
+    pieces = split_drive(drive, matching_joints(drive, mine, theirs))
     if not drive.knots or drive.role == "head":
         return pieces
     # A segment of several bones is straight (Rigify splits bones for twist), so its first bone rotates it.
@@ -269,7 +269,7 @@ def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Sk
 def _is_end(piece: Drive, drive: Drive, body: Anatomy, target: Skeleton) -> bool:
     """Returns True if a piece is the hand or foot of a limb that has no separate one."""
     limb = next((limb for pair in body.pairs for limb in pair if limb.main == drive.target), None)
-    return limb is not None and begins_tip(target, limb, piece.target[0])
+    return limb is not None and is_tip_start(target, limb, piece.target[0])
 
 
 def _end_names(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
@@ -322,7 +322,7 @@ def retarget(
     stepping, posed = legs_that_step(shape, clip, plan), posed_legs_that_step(shape, clip, plan)
     # A body with the performer's skeleton moves exactly as the take does, unless its feet are planted.
     itself = plan.travel and not posed and _is_twin(clip.skeleton, shape.skeleton)
-    upright = stands(shape) and not itself
+    upright = stands_on_floor(shape) and not itself
     level = plan.floor and upright
     project, based = apply_plan(project or Project(), shape, clip, plan)
     if posed and plan.travel:
@@ -332,13 +332,13 @@ def retarget(
     layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.shape(shape.id).layers]
     duration = max(layer.end(based.duration) for layer in layers)
     stepping_bones = bones_that_only_step(shape, clip, plan) if level else ()
-    project, names = limited(project, shape.id, clip, plan, clips, stepping_bones)
+    project, names = limit_joints(project, shape.id, clip, plan, clips, stepping_bones)
     if level:
         project = stepped(project, shape.id, clip, based, plan)
-        feet = on_feet(clip) if posed and plan.travel else None
-        project = kept_on_floor(project, shape.id, based, duration, not stepping, feet)
+        feet = standing_on_feet(clip) if posed and plan.travel else None
+        project = keep_on_floor(project, shape.id, based, duration, not stepping, feet)
     if plan.pin:
         steps = step_sizes(shape, clip, based, plan)
-        project = with_feet_pinned(project, shape, steps, level, above=upright and not level, without=posed)
+        project = pin_all_feet(project, shape, steps, level, above=upright and not level, without=posed)
     theirs, ours = facings(clip, shape, plan)
     return RetargetedShape(project, shape.id, clip, plan, duration, ours, theirs, tuple(clips), names)

@@ -17,7 +17,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
 from enliven.mapping.anatomy import anatomy_of
-from enliven.mapping.facing import turned_about_y
+from enliven.mapping.facing import rotate_about_y
 from enliven.mapping.ground import moments_of
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import Plan
@@ -37,7 +37,7 @@ _MIN_BONE_LENGTH = 1e-6
 """Bones shorter than this fraction of the skeleton's size have no direction."""
 
 
-def limited(
+def limit_joints(
     project: Project,
     shape_id: str,
     clip: Clip,
@@ -78,7 +78,7 @@ def limited(
     )
     project = project.with_takes(take)
     moved = {*shares, *followers}
-    for chain in _joined_chains(
+    for chain in _group_chains(
         shape.skeleton, {j for j in moved if _is_different(limited_turns[:, j], turns[:, j])}
     ):
         project = clear_chain(project, shape_id, chain)
@@ -204,8 +204,8 @@ def _bone_partners(skeleton: Skeleton) -> dict[int, int]:
 
 def _mirrored_rotations(turns: Float, facing: float) -> Float:
     """Returns rotations (T, 4) mirrored in the plane between left and right of a body with that facing."""
-    ahead = turned_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
-    return np.concatenate([turns[:, :1], turned_about_y(ahead, facing)], axis=1)
+    ahead = rotate_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
+    return np.concatenate([turns[:, :1], rotate_about_y(ahead, facing)], axis=1)
 
 
 def _local_rotations(skeleton: Skeleton, turns: Float) -> Float:
@@ -222,7 +222,7 @@ def _is_different(one: Float, other: Float) -> bool:
     return bool(2.0 * np.arccos(min(float(cosine), 1.0)) > _MIN_CHANGE)
 
 
-def _joined_chains(skeleton: Skeleton, bones: set[int]) -> list[tuple[int, ...]]:
+def _group_chains(skeleton: Skeleton, bones: set[int]) -> list[tuple[int, ...]]:
     """Groups bones into chains of joints. Each chain begins with the joint that stays in place."""
     chains, remaining = list[tuple[int, ...]](), sorted(bones)
     while remaining:

@@ -98,16 +98,16 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
         mend = f"Known: {', '.join(clips) or 'none'}."
         raise InputError(f"{name!r} is not a clip of {shape_id!r}", where="project", mend=mend)
     if played:
-        return _with_other_clip(project, shape, played, name)
-    project = stilled(project, shape_id)
+        return _replace_clip(project, shape, played, name)
+    project = mute_takes(project, shape_id)
     shape = project.shape(shape_id).with_changes(pins=())
     if name is None:
         return project.with_characters(shape)
     project, _ = play_clip(project.with_characters(shape), shape, project.takes[name])
-    return looped(project, shape_id) if is_looping(project.takes[name]) else project
+    return loop_takes(project, shape_id) if is_looping(project.takes[name]) else project
 
 
-def _with_other_clip(project: Project, shape: Shape, played: Sequence[Layer], name: str | None) -> Project:
+def _replace_clip(project: Project, shape: Shape, played: Sequence[Layer], name: str | None) -> Project:
     """Returns a project in which the layers that play a shape's own clip play another one, or are muted."""
     others = [layer for layer in shape.layers if layer not in played]
     new_layers = [replace(layer, muted=True) for layer in played]
@@ -132,7 +132,7 @@ def _joint_layers(project: Project, shape: Shape) -> tuple[Layer, ...]:
     return layers if theirs.names == shape.skeleton.names else ()
 
 
-def stilled(project: Project, shape_id: str) -> Project:
+def mute_takes(project: Project, shape_id: str) -> Project:
     """Returns a project in which no take moves a shape. Keys are kept."""
     shape = project.shape(shape_id)
     key_layers = {layer.id for layer in shape.layers if project.takes[layer.take].keys}
@@ -144,7 +144,7 @@ def stilled(project: Project, shape_id: str) -> Project:
     return project.with_characters(shape.with_changes(spans=spans, **travel))
 
 
-def looped(project: Project, shape_id: str) -> Project:
+def loop_takes(project: Project, shape_id: str) -> Project:
     """Returns a project in which every take that moves a shape loops. Keys do not loop."""
     shape = project.shape(shape_id)
     layers = (

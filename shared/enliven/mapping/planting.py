@@ -68,7 +68,7 @@ _FRAMES_PER_BLOCK = 2048
 """Number of frames that are processed at a time, to bound the memory for all points of a foot."""
 _HEIGHT_WEIGHT = 1e-9
 """Weight of the performer's own height, small enough to matter only while no foot stands."""
-_MAX_UNSPIN = np.radians(30.0)
+_MAX_HEADING_DIFFERENCE = np.radians(30.0)
 """Largest angle (radians) between the headings of a standing foot and the performer's foot: what ankle and
 hip allow."""
 _PATH_WEIGHT = 0.01
@@ -81,7 +81,7 @@ class PosedLeg:
 
     Attributes:
         rolled: (T, 2) metres along x and z that the touching part of the sole has moved relative to the root;
-            see :func:`rolling`.
+            see :func:`rolling_motion`.
         sole: (T,) metres from the root up to the lowest point of the foot.
         clear: (T,) height in metres of the performer's foot above the floor, scaled to the body's size.
         length: length of the leg in metres.
@@ -95,7 +95,7 @@ class PosedLeg:
     spans: Spans
 
 
-def rolling(points: Float, length: float) -> tuple[Float, Float]:
+def rolling_motion(points: Float, length: float) -> tuple[Float, Float]:
     """Returns how a foot rolls over a floor.
 
     A foot that rolls without sliding rotates about the points that touch the floor, first the heel and last
@@ -179,11 +179,12 @@ class Sole:
         return positions
 
     def rolling(self, turns: Float, joints: Float, length: float) -> tuple[Float, Float]:
-        """Returns :func:`rolling` of the points, for joints (T, N, 3) in metres relative to the root."""
+        """Returns :func:`rolling_motion` of the points, for joints (T, N, 3) in metres relative to the
+        root."""
         rolled, low, at = [np.zeros((1, 2))], list[Float](), np.zeros(2)
         for start in range(0, max(len(turns) - 1, 1), _FRAMES_PER_BLOCK):
             part = slice(start, start + _FRAMES_PER_BLOCK + 1)
-            way, height = rolling(self.points(turns[part], joints[part]), length)
+            way, height = rolling_motion(self.points(turns[part], joints[part]), length)
             rolled.append(at + way[1:])
             at, low = at + way[-1], [*low, height if not start else height[1:]]
         return np.concatenate(rolled), np.concatenate(low)
@@ -235,7 +236,7 @@ def _outermost_points(points: Float) -> Int:
     return np.unique((points @ ways).argmax(0))
 
 
-def unspun(spin: Float, spans: Spans, step: float) -> Float:
+def remove_spin(spin: Float, spans: Spans, step: float) -> Float:
     """Returns the rotations about +Y, (T,) radians, that keep a foot from spinning while it stands.
 
     The foot keeps the median heading of each contact. If the performer's foot rotates farther than ankle and
@@ -247,13 +248,17 @@ def unspun(spin: Float, spans: Spans, step: float) -> Float:
         step: seconds between two moments.
     """
     count, blend = len(spin), max(round(_BLEND_S / step), 1)
-    spans, turns = _joined_spans(spans, blend), np.zeros(count)
+    spans, turns = _join_spans(spans, blend), np.zeros(count)
     ends = [-blend, *(b for _, b in spans)]
     starts = [*(a for a, _ in spans), count + blend]
     for number, (first, last) in enumerate(spans):
         standing_heading = float(np.median(spin[first : last + 1]))
         for t in range(first, last + 1):
-            standing_heading = float(np.clip(standing_heading, spin[t] - _MAX_UNSPIN, spin[t] + _MAX_UNSPIN))
+            standing_heading = float(
+                np.clip(
+                    standing_heading, spin[t] - _MAX_HEADING_DIFFERENCE, spin[t] + _MAX_HEADING_DIFFERENCE
+                )
+            )
             turns[t] = standing_heading - spin[t]
         before, after = min(blend, first - ends[number]), min(blend, starts[number + 1] - last)
         into, out = _fading_weights(before)[::-1] * turns[first], _fading_weights(after) * turns[last]
@@ -262,7 +267,7 @@ def unspun(spin: Float, spans: Spans, step: float) -> Float:
     return turns
 
 
-def _joined_spans(spans: Spans, gap: int) -> Spans:
+def _join_spans(spans: Spans, gap: int) -> Spans:
     """Joins spans that are at most ``gap`` frames apart, and returns all spans."""
     joined = list[tuple[int, int]]()
     for first, last in spans:
@@ -273,7 +278,7 @@ def _joined_spans(spans: Spans, gap: int) -> Spans:
     return tuple(joined)
 
 
-def clearance_of(heights: Float, spans: Spans) -> Float:
+def contact_clearance(heights: Float, spans: Spans) -> Float:
     """Returns the height (T,) in metres of a foot above its contacts: the height of the joint that has risen
     least.
 
@@ -293,7 +298,7 @@ def clearance_of(heights: Float, spans: Spans) -> Float:
     return np.asarray(np.maximum(heights - standing, 0.0).min(1))
 
 
-def planted(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> tuple[Float, list[Float]]:
+def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> tuple[Float, list[Float]]:
     """Returns the corrected path of the root, and the remaining offset of each foot.
 
     Args:

@@ -106,13 +106,13 @@ def _mean_pose(clip: Clip, frames: Bool) -> Float:
     return since
 
 
-def at_moment(clip: Clip, seconds: float) -> Float:
+def pose_at(clip: Clip, seconds: float) -> Float:
     """Returns the world rotations (N, 4) of the pose at a time of the take."""
     frame = int(np.clip(round(seconds / clip.step), 0, len(clip.turns) - 1))
     return np.asarray(clip.turns[frame])
 
 
-def posed(skeleton: Skeleton, turns: Float) -> Skeleton:
+def pose_skeleton(skeleton: Skeleton, turns: Float) -> Skeleton:
     """Returns the skeleton in a pose of world rotations (N, 4). Its root stays in place."""
     at = skeleton.positions.copy()
     vectors = rotate(turns, skeleton.vectors)
@@ -121,13 +121,13 @@ def posed(skeleton: Skeleton, turns: Float) -> Skeleton:
     return replace(skeleton, positions=at)
 
 
-def rebased(clip: Clip, since: Float) -> Clip:
+def rebase(clip: Clip, since: Float) -> Clip:
     """Returns the same motion relative to another rest pose.
 
     ``since`` (N, 4) contains the world rotations of the new rest pose relative to the current one.
     """
     turns = multiply(clip.turns, conjugate(since))
-    moved = replace(clip, skeleton=posed(clip.skeleton, since), turns=turns, fine=None)
+    moved = replace(clip, skeleton=pose_skeleton(clip.skeleton, since), turns=turns, fine=None)
     if clip.offsets is not None:
         moved = replace(moved, offsets=rotate(since, clip.offsets))
     if clip.strains is not None:

@@ -74,7 +74,7 @@ class ScreenView:
         return np.asarray(np.maximum((points - self.eye) @ self.direction, MIN_DEPTH_M))
 
 
-def end_on(vectors: Float, view: ScreenView, share: float = 0.2) -> Bool:
+def is_end_on(vectors: Float, view: ScreenView, share: float = 0.2) -> Bool:
     """Returns (N,) true for vectors (N, 3) seen so nearly end-on that their direction on the screen is noise.
 
     Args:

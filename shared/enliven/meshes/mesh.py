@@ -75,7 +75,7 @@ class Mesh:
         elif self.materials is not None and len(self.materials.of) != len(self.faces):
             problem = f"{len(self.materials.of)} faces have materials, expected {len(self.faces)}"
         elif self.stiffness is not None:
-            problem = wrong_stiffness(self.stiffness, len(self.vertices))
+            problem = stiffness_error(self.stiffness, len(self.vertices))
         if problem:
             raise InputError(problem, where=f"mesh {self.name!r}", mend="Export the mesh again.")
 
@@ -129,7 +129,7 @@ class Mesh:
         return unit(corner_sums(self.faces, self.face_vectors(), len(self.vertices)))
 
 
-def mixed_paint(rows: Float, *meshes: Mesh) -> Paint:
+def split_paint(rows: Float, *meshes: Mesh) -> Paint:
     """Converts ``rows`` (V, 4) of :attr:`Mesh.paint` to the kinds of paint that one of the meshes has."""
     coloured = any(mesh.colours is not None for mesh in meshes)
     stiff = any(mesh.stiffness is not None for mesh in meshes)
@@ -137,7 +137,7 @@ def mixed_paint(rows: Float, *meshes: Mesh) -> Paint:
     return colours, np.exp(rows[:, 3]).astype(np.float32) if stiff else None
 
 
-def wrong_stiffness(stiffness: Float32, count: int) -> str:
+def stiffness_error(stiffness: Float32, count: int) -> str:
     """Describes the error in the stiffness of ``count`` vertices. Returns an empty text if it is valid."""
     if stiffness.shape != (count,):
         return f"the stiffness is {stiffness.shape}, expected ({count},)"

@@ -12,7 +12,7 @@ _TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP")
 hostile bytes."""
 
 
-def opened_picture(data: bytes) -> Image.Image:
+def open_picture(data: bytes) -> Image.Image:
     """Returns an image that is not decoded yet. The caller must check its size.
 
     Raises:

@@ -12,7 +12,7 @@ from enliven.arrays import AnyArray, Float, UInt8
 from enliven.files import text_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.polygons import triangulate
-from enliven.meshes.tokens import DamagedMeshError, numbers_in
+from enliven.meshes.tokens import DamagedMeshError, parse_numbers
 
 _NUMPY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -119,7 +119,7 @@ def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, 
     """Returns the columns of each element by name. The entry "" contains the numbers after the last
     element."""
     tables: dict[str, dict[str, AnyArray]] = {}
-    numbers = numbers_in(text_bytes(body))
+    numbers = parse_numbers(text_bytes(body))
     at = 0
     for element in elements:
         width = len(element.properties)

@@ -64,7 +64,7 @@ def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, nam
     if len(faces) == 0:
         raise _too_few_points_error(0, name)
     mesh = Mesh(seen @ axes + viewpoint, _facing_triangles(seen, faces).astype(np.int32), name)
-    return _without_specks(mesh)
+    return _remove_specks(mesh)
 
 
 def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
@@ -155,7 +155,7 @@ def _facing_triangles(seen: Float, faces: Int) -> Int:
     return np.where(away[:, None], faces[:, [0, 2, 1]], faces)
 
 
-def _without_specks(mesh: Mesh) -> Mesh:
+def _remove_specks(mesh: Mesh) -> Mesh:
     """Returns the mesh without very small pieces."""
     count, faces = len(mesh.vertices), mesh.faces
     links = (np.ones(2 * len(faces)), (faces[:, [0, 1]].reshape(-1), faces[:, [1, 2]].reshape(-1)))

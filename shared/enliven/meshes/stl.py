@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.files import text_bytes
-from enliven.meshes.tokens import DamagedMeshError, blocks, numbers_in
+from enliven.meshes.tokens import DamagedMeshError, blocks, parse_numbers
 
 _BINARY_HEADER_BYTES = 84
 """Offset of the first triangle in a binary file, in bytes: 80 arbitrary bytes and the count, uint32."""
@@ -74,4 +74,4 @@ def _read_ascii(text: bytes) -> Float:
 
 def _corner_numbers(words: list[tuple[bytes, bytes, bytes]]) -> Float:
     """Returns (N, 3) the coordinates of corners, from their words."""
-    return numbers_in(b" ".join(word for corner in words for word in corner)).reshape(-1, 3)
+    return parse_numbers(b" ".join(word for corner in words for word in corner)).reshape(-1, 3)

@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.files import decode_text, text_bytes
 from enliven.meshes.polygons import triangulate
-from enliven.meshes.tokens import DamagedMeshError, lines_of, numbers_in, without_comments, word_starts
+from enliven.meshes.tokens import DamagedMeshError, parse_numbers, remove_comments, word_lines, word_starts
 
 _OFF_HEADER = re.compile(
     rb"\s*(?:(?P<kind>[STCN4]{0,5}OFF)\b\s*)?(?P<binary>BINARY\b)?"
@@ -39,7 +39,7 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     Raises:
         DamagedMeshError: if the file contradicts its header.
     """
-    text = without_comments(text_bytes(data)) + b"\n"
+    text = remove_comments(text_bytes(data)) + b"\n"
     head = _OFF_HEADER.match(text)
     kind = (head["kind"] or b"").upper() if head else b""
     if head is None or not (kind or head["vertices"]):
@@ -81,7 +81,7 @@ def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float,
     rows = np.empty(0, np.int64)
     if len(ends) == count:
         part = body[: ends[-1]]
-        rows = np.unique(lines_of(part, word_starts(part)), return_counts=True)[1]
+        rows = np.unique(word_lines(part, word_starts(part)), return_counts=True)[1]
         if rows.min() == rows.max() >= 3:
             yield _first_three(part, rows), len(part)
     width = 3 + sum(many for letters, many in _OFF_EXTRAS.items() if letters in kind.removesuffix(b"OFF"))
@@ -98,7 +98,7 @@ def _first_three(text: bytes, widths: Int) -> Float:
 
     ``widths`` (V,) gives the numbers per vertex.
     """
-    numbers = numbers_in(text)
+    numbers = parse_numbers(text)
     return numbers[(np.cumsum(widths) - widths)[:, None] + np.arange(3)]
 
 
@@ -118,7 +118,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
     Either faces follow each other without colours, or a face's colour fills the rest of its last line.
     """
     try:
-        numbers = numbers_in(body, np.int64)
+        numbers = parse_numbers(body, np.int64)
     except ValueError:
         numbers = np.empty(0, np.int64)
     first = int(numbers[0]) if len(numbers) else 0
@@ -128,7 +128,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
         if _invalid_corner(corners, vertex_count) is None:
             return corners, np.full(count, first), len(numbers) - len(rows)
     problem = ""
-    lines = lines_of(body, word_starts(body))
+    lines = word_lines(body, word_starts(body))
     for words, after in (
         (numbers.tolist(), None),
         ([_integer_of(word) for word in body.split()], np.searchsorted(lines, lines, "right").tolist()),
@@ -169,7 +169,7 @@ def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
     Raises:
         DamagedMeshError: if the file is not MEDIT, or ends early.
     """
-    words = decode_text(without_comments(text_bytes(data))).split()
+    words = decode_text(remove_comments(text_bytes(data))).split()
     if not words or words[0] != "MeshVersionFormatted":
         raise DamagedMeshError("the first word is not MeshVersionFormatted")
     tables: dict[str, Float] = {}

@@ -14,7 +14,7 @@ from enliven.examples.performer import to_body_frame
 from enliven.examples.poses import Examples
 from enliven.examples.spacetime.banded import accelerations, pulled
 from enliven.examples.spacetime.constraints import convert_constraints
-from enliven.mapping.facing import turned_about_y
+from enliven.mapping.facing import rotate_about_y
 
 STEP = 1 / 30
 FEW = settings(max_examples=25, deadline=None)
@@ -56,7 +56,7 @@ def test_result_is_independent_of_performer_position_and_heading(seed, angle, mo
     examples = examples_of(seed)
     rng = np.random.default_rng(seed)
     world, root, yaw = rng.normal(size=(12, 3, 3)), rng.normal(size=(12, 3)), rng.normal(size=12)
-    there = turned_about_y(world, np.array(angle)) + moved, turned_about_y(root, np.array(angle)) + moved
+    there = rotate_about_y(world, np.array(angle)) + moved, rotate_about_y(root, np.array(angle)) + moved
     mapping = ExampleMap(examples)
     here = mapping.solve(to_body_frame(world, root, yaw), STEP)
     np.testing.assert_allclose(mapping.solve(to_body_frame(*there, yaw + angle), STEP), here, atol=1e-7)

@@ -22,7 +22,7 @@ from enliven.examples.pairing import (
     keep_one_point_per_hand,
     mirror_joint,
 )
-from enliven.mapping.facing import turned_about_y
+from enliven.mapping.facing import rotate_about_y
 from enliven.person.body import Body
 from enliven.rotation import from_rotation_vector
 from enliven.takes.capture_clip import clip_of_bodies
@@ -39,7 +39,7 @@ def test_arms_follow_arms_whatever_the_size_the_order_and_where_the_performer_lo
 
 
 def test_a_mesh_that_is_wide_from_the_side_looks_at_x():
-    turned = turned_about_y(CACTUS, np.pi / 2)
+    turned = rotate_about_y(CACTUS, np.pi / 2)
     assert np.ptp(turned[:, 0]) < 1e-9 and guess_joints(man(), turned) == MEANT
 
 

@@ -9,7 +9,7 @@ from tolerances import assert_alike
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.examples.spacetime.locomotion import place_motion
 from enliven.examples.spacetime.planting import lock_feet
-from enliven.mapping.facing import turned_about_y
+from enliven.mapping.facing import rotate_about_y
 
 STEP = 1 / 60
 FRAMES = 150
@@ -29,7 +29,7 @@ def shuffler(seed):
 
 
 def in_world(places, yaw, placed):
-    return turned_about_y(places, yaw[:, None]) + placed.root[:, None]
+    return rotate_about_y(places, yaw[:, None]) + placed.root[:, None]
 
 
 @given(st.integers(0, 10**6))

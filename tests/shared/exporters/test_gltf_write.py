@@ -20,7 +20,7 @@ from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError, ResourceError
 from enliven.exporters import Performance, performance_of
 from enliven.exporters.gltf import glb_of, write_gltf
-from enliven.exporters.gltf.joints import clean_skin
+from enliven.exporters.gltf.joints import normalize_skin
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.rig.rig import play_clip
 from enliven.meshes.mesh import Mesh
@@ -158,7 +158,7 @@ def test_a_clean_skin_means_the_same(seed):
     indices = random.integers(0, 3, (6, 4)).astype(np.uint16)
     weights = random.uniform(0, 1, (6, 4)).astype(np.float32) * (random.random((6, 4)) < 0.6)
     weights[:, 0] += 0.1
-    bones, shares = clean_skin(indices, weights)
+    bones, shares = normalize_skin(indices, weights)
     for v in range(6):
         for bone in range(3):
             expected = weights[v][indices[v] == bone].sum() / weights[v].sum()

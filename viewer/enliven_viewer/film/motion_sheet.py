@@ -12,7 +12,7 @@ import numpy as np
 from enliven.arrays import Float, Float32, UInt8
 from enliven.deformation import skin_vertices
 from enliven.document import Character, Clip, Pose, Project, Shape, Skeleton, character_of, still_shape
-from enliven.exporters import sticks
+from enliven.exporters import stick_mesh
 from enliven.formats.rig import play_clip
 from enliven.mapping import RetargetedShape
 from enliven.motion.layers import Player
@@ -98,7 +98,7 @@ def _take(retargeted: RetargetedShape, times: Float) -> MotionRow:
 
 def stick_shape(name: str, skeleton: Skeleton) -> Shape:
     """Returns a shape that displays a skeleton: a slender double pyramid for every bone."""
-    mesh, skin = sticks(skeleton)
+    mesh, skin = stick_mesh(skeleton)
     if mesh is not None:
         mesh = replace(mesh, name=name, colours=np.tile(np.array(STICK, np.uint8), (len(mesh.vertices), 1)))
     return still_shape(name, skeleton, mesh, skin)

@@ -20,7 +20,7 @@ from enliven.arrays import Bool, Float, Int
 from enliven.document import ContactSettings, LocomotionSettings
 from enliven.examples import PuppetTravel, State
 from enliven.examples.spacetime import PathFollower, floor_numbers, floor_positions, stand
-from enliven.mapping import turned_about_y
+from enliven.mapping import rotate_about_y
 from enliven.person import Body, Joint
 
 _SIDES = ((Joint.FOOT_LEFT, Joint.ANKLE_LEFT), (Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT))
@@ -209,7 +209,7 @@ class Locomotion:
         the puppet's own placement."""
         if len(self._feet) == 0:
             return state.root
-        feet = turned_about_y(state.places[self._feet], np.asarray(state.yaw))
+        feet = rotate_about_y(state.places[self._feet], np.asarray(state.yaw))
         return np.asarray(feet.mean(0) + state.root)
 
     def shift(self, by: Float) -> None:
@@ -231,7 +231,7 @@ class Locomotion:
         """
         if not self.goes:
             return places, self.root
-        turned = turned_about_y(places, np.asarray(yaw))
+        turned = rotate_about_y(places, np.asarray(yaw))
         root = self.root.copy()
         if not self._steps.any():
             self._glide(turned, root)
@@ -254,7 +254,7 @@ class Locomotion:
         if not self._following.held:
             return places
         out = places.copy()
-        out[self._feet] += turned_about_y(floor_positions(np.array(self._following.held)), np.asarray(-yaw))
+        out[self._feet] += rotate_about_y(floor_positions(np.array(self._following.held)), np.asarray(-yaw))
         return out
 
     def _glide(self, turned: Float, root: Float) -> None:

@@ -20,7 +20,7 @@ from enliven.arrays import Bool, Float, Int
 from enliven.document import Coupling, LocomotionSettings, Switch
 from enliven.errors import InputError
 from enliven.examples.spacetime.anchoring import stand
-from enliven.mapping import turned_about_y
+from enliven.mapping import rotate_about_y
 from enliven.motion.contact import runs_of, touching
 
 
@@ -123,7 +123,7 @@ def place_motion(
         InputError: if switches are out of order or outside the motion, or without feet.
     """
     settings = settings or LocomotionSettings()
-    turned = turned_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])
+    turned = rotate_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])
     touches = _touches_floor(switches, len(turned))
     if len(feet) == 0:
         raise InputError(

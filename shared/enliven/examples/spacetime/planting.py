@@ -15,7 +15,7 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.document import LocomotionSettings
 from enliven.examples.spacetime.locomotion import PlacedMotion
-from enliven.mapping import turned_about_y
+from enliven.mapping import rotate_about_y
 from enliven.motion.contact import hold, runs_of
 
 
@@ -51,7 +51,7 @@ def lock_feet(
         starts, ends = (np.array([run[end] for run in runs]) * step for end in (0, 1))
         hold(times, starts, ends, stood, settings.contact.blend, weights, goals)
         back = settings.plant * weights[:, None] * (goals - way) * [1.0, 0.0, 1.0]
-        out[:, foot] += turned_about_y(back, -yaw)
+        out[:, foot] += rotate_about_y(back, -yaw)
     return out
 
 

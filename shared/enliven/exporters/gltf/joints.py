@@ -102,7 +102,7 @@ def local_motion(skeleton: Skeleton, linear: Float, joints: Float) -> LocalMotio
     return LocalMotion(axes, continuous(turns), scales, places, ends)
 
 
-def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
+def normalize_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
     """Normalises (V, 4) skin weights for the format: no repeated bone, index 0 for weight 0, sums of one."""
     indices, exact = indices.copy(), np.maximum(weights.astype(np.float64), 0.0)
     for b in range(1, 4):
@@ -122,7 +122,7 @@ def listed(values: Float | Float32) -> list[float]:
     return [float(v) for v in np.asarray(values, np.float32)]
 
 
-def unit32(quaternions: Float) -> Float32:
+def normalize_float32(quaternions: Float) -> Float32:
     """Normalises quaternions in float32."""
     rounded = quaternions.astype(np.float32)
     length = np.linalg.norm(rounded.astype(np.float64), axis=-1, keepdims=True)

@@ -27,9 +27,9 @@ from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.examples.baking import BakedMorphs
 from enliven.exporters.gltf.joints import bone_names, listed, local_motion, local_offsets, local_turns
-from enliven.exporters.gltf.keys import needed_keys
+from enliven.exporters.gltf.keys import reduce_keys
 from enliven.exporters.gltf.scene import GltfScene
-from enliven.exporters.performance import Performance, stretches_of
+from enliven.exporters.performance import Performance, split_stretch
 from enliven.exporters.registry import Exporter
 from enliven.files import write_file
 from enliven.meshes import Mesh
@@ -96,7 +96,7 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
         node = scene.node(bones[parent] if j else None, name=names[j], children=[], **rest)
         bones.append(node)
         if (j, True) in curves:
-            scene.curve(node, "rotation", curves[j, True])
+            scene.add_curve(node, "rotation", curves[j, True])
         else:
             scene.animate(performance.times, node, "rotation", np.roll(turns[:, j], -1, -1))
         if motion is not None:
@@ -104,7 +104,7 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
             if j:
                 scene.animate(performance.times, node, "translation", motion.places[:, j])
     if (0, False) in curves:
-        scene.curve(bones[0], "translation", curves[0, False])
+        scene.add_curve(bones[0], "translation", curves[0, False])
     else:
         scene.animate(performance.times, bones[0], "translation", performance.positions[:, 0])
     ends = [j for j in range(1, len(skeleton)) if not skeleton.children[j]]
@@ -116,7 +116,7 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
         bones.append(end)
     pivots = np.concatenate([performance.pivots, skeleton.positions[ends]])
     axes = None if motion is None else np.concatenate([motion.axes, motion.axes[ends]])
-    scene.skinned(performance.name, mesh, skin, bones[0], bones, pivots, axes)
+    scene.add_skinned(performance.name, mesh, skin, bones[0], bones, pivots, axes)
 
 
 def _add_joints(scene: GltfScene, performance: Performance) -> None:
@@ -124,9 +124,9 @@ def _add_joints(scene: GltfScene, performance: Performance) -> None:
     mesh, skin = performance.surface
     holder, pivots = _add_holder_node(scene, performance), performance.pivots
     axes = np.tile(np.eye(3), (len(pivots), 1, 1)) if performance.axes is None else performance.axes
-    turns, scales = stretches_of(performance.linear @ axes)
+    turns, scales = split_stretch(performance.linear @ axes)
     standing = from_matrix(axes)
-    most, reach = performance.keys / 3.0, reaches(performance)
+    most, reach = performance.keys / 3.0, largest_reaches(performance)
     joints = []
     for k, at in enumerate(pivots):
         rest = np.roll(standing[k], -1)
@@ -136,10 +136,10 @@ def _add_joints(scene: GltfScene, performance: Performance) -> None:
             ("rotation", np.roll(turns[:, k], -1, -1), most / reach[k]),
             ("scale", scales[:, k], most / reach[k]),
         ):
-            keys = needed_keys(values, within, path == "rotation", performance.times)
+            keys = reduce_keys(values, within, path == "rotation", performance.times)
             scene.animate(performance.times, node, path, values, keys)
         joints.append(node)
-    scene.skinned(performance.name, mesh, skin, holder, joints, pivots, axes)
+    scene.add_skinned(performance.name, mesh, skin, holder, joints, pivots, axes)
 
 
 def _add_holder_node(scene: GltfScene, performance: Performance) -> int:
@@ -152,7 +152,7 @@ def _add_holder_node(scene: GltfScene, performance: Performance) -> int:
     return holder
 
 
-def reaches(performance: Performance) -> Float:
+def largest_reaches(performance: Performance) -> Float:
     """Returns (J,) metres: the largest distance of a transform's vertices from its pivot, in any frame."""
     mesh, skin = performance.surface
     far = np.zeros(len(performance.pivots))
@@ -169,7 +169,7 @@ def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs)
     mesh: Mesh = performance.surface[0]
     document, blob, holder = scene.document, scene.blob, _add_holder_node(scene, performance)
     primitives, array = [], pygltflib.ARRAY_BUFFER
-    for primitive, vertices in scene.primitives(performance.name, mesh):
+    for primitive, vertices in scene.add_primitives(performance.name, mesh):
         for shape, bent in zip(morphs.targets, morphs.normals, strict=True):
             added = (blob.add(values[vertices].astype(np.float32), array) for values in (shape, bent))
             primitive.targets.append(dict(zip(("POSITION", "NORMAL"), added, strict=True)))
@@ -181,7 +181,7 @@ def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs)
     # the tolerance for dropping keys can be given in metres.
     far = np.linalg.norm(morphs.targets, axis=2).max(1)
     within = performance.keys / np.sqrt(len(far))
-    keys = needed_keys(morphs.weights * far, within, times=performance.times)
+    keys = reduce_keys(morphs.weights * far, within, times=performance.times)
     stored = morphs.weights[keys].astype(np.float32)
-    scene.channel(performance.times[keys], node, "weights", blob.add(stored.ravel()))
-    scene.put(holder)
+    scene.add_channel(performance.times[keys], node, "weights", blob.add(stored.ravel()))
+    scene.add_roots(holder)

@@ -18,7 +18,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, CubicKeys
 from enliven.formats.rig import Tree
-from enliven.meshes.gltf import Bind, GltfFile, GltfSurface, animated_locals, matrices_of
+from enliven.meshes.gltf import Bind, GltfFile, GltfSurface, animated_locals, compose_matrices
 from enliven.rotation import conjugate, from_matrix, multiply
 
 _MAX_SCALE_DIFFERENCE = 1e-5
@@ -90,7 +90,7 @@ def _moving_samplers(file: GltfFile, animation: int) -> dict[int, dict[str, Any]
 def _local_transforms(file: GltfFile, animation: int) -> Float:
     """Returns the nodes' local transforms (n, 4, 4) at time 0. Those of still nodes never change."""
     at = animated_locals(file, animation, np.zeros(1))
-    local: Float = matrices_of(at.translation, at.rotation, at.scale)[0]
+    local: Float = compose_matrices(at.translation, at.rotation, at.scale)[0]
     for node, matrix in at.fixed.items():
         local[node] = matrix
     return np.asarray(local)

@@ -31,7 +31,7 @@ from enliven.formats.rig import (
 )
 from enliven.meshes import Mesh
 from enliven.meshes.gltf import (
-    MOST_PLACES,
+    MAX_NODE_SAMPLES,
     GltfFile,
     GltfPart,
     GltfSurface,
@@ -154,7 +154,7 @@ def _sampled_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animati
     for number, animation in enumerate(file.document.animations or []):
         even = frame_times(file, number)
         times = np.union1d(even, key_times(file, number, even))
-        if (start + len(times)) * len(file.parents) > MOST_PLACES:
+        if (start + len(times)) * len(file.parents) > MAX_NODE_SAMPLES:
             raise file.wrong(f"its animations are more than {start + len(times)} frames together: too many")
         step = float(even[1] - even[0]) if len(even) > 1 else 1 / 30
         worlds.append(world_matrices(file, animated_locals(file, number, times)))

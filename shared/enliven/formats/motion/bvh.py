@@ -13,7 +13,7 @@ from enliven.arrays import Float, Int
 from enliven.errors import InputError
 from enliven.files import decode_text, open_file, read_file
 from enliven.formats.motion.capture import Capture, forward_kinematics
-from enliven.meshes import WrongWordError, blocks, lines_of, numbers_in, word_starts
+from enliven.meshes import WrongWordError, blocks, parse_numbers, word_lines, word_starts
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 """Column of each rotation or translation axis in a vector."""
@@ -295,12 +295,12 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
     for offset, block in blocks(body):
         before = first_line + body.count(b"\n", 0, offset)
         try:
-            numbers = numbers_in(block)
+            numbers = parse_numbers(block)
         except WrongWordError as error:
             frame = total // max(width, 1) + 1
             problem = f"near frame {frame}, a word is not a number: {error.what}"
             raise words.wrong(problem, line=before + error.line) from None
-        line_numbers = lines_of(block, word_starts(block))
+        line_numbers = word_lines(block, word_starts(block))
         if not np.isfinite(numbers).all():
             line = before + int(line_numbers[np.argmin(np.isfinite(numbers))])
             raise words.wrong("a frame has a number that is not finite", line=line)

@@ -11,7 +11,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes.gltf.file import GltfFile
-from enliven.meshes.gltf.motion import standing_locals, world_matrices
+from enliven.meshes.gltf.motion import bind_locals, world_matrices
 from enliven.meshes.gltf.parts import GltfPart, moving_nodes
 
 _MAX_SCALE_ROUNDING = 1e-3
@@ -37,7 +37,7 @@ class Bind:
 
     def __init__(self, file: GltfFile, parts: list[GltfPart], still: bool = False) -> None:
         self._file, self._still = file, still
-        standing = standing_locals(file, still)
+        standing = bind_locals(file, still)
         self.rest, self._scale = world_matrices(file, standing)[0], standing.scale[0]
         self._order = moving_nodes(file, parts)
         self.world = self.rest.copy()

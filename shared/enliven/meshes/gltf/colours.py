@@ -9,8 +9,8 @@ import numpy as np
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError, plain_reason
 from enliven.meshes.gltf.file import GltfFile
-from enliven.meshes.gltf.srgb import linear_of, srgb_of
-from enliven.meshes.pictures import opened_picture
+from enliven.meshes.gltf.srgb import linear_from_srgb, srgb_from_linear
+from enliven.meshes.pictures import open_picture
 
 _WHITE = np.ones(3)
 _MAX_PIXELS = 1 << 28
@@ -54,7 +54,7 @@ class Colours:
             linear = linear * np.array(shading.baseColorFactor[:3], np.float64)
         if shading is not None and shading.baseColorTexture is not None:
             linear = linear * self._texture_colours(primitive, shading.baseColorTexture, count)
-        return srgb_of(linear)
+        return srgb_from_linear(linear)
 
     def _texture_colours(self, primitive: Any, texture: Any, count: int) -> Float:
         """Returns (V, 3) linear colours of the texture at each vertex, repeated beyond its edges."""
@@ -66,7 +66,7 @@ class Colours:
         height, width = picture.shape[:2]
         columns = np.floor(uv[:, 0] % 1.0 * width).astype(int) % width
         rows = np.floor(uv[:, 1] % 1.0 * height).astype(int) % height
-        return linear_of(picture[rows, columns])
+        return linear_from_srgb(picture[rows, columns])
 
     def _texture_image(self, texture: int) -> UInt8 | None:
         """Returns (H, W, 3) sRGB, or None with a note."""
@@ -87,7 +87,7 @@ class Colours:
 
     def _decode_image(self, data: bytes) -> UInt8:
         """Decodes an image to (H, W, 3) sRGB after checking its declared size."""
-        with opened_picture(data) as picture:
+        with open_picture(data) as picture:
             self._pixels += picture.width * picture.height
             if self._pixels > _MAX_PIXELS:
                 raise InputError(f"with the others it has {self._pixels} pixels, more than {_MAX_PIXELS}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven import rotation
 from enliven.arrays import Float
-from enliven.meshes.gltf.file import GltfFile, matrices_of
+from enliven.meshes.gltf.file import GltfFile, compose_matrices
 from enliven.rotation import unit
 
 _MAX_STEP_S = 1 / 24
@@ -28,12 +28,12 @@ _GROWTH_STEP_S = 1 / 240
 """Minimum seconds between these inserted frames."""
 _MAX_INSERTED_FRAMES = 64
 """Maximum number of frames inserted between two keys. In a long interval, the scale changes slowly."""
-JUMP = 2.5e-4
+JUMP_DURATION_S = 2.5e-4
 """Seconds before the key of a jump at which the previous value is still held. No display shows the
 transition, and float32 distinguishes the two times for an hour."""
 _SAME_TIME_S = 1e-4
 """Maximum difference between two times that count as equal, in seconds: rounding of float32."""
-MOST_PLACES = 1 << 23
+MAX_NODE_SAMPLES = 1 << 23
 """Maximum frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 fps."""
 
 
@@ -58,7 +58,7 @@ def rest_locals(file: GltfFile) -> Locals:
     return transforms
 
 
-def standing_locals(file: GltfFile, still: bool = False) -> Locals:
+def bind_locals(file: GltfFile, still: bool = False) -> Locals:
     """Returns the nodes' rest transforms for the bind pose, F = 1.
 
     A node with scale 0 in the file gets the scale of its animations, so that objects that appear during an
@@ -98,7 +98,7 @@ def _replace_zero_scales(made: Locals, sizes: dict[int, dict[int, Float]]) -> No
             made.fixed[node] = matrix
 
 
-def closed_nodes(file: GltfFile) -> set[int]:
+def zero_scale_nodes(file: GltfFile) -> set[int]:
     """Returns the nodes with scale 0 at rest and in all animations, with their whole subtrees."""
     stated, closed = _rest_transforms(file), set[int]()
     for node in range(len(file.parents)):
@@ -141,7 +141,7 @@ def _rest_transforms(file: GltfFile) -> Locals:
 
 def world_matrices(file: GltfFile, locals_: Locals) -> Float:
     """Returns (F, n, 4, 4) world_from_node."""
-    local = matrices_of(locals_.translation, locals_.rotation, locals_.scale)
+    local = compose_matrices(locals_.translation, locals_.rotation, locals_.scale)
     for number, matrix in locals_.fixed.items():
         local[:, number] = matrix
     world, done = local.copy(), set[int]()
@@ -183,7 +183,7 @@ def frame_times(file: GltfFile, animation: int) -> Float:
     # Divide the gap between two keys into a whole number of frames, so that each key lies on a frame.
     gap /= max(math.ceil(gap / longest - 1e-3), 1)
     steps = max(round(float(end - start) / gap), 1)
-    if (steps + 1) * len(file.parents) > MOST_PLACES:
+    if (steps + 1) * len(file.parents) > MAX_NODE_SAMPLES:
         raise file.wrong(f"an animation lasts {end - start:.3g} s, which is {steps + 1} frames: too many")
     return np.asarray(np.linspace(start, end, steps + 1) if end > start else np.array([start]))
 
@@ -199,7 +199,7 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
         if sampler.interpolation == "STEP" and len(keys) > 1:
             values = np.asarray(file.accessor(sampler.output), np.float64)
             jumps = keys[1:][np.abs(np.diff(values[: len(keys)], axis=0)).max(1) > 0.0]
-            candidates += [jumps, jumps - JUMP]
+            candidates += [jumps, jumps - JUMP_DURATION_S]
         else:
             candidates.append(keys)
     candidates += _scale_change_times(file, animation)

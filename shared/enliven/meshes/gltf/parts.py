@@ -10,10 +10,10 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Int, Int32, UInt8
 from enliven.meshes.gltf.colours import Colours
 from enliven.meshes.gltf.extensions import INSTANCING
-from enliven.meshes.gltf.file import GltfFile, matrices_of
-from enliven.meshes.gltf.gltf_json import MOST_ELEMENTS
+from enliven.meshes.gltf.file import GltfFile, compose_matrices
+from enliven.meshes.gltf.gltf_json import MAX_ELEMENTS
 from enliven.meshes.gltf.materials import Corners, Materials
-from enliven.meshes.gltf.motion import closed_nodes
+from enliven.meshes.gltf.motion import zero_scale_nodes
 
 _MODE_TRIANGLES = 4
 """glTF's mode of a list of separate triangles (section 3.7.2.1). Points and lines are left out."""
@@ -56,7 +56,7 @@ class GltfPart:
     corners: Corners
 
 
-def parts_of(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materials]:
+def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materials]:
     """Returns all visible primitives with triangles of the scene, and their materials.
 
     Args:
@@ -64,7 +64,7 @@ def parts_of(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Material
     """
     colours, materials, parts = Colours(file), Materials(file), list[GltfPart]()
     notes.extend(file.notes)
-    closed, hidden = closed_nodes(file), file.hidden
+    closed, hidden = zero_scale_nodes(file), file.hidden
     for number in shown_nodes(file):
         node = file.document.nodes[number]
         if node.mesh is None:
@@ -150,14 +150,14 @@ def _read_part(
                 f"a vertex of {file.name(carrier)!r} follows joint {joints.max()} of {len(named)}"
             )
         joints = named[np.minimum(joints, len(named) - 1)]
-    four, shares = strongest(joints, weights)
+    four, shares = strongest_influences(joints, weights)
     corners = materials.corners(primitive, len(vertices))
     rest = colours.of(primitive), skin, carrier, materials.number(primitive), corners
     part = GltfPart(vertices, faces.astype(np.int32), four, shares, *rest)
     table = getattr(getattr(node.extensions, INSTANCING, None), "attributes", None)
     if table is None:
         return part
-    return instanced(part, instance_transforms(file, vars(table), max(len(vertices), len(order))))
+    return instance_part(part, instance_transforms(file, vars(table), max(len(vertices), len(order))))
 
 
 def _apply_morphs(file: GltfFile, vertices: Float, primitive: Any, node: Any) -> Float:
@@ -184,7 +184,7 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
         (accessors[accessor].count for name, accessor in table.items() if name in _INSTANCE_COLUMNS),
         default=1,
     )
-    if most * max(size, 1) > MOST_ELEMENTS:
+    if most * max(size, 1) > MAX_ELEMENTS:
         raise file.wrong(f"it shows {most} instances of {size} vertices, which are too many")
     columns = {
         name: np.asarray(file.accessor(accessor), np.float64)
@@ -201,10 +201,10 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
         raise file.wrong("the places of its instances do not fit together")
     length = np.linalg.norm(filled[1], axis=1, keepdims=True)
     filled[1] = np.where(length > 0.0, filled[1] / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 0.0, 1.0])
-    return matrices_of(*filled)
+    return compose_matrices(*filled)
 
 
-def instanced(part: GltfPart, transforms: Float) -> GltfPart:
+def instance_part(part: GltfPart, transforms: Float) -> GltfPart:
     """Returns a part once for each of the transforms (K, 4, 4). Faces of mirrored instances are flipped."""
     count, size = len(transforms), len(part.vertices)
     moved = np.einsum("kab,vb->kva", transforms[:, :3, :3], part.vertices) + transforms[:, None, :3, 3]
@@ -243,7 +243,7 @@ def _joint_influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int 
     return np.concatenate(joints, 1), np.nan_to_num(np.maximum(np.concatenate(weights, 1), 0.0))
 
 
-def strongest(joints: Int, weights: Float) -> tuple[Int, Float]:
+def strongest_influences(joints: Int, weights: Float) -> tuple[Int, Float]:
     """Returns (V, 4) joints and (V, 4) weights: the four largest of each vertex, with a sum of one.
 
     Repeated joints are merged.

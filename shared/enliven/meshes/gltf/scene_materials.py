@@ -29,13 +29,13 @@ class SceneMaterials:
         self._samplers: dict[str, int] = {}
         self._known: dict[str, int] = {}
 
-    def plain(self, name: str) -> int:
+    def add_plain(self, name: str) -> int:
         """Adds a plain white material, which shows a mesh's colours. Returns its number."""
         rough = {"metallicFactor": 0.0, "roughnessFactor": _DEFAULT_ROUGHNESS}
         definition = json.dumps({"name": name, "pbrMetallicRoughness": rough, "doubleSided": True})
         return self._material_number(definition)
 
-    def added(self, materials: MeshMaterials) -> list[int]:
+    def add_all(self, materials: MeshMaterials) -> list[int]:
         """Adds the materials of a mesh with their textures. Returns their numbers in the file."""
         textures = list[int]()
         for texture in materials.textures:
@@ -48,7 +48,7 @@ class SceneMaterials:
             for definition in materials.definitions
         ]
 
-    def put_into(self, document: pygltflib.GLTF2) -> None:
+    def write_to(self, document: pygltflib.GLTF2) -> None:
         """Writes all added materials into the document."""
         document.materials = self._materials
         document.images = [image for _, image in self._images.values()]

@@ -13,7 +13,7 @@ from enliven.files import DAMAGE
 from enliven.meshes.gltf.bind import Bind
 from enliven.meshes.gltf.file import GltfFile
 from enliven.meshes.gltf.materials import Materials
-from enliven.meshes.gltf.parts import GltfPart, parts_of
+from enliven.meshes.gltf.parts import GltfPart, read_parts
 from enliven.meshes.mesh import Mesh
 
 _WHITE_SRGB = np.array([255, 255, 255], np.uint8)
@@ -55,7 +55,7 @@ def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> Gl
     """
     file, notes = GltfFile(path), list[str]()
     try:
-        parts, materials = parts_of(file, notes)
+        parts, materials = read_parts(file, notes)
         if not parts:
             left = f": {'; '.join(dict.fromkeys(notes))}" if notes else ""
             raise file.wrong(f"its scene has no triangle{left[:400]}")

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from enliven.document import GraphShape, Layer, Project, Puppet, RigBase
 from enliven.errors import InputError
-from enliven.mapping import with_feet_pinned
+from enliven.mapping import pin_all_feet
 from enliven.modeling.edits.characters import change_layers
 from enliven.modeling.edits.graph_feet import stand, way_to_stand
 
@@ -49,7 +49,7 @@ def _with_foot_locks(project: Project, shape_id: str, numbers: Iterable[int], fe
     shape = project.shape(shape_id)
     if feet == "auto" or shape.pins:
         return project
-    project = with_feet_pinned(project, shape)
+    project = pin_all_feet(project, shape)
     if not project.shape(shape_id).pins:
         mend = "Choose the node of an ankle and pin it first (P)."
         raise InputError("no leg that could stand was found", where=shape.where, mend=mend)

@@ -17,7 +17,7 @@ from enliven.meshes import (
     first_of_position,
     joined_materials,
     materials_within,
-    mixed_paint,
+    split_paint,
     weld,
 )
 from enliven.modeling.mesh.solids import Solid
@@ -64,7 +64,7 @@ class MeshPair:
         faces = np.concatenate([first.faces, second.faces + np.int32(len(first.vertices))])
         vertices = np.concatenate([first.vertices, second.vertices])
         paint = np.concatenate([mesh.paint for mesh in self.meshes])
-        colours, stiffness = mixed_paint(paint, *self.meshes)
+        colours, stiffness = split_paint(paint, *self.meshes)
         mine = np.concatenate([np.arange(len(first.vertices)), np.full(len(second.vertices), -1)])
         theirs = np.concatenate([np.full(len(first.vertices), -1), np.arange(len(second.vertices))])
         materials = joined_materials([(mesh.materials, len(mesh.faces)) for mesh in self.meshes])
@@ -158,7 +158,7 @@ class UnionBuilder:
         paint = np.concatenate(
             [*(m.paint[k] for m, k in zip(self.meshes, kept_vertices, strict=True)), paint]
         )
-        colours, stiffness = mixed_paint(paint, *self.meshes)
+        colours, stiffness = split_paint(paint, *self.meshes)
         # Record for each vertex of the result its number in the first and in the second mesh, or -1.
         counts = [len(mesh.vertices) for mesh in self.pair.meshes]
         first, second = (np.full(len(vertices), -1, np.int64) for _ in range(2))

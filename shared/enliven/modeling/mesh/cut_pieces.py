@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int
 from enliven.document import SkinWeights
-from enliven.meshes import Mesh, joined_materials, materials_within, mixed_paint
+from enliven.meshes import Mesh, joined_materials, materials_within, split_paint
 from enliven.modeling.mesh.caps import Cap, HarmonicInterpolation
 from enliven.modeling.mesh.cut_plan import CutPlan
 from enliven.modeling.skinning import skin_values as skins
@@ -92,7 +92,7 @@ class _Maker:
         materials = joined_materials(
             [(kept_materials, len(whole_faces)), (inside, len(split)), (None, len(closing))]
         )
-        colours, stiffness = mixed_paint(paint, self.mesh)
+        colours, stiffness = split_paint(paint, self.mesh)
         faces = faces.astype(np.int32)
         mesh = Mesh(vertices, faces, self.mesh.name, colours, materials, stiffness)
         return Piece(mesh, skin, originals, len(closing))

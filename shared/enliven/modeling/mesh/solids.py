@@ -8,7 +8,7 @@ import manifold3d
 import numpy as np
 
 from enliven.arrays import Bool, Int
-from enliven.meshes import Mesh, joined_materials, mixed_paint, weld
+from enliven.meshes import Mesh, joined_materials, split_paint, weld
 from enliven.modeling.mesh.closing import ClosedSurface, Interpolation, closed_surface
 
 
@@ -73,7 +73,7 @@ def _closed_mesh(mesh: Mesh, closed: ClosedSurface) -> Mesh:
     paint = mesh.paint
     for of, how in closed.made:
         paint = np.concatenate([paint, how(paint[of])])
-    colours, stiffness = mixed_paint(paint, mesh)
+    colours, stiffness = split_paint(paint, mesh)
     enclosing = mesh.with_faces(~closed.leaf)
     groups = [(enclosing.materials, len(enclosing.faces)), (None, len(closed.faces) - len(enclosing.faces))]
     faces = closed.faces.astype(np.int32)
