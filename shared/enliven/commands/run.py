@@ -93,9 +93,9 @@ def run(
     if as_film:
         out.mkdir(exist_ok=True)
     ports = free_ports()
-    where = {"port": ports[0], "control_port": ports[1]}
-    moves: dict[str, Any] = {"mesh": mesh, "parts": parts, "drive": drive, "physics": physics}
-    moves |= {"possess_at": possess_at, "up": up}
+    port_options = {"port": ports[0], "control_port": ports[1]}
+    mesh_options: dict[str, Any] = {"mesh": mesh, "parts": parts, "drive": drive, "physics": physics}
+    mesh_options |= {"possess_at": possess_at, "up": up}
     source: dict[str, Any] = {"sensor": sensor, "set": option, "recording": None if sensor else recording}
     source |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
     # For a film, the edge waits for the viewer before it starts, so that no frame is lost.
@@ -106,12 +106,18 @@ def run(
         "name": f"run-{os.getpid()}",
         "wait_for_viewer": 60,
     }
-    edge = _command_line("edge", **source, **moves, **edge_options, **where)
+    edge = _command_line("edge", **source, **mesh_options, **edge_options, **port_options)
     edge_restart = _command_line(
-        "edge", **source, **moves, **{**edge_options, "record": _restart_take_path(record)}, **where
+        "edge",
+        **source,
+        **mesh_options,
+        **{**edge_options, "record": _restart_take_path(record)},
+        **port_options,
     )
     film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_COMPILE_TIMEOUT_S:g}"}
-    view = _command_line("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
+    view = _command_line(
+        "view", edge=["127.0.0.1"], **(film_to if as_film else {}), **port_options, size=size
+    )
     # Before the edge listens, it compiles its kernels and prepares the mesh. The very first time this takes a
     # minute.
     processes = [

@@ -183,14 +183,14 @@ def _changed_lines(values: Any) -> list[str]:
 
 def _settings_lines(title: str, values: Any, usual: Any) -> list[str]:
     """Returns the lines of settings that differ from their defaults, including nested groups."""
-    groups, own = list[str](), list[str]()
+    groups, own_lines = list[str](), list[str]()
     for field in dataclasses.fields(values):
         value, default = getattr(values, field.name), getattr(usual, field.name)
         if dataclasses.is_dataclass(value):
             groups += _settings_lines(f"{title}.{field.name}", value, default)
         elif value != default:
-            own.append(f"{field.name} = {_as_toml(value)}")
-    return (["", f"[{title}]", *own] if own else []) + groups
+            own_lines.append(f"{field.name} = {_as_toml(value)}")
+    return (["", f"[{title}]", *own_lines] if own_lines else []) + groups
 
 
 def _as_toml(value: Any) -> str:

@@ -224,13 +224,13 @@ def keep_one_point_per_hand(skeleton: Skeleton, joints: Sequence[str], partners:
     anatomy = anatomy_of(skeleton)
     parts = {joint: limb.chain[-1] for limb in _all_limbs(anatomy) for joint in _hand_joints(skeleton, limb)}
     taken, dropped = dict[int, str](), set[int]()
-    for own, joint in enumerate(joints):
+    for number, joint in enumerate(joints):
         part = parts.get(skeleton.index(joint))
         if part is not None and taken.get(part, joint) != joint:
-            dropped |= {own, partners[own]}
-        elif part is not None and own not in dropped:
+            dropped |= {number, partners[number]}
+        elif part is not None and number not in dropped:
             taken[part] = joint
-    return [own for own in range(len(joints)) if own not in dropped]
+    return [number for number in range(len(joints)) if number not in dropped]
 
 
 def _assign_units(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) -> dict[int, int]:

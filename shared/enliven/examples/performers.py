@@ -145,14 +145,14 @@ def _counterpart_joint(
     it."""
     if joint == 0:
         return 0
-    parts, own = _body_chains(theirs), _body_chains(ours)
+    parts, own_chains = _body_chains(theirs), _body_chains(ours)
     at = joint
     while at >= 0:
         for name, chain in parts.items():
-            if at in chain[1:] and name in own:
-                shares = _chain_positions(skeleton, own[name])
-                wanted = _chain_positions(reference, chain)[chain.index(at)]
-                return own[name][int(np.abs(shares - wanted).argmin())]
+            if at in chain[1:] and name in own_chains:
+                shares = _chain_positions(skeleton, own_chains[name])
+                arc_position = _chain_positions(reference, chain)[chain.index(at)]
+                return own_chains[name][int(np.abs(shares - arc_position).argmin())]
         at = int(reference.parents[at])
     return None
 
@@ -172,5 +172,5 @@ def _body_chains(anatomy: Anatomy) -> dict[tuple[str, int, int], tuple[int, ...]
 
 def _chain_positions(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
     """Returns (K,) 0 to 1: the position of each joint along a chain, by length."""
-    ways = np.concatenate([[0.0], np.cumsum(skeleton.lengths[list(chain[1:])])])
-    return np.asarray(ways / max(float(ways[-1]), 1e-12))
+    arc_lengths = np.concatenate([[0.0], np.cumsum(skeleton.lengths[list(chain[1:])])])
+    return np.asarray(arc_lengths / max(float(arc_lengths[-1]), 1e-12))

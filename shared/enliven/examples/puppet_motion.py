@@ -70,17 +70,17 @@ def state_of(project: Project, puppet: Puppet, time: float) -> State:
         length = (motion.frames - 1) * motion.step
         at, ends = layer.moment(time, length), layer.ends(length)
         moved, frames = list(motion.points), [motion.frame_of(at.second)]
-        shares = [1.0]
+        weights = [1.0]
         if at.share > 0.0:
-            frames, shares = [*frames, motion.frame_of(at.other)], [1.0 - at.share, at.share]
-        played = sum(share * motion.places_at(frame) for share, frame in zip(shares, frames, strict=True))
+            frames, weights = [*frames, motion.frame_of(at.other)], [1.0 - at.share, at.share]
+        played = sum(weight * motion.places_at(frame) for weight, frame in zip(weights, frames, strict=True))
         places[moved] += layer.weight * at.weight * (np.asarray(played)[moved] - places[moved])
         if motion.travels:
             # The path comes from the layers that travel. The first one determines it, in proportion to its
             # weight.
-            for share, frame in zip(shares, frames, strict=True):
+            for weight, frame in zip(weights, frames, strict=True):
                 turned, way = motion.root_at(frame, at.rounds, ends)
-                yaw, root = yaw + free * at.weight * share * turned, root + free * at.weight * share * way
+                yaw, root = yaw + free * at.weight * weight * turned, root + free * at.weight * weight * way
             free *= 1.0 - at.weight
     return State(places, yaw, root)
 

@@ -222,12 +222,12 @@ class _Solve:
         user's constraints."""
         if not self._layer.level_feet or not self._travel.feet:
             return ()
-        wanted = placed.couplings([point.name for point in self._material.points])
+        couplings = placed.couplings([point.name for point in self._material.points])
         room = self.examples, len(self.converted_take.poses), self.converted_take.step
-        if _constraints_agree((*self._asked, *wanted), *room):
-            return wanted
+        if _constraints_agree((*self._asked, *couplings), *room):
+            return couplings
         kept: tuple[Coupling, ...] = ()
-        for coupling in wanted:
+        for coupling in couplings:
             if _constraints_agree((*self._asked, *kept, coupling), *room):
                 kept = (*kept, coupling)
         return kept

@@ -181,8 +181,8 @@ def performer_feet(
         rows: for each foot the row of its joint in the role; None: the same number.
     """
     rows = list(feet if rows is None else rows)
-    ways = [skeleton.path(0, skeleton.index(role.joints[row])) for row in rows]
-    legs = float(np.mean([skeleton.lengths[list(way)].sum() for way in ways])) or 1.0
+    bone_paths = [skeleton.path(0, skeleton.index(role.joints[row])) for row in rows]
+    legs = float(np.mean([skeleton.lengths[list(way)].sum() for way in bone_paths])) or 1.0
     return PerformerFeet(took.world[:, rows], tuple(feet), legs, took.step, how)
 
 
@@ -217,7 +217,7 @@ def _fitted_stride(
         size: the ratio of sizes.
     """
     mapping, mirrored = ExampleMap(examples, material.examples), material.layer.mirrored
-    shared, own, theirs = 0j, 0.0, 0.0
+    cross_product, puppet_square, performer_square = 0j, 0.0, 0.0
     for clip in takes:
         role = match_performer(reference, clip.skeleton, examples.joints, clip.id)
         took = _resample_take(convert_take(clip, role))
@@ -226,9 +226,12 @@ def _fitted_stride(
         placed = stepper.locate(mapping.solve(took.poses, took.step), yaw, stepper.stands())
         way = role.size * floor_path(took, facing_of(clip.skeleton), mirrored)
         went, gone = (_path_displacements(path, took.step) for path in (floor_numbers(placed.root), way))
-        shared += complex(np.vdot(gone, went))
-        own, theirs = own + float(np.vdot(went, went).real), theirs + float(np.vdot(gone, gone).real)
-    explained = abs(shared) ** 2 / max(own * theirs, 1e-12)
+        cross_product += complex(np.vdot(gone, went))
+        puppet_square, performer_square = (
+            puppet_square + float(np.vdot(went, went).real),
+            performer_square + float(np.vdot(gone, gone).real),
+        )
+    explained = abs(cross_product) ** 2 / max(puppet_square * performer_square, 1e-12)
     sure = float(
         np.clip(
             (explained - _EXPLAINED_VARIANCE_RANGE[0])
@@ -237,7 +240,7 @@ def _fitted_stride(
             1.0,
         )
     )
-    return size + sure * (shared / max(theirs, 1e-12) - size)
+    return size + sure * (cross_product / max(performer_square, 1e-12) - size)
 
 
 def _path_displacements(way: Complex, step: float) -> Complex:

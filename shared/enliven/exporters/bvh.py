@@ -103,10 +103,10 @@ BVH = Exporter(write_bvh, jointed=True, single=True, check=units_per_metre)
 
 def bvh_text(performance: Performance, unit: str = "m") -> str:
     """Returns the text of the file. See :func:`write_bvh`."""
-    skeleton, where = performance.skeleton, f"character {performance.name!r}"
+    skeleton, location = performance.skeleton, f"character {performance.name!r}"
     if skeleton is None:
         mend = "Write a .glb instead: its joints carry any surface."
-        raise InputError("it has no skeleton, and a BVH file holds nothing else", where=where, mend=mend)
+        raise InputError("it has no skeleton, and a BVH file holds nothing else", where=location, mend=mend)
     scale, times = units_per_metre(unit), performance.times
     turns = nearest_rotation(performance.linear)
     places = _joint_places(skeleton, turns, performance) if performance.stretches else None
@@ -128,8 +128,8 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
 def _joint_places(skeleton: Skeleton, turns: Float, performance: Performance) -> Float:
     """Returns (T, N, 3) metres, each joint's position in the rotated frame of its bone."""
     assert performance.joints is not None
-    ways = performance.joints - performance.positions
-    return np.asarray(np.einsum("tnba,tnb->tna", turns, ways))
+    offsets = performance.joints - performance.positions
+    return np.asarray(np.einsum("tnba,tnb->tna", turns, offsets))
 
 
 def _file_joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Joint]:

@@ -92,10 +92,11 @@ class Performance:
         skeleton, gram = self.skeleton, np.einsum("tnba,tnbc->tnac", self.linear, self.linear)
         if np.abs(gram - np.eye(3)).max() > _RIGID_TOLERANCE or (np.linalg.det(self.linear) < 0).any():
             return True
-        ways = self.joints[:, 1:] - self.positions[:, 1:]
-        own = np.einsum("tnba,tnb->tna", self.linear[:, 1:], ways)
+        offsets = self.joints[:, 1:] - self.positions[:, 1:]
+        bone_offsets = np.einsum("tnba,tnb->tna", self.linear[:, 1:], offsets)
         return bool(
-            np.abs(own - skeleton.vectors[1:]).max(initial=0.0) > _RIGID_TOLERANCE * skeleton.lengths.sum()
+            np.abs(bone_offsets - skeleton.vectors[1:]).max(initial=0.0)
+            > _RIGID_TOLERANCE * skeleton.lengths.sum()
         )
 
     @property

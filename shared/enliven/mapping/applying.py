@@ -96,14 +96,14 @@ class _Turns:
         """Returns the rotation model_from_take (4,) of a chain, to be applied after mirroring."""
         return self.mirrored if line.plan.mirrored else self.plain
 
-    def to_model(self, line: _Line, ways: Float) -> Float:
+    def to_model(self, line: _Line, directions: Float) -> Float:
         """Returns directions (..., 3) of the take in the model's axes."""
-        return rotate(self.of(line), ways * _MIRROR_SIGNS if line.plan.mirrored else ways)
+        return rotate(self.of(line), directions * _MIRROR_SIGNS if line.plan.mirrored else directions)
 
-    def to_take(self, line: _Line, ways: Float) -> Float:
+    def to_take(self, line: _Line, directions: Float) -> Float:
         """Returns directions (..., 3) of the model in the take's axes."""
-        ways = rotate(conjugate(self.of(line)), ways)
-        return ways * _MIRROR_SIGNS if line.plan.mirrored else ways
+        directions = rotate(conjugate(self.of(line)), directions)
+        return directions * _MIRROR_SIGNS if line.plan.mirrored else directions
 
 
 def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[Project, Clip]:
@@ -179,13 +179,13 @@ def _rest_poses(
 
 def _posed_bone_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | None:
     """Returns the last bone of the nearest chain of mode "pose" above a chain in the take, or None."""
-    way = source.path(0, line.mine[0])
+    direction = source.path(0, line.mine[0])
     above = [
         candidate.mine[-1]
         for candidate in lines
-        if candidate.plan.mode == "pose" and candidate.mine[-1] in way and candidate is not line
+        if candidate.plan.mode == "pose" and candidate.mine[-1] in direction and candidate is not line
     ]
-    return max(above, key=way.index, default=None)
+    return max(above, key=direction.index, default=None)
 
 
 def carried(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) -> Project:
@@ -265,10 +265,10 @@ def _match_pose(
         return
     arc, ends = arc_of(skeleton, line.mine), target.positions[list(line.theirs)]
     at = np.stack([np.interp(arc, arc_of(target, line.theirs), ends[:, k]) for k in range(3)], 1)
-    ways, bones = turns.to_take(line, np.diff(at, axis=0)), skeleton.vectors[list(line.mine[1:])]
+    directions, bones = turns.to_take(line, np.diff(at, axis=0)), skeleton.vectors[list(line.mine[1:])]
     middle = turns.middle(skeleton, line)
     if middle:
-        ways[:], bones[:] = ways.sum(0), bones.sum(0)
+        directions[:], bones[:] = directions.sum(0), bones.sum(0)
     goes_on = any(
         other_line.plan.mode == "pose"
         and other_line.plan.role == line.plan.role
@@ -276,10 +276,10 @@ def _match_pose(
         for other_line in lines
     )
     before = since[line.mine[0]] if goes_on and not middle else heading
-    for joint, way, bone in zip(line.mine[1:], ways, bones, strict=True):
+    for joint, direction, bone in zip(line.mine[1:], directions, bones, strict=True):
         bone = rotate(before, bone)
-        if np.linalg.norm(bone) > 1e-6 and np.linalg.norm(way) > 1e-6:
-            bent = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
+        if np.linalg.norm(bone) > 1e-6 and np.linalg.norm(direction) > 1e-6:
+            bent = swing(bone / np.linalg.norm(bone), direction / np.linalg.norm(direction))
             since[joint] = multiply(bent, before)
         else:
             since[joint] = before
@@ -291,14 +291,14 @@ def _layer_basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skel
     basis = turns.of(line)
     if line.plan.mode == "move" and len(line.mine) > 1 < len(line.theirs):
         mine, theirs = _whole_limb_ends(lines, line)
-        way = turns.to_model(line, source.positions[mine[1]] - source.positions[mine[0]])
+        direction = turns.to_model(line, source.positions[mine[1]] - source.positions[mine[0]])
         wanted = target.positions[theirs[1]] - target.positions[theirs[0]]
         # Below a chain that has the performer's pose, this chain rotates about the performer's axes. Other
         # axes would change the pose of the limbs below. A tail that a spine drives points the opposite way,
         # so it gets axes of its own.
-        carries = _leads_to_posed(lines, line) or float(way @ wanted) > 0.0
+        carries = _leads_to_posed(lines, line) or float(direction @ wanted) > 0.0
         same = carries and _posed_bone_above(lines, line, source) is not None
-        basis = basis if same else multiply(_smallest_rotation(way, wanted, turns.across), basis)
+        basis = basis if same else multiply(_smallest_rotation(direction, wanted, turns.across), basis)
     return multiply(_half_turn(target, line.theirs), basis) if line.plan.flip else basis
 
 
@@ -329,16 +329,16 @@ def _is_continuation(one: _Line, other: _Line) -> bool:
     return one.mine[-1] == other.mine[0] and one.theirs[-1] == other.theirs[0]
 
 
-def _smallest_rotation(way: Float, wanted: Float, across: Float) -> Float:
+def _smallest_rotation(direction: Float, wanted: Float, across: Float) -> Float:
     """Returns the smallest rotation (4,) from one direction (3,) to another.
 
     Between opposite directions, the rotation begins with half a turn about the lateral axis of the body, as
     from a hanging limb to a raised one. For limbs that lie along that axis it is the vertical one.
     """
-    lengths = float(np.linalg.norm(way)), float(np.linalg.norm(wanted))
+    lengths = float(np.linalg.norm(direction)), float(np.linalg.norm(wanted))
     if min(lengths) < 1e-6:
         return IDENTITY
-    a, b = way / lengths[0], wanted / lengths[1]
+    a, b = direction / lengths[0], wanted / lengths[1]
     if a @ b >= _MAX_OPPOSITE_COSINE:
         return swing(a, b)
     axis = across if abs(a @ across) < 0.7 else np.array([0.0, 1.0, 0.0])
@@ -378,15 +378,15 @@ def _joint_path(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple
             f"{owner} has no joint {unknown[0]!r}", where="mapping", mend=_describe_joints(skeleton)
         )
     joints = [skeleton.names.index(name) for name in names]
-    way = [joints[0]]
+    direction = [joints[0]]
     for joint in joints[1:]:
-        way.extend(skeleton.path(way[-1], joint)[1:])
-    return tuple(way)
+        direction.extend(skeleton.path(direction[-1], joint)[1:])
+    return tuple(direction)
 
 
 def _target_direction(skeleton: Skeleton, chain: ChainPlan) -> tuple[int, ...]:
-    way = _joint_path(skeleton, chain.target, "the model")
-    return branch(skeleton, way[0], way[-1]) if chain.extend else way
+    direction = _joint_path(skeleton, chain.target, "the model")
+    return branch(skeleton, direction[0], direction[-1]) if chain.extend else direction
 
 
 def _describe_joints(skeleton: Skeleton) -> str:

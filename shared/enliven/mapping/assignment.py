@@ -74,16 +74,16 @@ def _pair_matches(source: Anatomy, target: Anatomy, lent: tuple[Pair, ...]) -> l
     legs = source.legs or source.arms
     standing = list(target.legs)
     if standing and legs:
-        own = min(len(standing), len(legs))
-        hind = zip(standing[len(standing) - own :], legs[len(legs) - own :], strict=True)
+        own_pairs = min(len(standing), len(legs))
+        hind = zip(standing[len(standing) - own_pairs :], legs[len(legs) - own_pairs :], strict=True)
         for number, (pair, by) in enumerate(hind, 1):
-            driven_pairs.append((pair, by, "leg" if own == 1 else f"leg {number}"))
-        rest = standing[: len(standing) - own]
+            driven_pairs.append((pair, by, "leg" if own_pairs == 1 else f"leg {number}"))
+        rest = standing[: len(standing) - own_pairs]
         if rest and source.arms:
             driven_pairs.append((rest[0], source.arms[0], "foreleg"))
             rest = rest[1:]
         for number, pair in enumerate(reversed(rest), 1):
-            driven_pairs.append((pair, _exchange_sides(legs[0], number), f"leg {own + number}"))
+            driven_pairs.append((pair, _exchange_sides(legs[0], number), f"leg {own_pairs + number}"))
     for number, pair in enumerate(target.arms):
         if not arms:
             break

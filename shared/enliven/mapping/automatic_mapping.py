@@ -89,9 +89,9 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     for drive in drives:
         # Girdles keep the model's own directions: pointed like the performer's, a shoulder or hip would
         # leave the trunk. Hands and feet keep their own rest rotation too.
-        own = not twins and drive.role.endswith((" girdle", " end"))
+        keeps_directions = not twins and drive.role.endswith((" girdle", " end"))
         for piece in _limb_pieces(drive, drives, clip.skeleton, shape.skeleton):
-            moved = own or (not twins and _is_end(piece, drive, target, shape.skeleton))
+            moved = keeps_directions or (not twins and _is_end(piece, drive, target, shape.skeleton))
             chains.append(
                 ChainPlan(
                     _end_names(clip.skeleton, piece.source),
@@ -244,8 +244,8 @@ def _short_step_settings(
 
     The body is not lowered for it.
     """
-    share = min(1.0, size / float(skeleton.lengths[list(leg[1:])].sum()))
-    return replace(usual, drop=0.0, height=share * usual.height, speed=share * usual.speed)
+    length_ratio = min(1.0, size / float(skeleton.lengths[list(leg[1:])].sum()))
+    return replace(usual, drop=0.0, height=length_ratio * usual.height, speed=length_ratio * usual.speed)
 
 
 def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:

@@ -182,11 +182,11 @@ def _driven_bones(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
 
 def _legs_of(theirs: Anatomy, number: int) -> Pair:
     """Returns the performer's legs for a pair of the model's, counted from behind."""
-    own = len(theirs.legs)
-    if number < own:
-        return theirs.legs[own - 1 - number]
+    leg_pairs = len(theirs.legs)
+    if number < leg_pairs:
+        return theirs.legs[leg_pairs - 1 - number]
     left, right = theirs.legs[0]
-    return (right, left) if (number - own) % 2 == 0 else (left, right)
+    return (right, left) if (number - leg_pairs) % 2 == 0 else (left, right)
 
 
 def leg_of(limb: SkeletonLimb) -> tuple[int, ...]:
@@ -276,8 +276,8 @@ class PerformerGait:
         passing /= _limb_length(self.skeleton, self._legs[0])
         passing = scipy.ndimage.maximum_filter1d(passing, max(round(STRIDE_S / self.step), 1), mode="nearest")
         hangs = np.clip((below - _MAX_RAISED_DROP) / (_MIN_HANGING_DROP - _MAX_RAISED_DROP), 0.0, 1.0)
-        share = hangs * np.clip(
+        walking = hangs * np.clip(
             (passing - _MAX_STANDING_SPEED) / (_MIN_WALKING_SPEED - _MAX_STANDING_SPEED), 0.0, 1.0
         )
         wide = max(round(_WALK_BLEND_S / self.step), 1)
-        return np.asarray(scipy.ndimage.uniform_filter1d(share, wide, mode="nearest"))
+        return np.asarray(scipy.ndimage.uniform_filter1d(walking, wide, mode="nearest"))

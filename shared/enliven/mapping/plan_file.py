@@ -50,14 +50,14 @@ def read_plan(path: Path | str) -> Plan:
     plan = load_settings(Plan, document, where=str(path))
     chains = []
     for number, table in enumerate(listed, 1):
-        where = f"{path}, chain {number}"
+        location = f"{path}, chain {number}"
         values = {k: _parse_joints(v) if k in ("source", "target") else v for k, v in table.items()}
-        chain = load_settings(ChainPlan, values, where=where)
+        chain = load_settings(ChainPlan, values, where=location)
         if not chain.source or not chain.target:
             mend = 'Give "first .. last" for both.'
-            raise InputError("it needs a source and a target", where=where, mend=mend)
+            raise InputError("it needs a source and a target", where=location, mend=mend)
         if chain.speed == 0.0:
-            raise InputError("a speed of 0 never plays", where=where, mend="Give 1, or -1 for backwards.")
+            raise InputError("a speed of 0 never plays", where=location, mend="Give 1, or -1 for backwards.")
         chains.append(chain)
     if not chains:
         mend = "Write one with --write-map to begin with."

@@ -159,11 +159,11 @@ class Sole:
         self._weights = np.ones((len(bones), 1))
         if shape.mesh is None or shape.skin is None:
             return
-        own = np.where(np.isin(shape.skin.indices, bones), shape.skin.weights, 0.0)
-        part = np.flatnonzero(own.sum(1) > _FOOT_WEIGHT)
+        foot_weights = np.where(np.isin(shape.skin.indices, bones), shape.skin.weights, 0.0)
+        part = np.flatnonzero(foot_weights.sum(1) > _FOOT_WEIGHT)
         if not len(part):
             return
-        carrier = shape.skin.indices[part, own[part].argmax(1)]
+        carrier = shape.skin.indices[part, foot_weights[part].argmax(1)]
         groups = [part[carrier == bone] for bone in np.unique(carrier)]
         chosen = np.concatenate([some[_outermost_points(shape.mesh.vertices[some])] for some in groups])
         self._points = shape.mesh.vertices[chosen]

@@ -126,8 +126,8 @@ def _bone_layers(project: Project, shape: Shape, clip: Clip, chain: tuple[int, .
 
 def _plays_unchanged(project: Project, layer: Layer, clip: Clip) -> bool:
     """Returns True if a layer plays the performer's take at its own speed."""
-    own = (layer.offset, layer.speed, layer.loop) == (0.0, 1.0, False) and len(layer.chain) > 1
-    return own and project.takes[layer.take].skeleton.names == clip.skeleton.names
+    has_default_timing = (layer.offset, layer.speed, layer.loop) == (0.0, 1.0, False) and len(layer.chain) > 1
+    return has_default_timing and project.takes[layer.take].skeleton.names == clip.skeleton.names
 
 
 def _expected_directions(
@@ -147,12 +147,12 @@ def _expected_directions(
     last = layer.chain[-1]
     places, rest = joint_places(take, (first, last)), take.skeleton.positions
     mirror = np.array([-1.0 if layer.mirrored else 1.0, 1.0, 1.0])
-    ways = rotate(layer.basis, mirror * (places[:, last] - places[:, first]))
+    directions = rotate(layer.basis, mirror * (places[:, last] - places[:, first]))
     rest_way = unit(rotate(layer.basis, mirror * (rest[last] - rest[first])))
-    frames = np.arange(len(ways)) * take.step
-    at = np.stack([np.interp(times, frames, ways[:, k]) for k in range(3)], axis=1)
-    own = shape.skeleton.positions[chain[-1]] - shape.skeleton.positions[chain[0]]
-    return np.asarray(rotate(swing(rest_way, unit(at)), own))
+    frames = np.arange(len(directions)) * take.step
+    at = np.stack([np.interp(times, frames, directions[:, k]) for k in range(3)], axis=1)
+    rest_direction = shape.skeleton.positions[chain[-1]] - shape.skeleton.positions[chain[0]]
+    return np.asarray(rotate(swing(rest_way, unit(at)), rest_direction))
 
 
 def _degrees_between(one: Float, other: Float) -> Float:

@@ -254,9 +254,9 @@ def _self_intersection(shape: Shape, moments: Sequence[Float]) -> tuple[float, t
     through, parts = max((overlap.at(at) for at in moments), key=lambda found: found[0])
     names, above = shape.skeleton.names, np.maximum(shape.skeleton.parents, 0)
     share_by_pair: dict[str, float] = {}
-    for (a, b), share in parts.items():
+    for (a, b), fraction in parts.items():
         name = f"{names[above[a]]} in {names[above[b]]}"
-        share_by_pair[name] = share_by_pair.get(name, 0.0) + share
+        share_by_pair[name] = share_by_pair.get(name, 0.0) + fraction
     return through, tuple(sorted(share_by_pair, key=lambda name: -share_by_pair[name])[:_MAX_NAMED_JOINTS])
 
 

@@ -93,8 +93,8 @@ def _overstretched_edges(plan: Plan, shape: Shape, edges: Int32, torn: Bool) -> 
     count = np.bincount(edges.ravel(), np.repeat(torn.sum(0), 2).astype(float), len(skin.indices))
     blame: dict[str, float] = {}
     for k in range(skin.indices.shape[1]):
-        share = np.bincount(skin.indices[:, k], count * skin.weights[:, k], len(skeleton))
-        for limb, edge_count in zip(limbs, share, strict=True):
+        edge_counts = np.bincount(skin.indices[:, k], count * skin.weights[:, k], len(skeleton))
+        for limb, edge_count in zip(limbs, edge_counts, strict=True):
             if limb and edge_count > 0.0:
                 blame[limb] = blame.get(limb, 0.0) + float(edge_count)
     return blame

@@ -52,8 +52,8 @@ class _Lines(NamedTuple):
 
         A blank as second letter means the end of the word.
         """
-        wanted = _SPACE_BYTES if second == " " else (ord(second),)
-        return np.asarray((self.letters[:, 0] == ord(letter)) & np.isin(self.letters[:, 1], wanted))
+        letters = _SPACE_BYTES if second == " " else (ord(second),)
+        return np.asarray((self.letters[:, 0] == ord(letter)) & np.isin(self.letters[:, 1], letters))
 
 
 @dataclass

@@ -169,8 +169,8 @@ def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward
     order = np.argsort(part, kind="stable")
     ends = np.cumsum(np.bincount(part, minlength=len(closed)))
     corners = [vertices[faces[order[ends[n - 1] if n else 0 : ends[n]]]] for n in numbers]
-    lows = np.array([own.min((0, 1)) for own in corners])
-    highs = np.array([own.max((0, 1)) for own in corners])
+    lows = np.array([part_corners.min((0, 1)) for part_corners in corners])
+    highs = np.array([part_corners.max((0, 1)) for part_corners in corners])
     by_size = np.argsort(-np.prod(highs - lows, 1), kind="stable")
     for k in by_size:
         around = (lows < lows[k]).all(1) & (highs > highs[k]).all(1)

@@ -30,7 +30,7 @@ from enliven.document import (
 )
 from enliven.formats.rig import play_clip
 from enliven.frames import BodyFrame
-from enliven.modeling.edits import as_take
+from enliven.modeling.edits import group_as_take
 from enliven.modeling.possessed import between, even_times
 from enliven.motion.layers import bind_chain, set_travel
 from enliven.rotation import IDENTITY, continuous, from_matrix
@@ -144,7 +144,9 @@ def with_performed(
         else:
             project, name = _with_character(project, key, performed, begin)
             new_ids.append(name)
-    return as_take(before, project, performed.name, beside or performed.name), tuple(dict.fromkeys(new_ids))
+    return group_as_take(before, project, performed.name, beside or performed.name), tuple(
+        dict.fromkeys(new_ids)
+    )
 
 
 def _performer_clips(merged: MergedPerformers, performed: PerformedMotion) -> list[Clip]:

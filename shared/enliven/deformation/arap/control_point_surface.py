@@ -121,12 +121,12 @@ class PuppetSurface:
             InputError: if the places have the wrong shape, are not finite or are too far away. The last valid
                 pose stays.
         """
-        wanted = self._checked_places(places)
-        if len(wanted):
+        targets = self._checked_places(places)
+        if len(targets):
             if self._guide is not None:
-                self._guide.take(self._solver, wanted)
-            self._solver.solve(targets_from_places(wanted))
-            self.pose = self._carried_vertices(wanted)
+                self._guide.take(self._solver, targets)
+            self._solver.solve(targets_from_places(targets))
+            self.pose = self._carried_vertices(targets)
         return self.pose
 
     def settle(self, places: Float) -> Float:
@@ -136,17 +136,17 @@ class PuppetSurface:
         Raises:
             InputError: if the places have the wrong shape, or are not finite. The last valid pose stays.
         """
-        wanted = self._checked_places(places)
-        if not len(wanted):
+        targets = self._checked_places(places)
+        if not len(targets):
             return self.pose
-        self._solver.check(targets_from_places(wanted))
+        self._solver.check(targets_from_places(targets))
         if self._guide is None:
-            settle_from_rest(self._solver, self.mesh.vertices[self._held], wanted)
+            settle_from_rest(self._solver, self.mesh.vertices[self._held], targets)
         else:
-            self._solver.start_from(self._guide.settle(wanted), self._guide.pressure)
+            self._solver.start_from(self._guide.settle(targets), self._guide.pressure)
         for _ in range(_DETAIL_SETTLING_FRAMES):
-            self._solver.solve(targets_from_places(wanted))
-        self.pose = self._carried_vertices(wanted)
+            self._solver.solve(targets_from_places(targets))
+        self.pose = self._carried_vertices(targets)
         return self.pose
 
     def settle_separately(self, places: Float) -> Float:
@@ -167,7 +167,7 @@ class PuppetSurface:
         other._guide = None if self._guide is None else self._guide.twin()
         return other
 
-    def _carried_vertices(self, wanted: Float) -> Float:
+    def _carried_vertices(self, targets: Float) -> Float:
         """Returns (V, 3) the mesh's vertices carried by the solver's pose."""
         coarse = self._coarse
         if coarse is None:
@@ -178,18 +178,18 @@ class PuppetSurface:
         run_on_threads(carry, len(out), threads, *follow)
         self._thread_choice.note(threads, perf_counter() - start)
         vertices, rows = self._pins
-        out[vertices] = wanted[rows]
+        out[vertices] = targets[rows]
         return _as_read_only(out)
 
     def _checked_places(self, places: Float) -> Float:
-        wanted = np.array(places, np.float64)
-        if wanted.shape != (len(self._held), 3):
+        targets = np.array(places, np.float64)
+        if targets.shape != (len(self._held), 3):
             raise InputError(
-                f"places are {wanted.shape}, expected ({len(self._held)}, 3)",
+                f"places are {targets.shape}, expected ({len(self._held)}, 3)",
                 where=_ERROR_CONTEXT,
                 mend="Give one row for each control point.",
             )
-        return wanted
+        return targets
 
 
 def _find_welded_vertices(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:

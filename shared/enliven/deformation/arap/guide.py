@@ -58,8 +58,10 @@ class Guide:
         self._coarse = sample_coarse_surface(
             Mesh(mesh.vertices, faces, mesh.name), held, settings.guide_vertices
         )
-        own = replace(settings, iterations=_PROXY_ITERATIONS, follow=max(settings.follow, _MIN_PROXY_FOLLOW))
-        self._solver = ArapSolver(self._coarse.mesh, own, self._coarse.links)
+        proxy_settings = replace(
+            settings, iterations=_PROXY_ITERATIONS, follow=max(settings.follow, _MIN_PROXY_FOLLOW)
+        )
+        self._solver = ArapSolver(self._coarse.mesh, proxy_settings, self._coarse.links)
         self._solver.set_handles(handles_from_vertices(self._coarse.held, weights))
         self._rest, self._home, self._places = mesh.vertices, mesh.vertices[held], mesh.vertices[held]
         self.carried = mesh.vertices

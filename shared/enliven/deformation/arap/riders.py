@@ -91,8 +91,8 @@ def add_tiny_shells(
     rest = np.flatnonzero(~riding)
     label = shells(whole.faces, len(whole.vertices))[riding]
     number = np.unique(label, return_inverse=True)[1].reshape(-1)
-    share = np.bincount(number).astype(float)
-    middle = np.stack([np.bincount(number, whole.vertices[riding, c]) / share for c in range(3)], 1)
+    counts = np.bincount(number).astype(float)
+    middle = np.stack([np.bincount(number, whole.vertices[riding, c]) / counts for c in range(3)], 1)
     host = np.arange(len(riding))
     host[riding] = rest[scipy.spatial.cKDTree(whole.vertices[rest]).query(middle)[1]][number]
     return spread(host, start, near, weights)

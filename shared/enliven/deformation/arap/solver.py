@@ -137,7 +137,7 @@ class ArapSolver:
             InputError: if targets have the wrong shape, are not finite or contradict each other. The last
                 valid pose stays.
         """
-        wanted, held, rows = self.check(targets)
+        all_targets, held, rows = self.check(targets)
         settings, surface = self.settings, self._surface
         self._threads, start = settings.threads or self._thread_choice.threads(), perf_counter()
         frames = self._frames.reshape(-1)
@@ -161,10 +161,10 @@ class ArapSolver:
                 "the handles leave no finite shape", where=ERROR_CONTEXT, mend="Move them less far."
             )
         vertices, of = self._exact
-        pose[vertices] = np.concatenate([wanted[name] for name in self.handles])[of]
+        pose[vertices] = np.concatenate([all_targets[name] for name in self.handles])[of]
         pose.setflags(write=False)
         self._shown[surface.place_of] = pose - surface.centre
-        self._wanted, self.pose = wanted, pose
+        self._wanted, self.pose = all_targets, pose
         self._thread_choice.note(self._threads, perf_counter() - start)
         return pose
 
@@ -174,12 +174,12 @@ class ArapSolver:
         """Returns the targets, handle vertices and rows of :meth:`solve`, with its errors, without
         changing anything.
         """
-        wanted = self._wanted | {
+        all_targets = self._wanted | {
             name: checked_target(name, value, self.handles, self._surface)
             for name, value in (targets or {}).items()
         }
-        held, rows = self._merged_handles(wanted)
-        return wanted, held, rows
+        held, rows = self._merged_handles(all_targets)
+        return all_targets, held, rows
 
     def _fit_cells(self) -> None:
         """Computes each cell's best rotation and scale at the current positions."""
@@ -260,7 +260,7 @@ class ArapSolver:
         vertices = np.flatnonzero(rows >= 0)
         return vertices, rows[vertices]
 
-    def _merged_handles(self, wanted: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
+    def _merged_handles(self, all_targets: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
         """Returns the handle vertices and their targets (H, 3), relative to the centre.
 
         Raises:
@@ -272,7 +272,7 @@ class ArapSolver:
                 where=ERROR_CONTEXT,
                 mend="Add a handle; without one the mesh stays at rest.",
             )
-        everything = np.concatenate([wanted[name] for name in self.handles]) - self._surface.centre
+        everything = np.concatenate([all_targets[name] for name in self.handles]) - self._surface.centre
         if len(self._chosen) < len(everything):
             self._check_agreement(everything)
         return self._held, np.ascontiguousarray(everything[self._chosen])

@@ -46,8 +46,8 @@ def surface_edges(vertices: Float, faces: Int32) -> tuple[Int, Float]:
         halves.append(np.clip(cotangent, -1 / _MIN_ANGLE_SINE, 1 / _MIN_ANGLE_SINE) / 2)
     pairs, values = np.concatenate(ends), np.concatenate(halves)
     proper = pairs[:, 0] != pairs[:, 1]
-    keys, where = np.unique(pairs[proper, 0] * count + pairs[proper, 1], return_inverse=True)
-    weights = np.bincount(where.ravel(), values[proper], len(keys))
+    keys, edge_numbers = np.unique(pairs[proper, 0] * count + pairs[proper, 1], return_inverse=True)
+    weights = np.bincount(edge_numbers.ravel(), values[proper], len(keys))
     return np.stack([keys // count, keys % count], 1), np.maximum(weights, MIN_EDGE_WEIGHT)
 
 

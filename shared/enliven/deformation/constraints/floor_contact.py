@@ -133,7 +133,7 @@ class FloorContact:
             seconds: time since the last call.
             floor: metres, the floor's height in the rest space.
         """
-        own = self.settings
+        settings = self.settings
         floor = min(floor, self._lowest)
         now = self._all.moved(linear, positions)
         low = now[:, 1] < floor + 0.1 * self.height
@@ -142,8 +142,8 @@ class FloorContact:
         low[: len(self.soles)] |= low.any()
         near = np.flatnonzero(low)
         up = np.tile([0.0, 1.0, 0.0], (len(near), 1))
-        sets = [self._all.planes(near, up, floor, own.weight, True)]
-        if own.use == "stand":
+        sets = [self._all.planes(near, up, floor, settings.weight, True)]
+        if settings.use == "stand":
             for foot in self.feet:
                 self._update_foot_state(
                     foot, now[foot.points], positions[self._upper][:, [0, 2]], seconds, floor
@@ -158,20 +158,24 @@ class FloorContact:
 
     def _update_foot_state(self, foot: Foot, now: Float, whole: Float, seconds: float, floor: float) -> None:
         """Updates whether a foot stands, from its points (P, 3), and x and z of the nodes above (M, 2)."""
-        own, tall = self.settings, self.height
+        settings, tall = self.settings, self.height
         speed = np.inf
         if foot.last is not None and seconds > 0:
             speed = float(np.linalg.norm((now - foot.last).mean(0))) / seconds
         foot.last = now
-        down = now[:, 1].min() < floor + own.touch * tall
+        down = now[:, 1].min() < floor + settings.touch * tall
         if foot.contact_points is not None and foot.nodes_at_contact is not None:
             foot.free_points = _carried_points(foot.nodes_at_contact, whole, foot.contact_points)
-            far = float(np.linalg.norm((foot.free_points - foot.contact_points).mean(0))) > own.give * tall
+            far = (
+                float(np.linalg.norm((foot.free_points - foot.contact_points).mean(0))) > settings.give * tall
+            )
             foot.is_released = foot.is_released or not down or far
-        step = seconds / own.ease if own.ease > 0 else 1.0
+        step = seconds / settings.ease if settings.ease > 0 else 1.0
         if foot.contact_points is None:
-            foot.still_seconds = foot.still_seconds + seconds if down and speed < own.still * tall else 0.0
-            if foot.still_seconds > own.dwell:
+            foot.still_seconds = (
+                foot.still_seconds + seconds if down and speed < settings.still * tall else 0.0
+            )
+            if foot.still_seconds > settings.dwell:
                 foot.contact_points, foot.nodes_at_contact = now[:, [0, 2]].copy(), whole
                 foot.lock_strength, foot.is_released = min(step, 1.0), False
         else:
@@ -190,10 +194,10 @@ class FloorContact:
         assert foot.contact_points is not None
         weight, places = self.settings.weight * foot.lock_strength**4, foot.contact_points
         if foot.is_released and foot.free_points is not None:
-            share = 1.0 - foot.lock_strength
-            share = share * share * (3 - 2 * share)
+            release = 1.0 - foot.lock_strength
+            release = release * release * (3 - 2 * release)
             weight = self.settings.weight * foot.lock_strength**2
-            places = places + share * (foot.free_points - places)
+            places = places + release * (foot.free_points - places)
         count = len(foot.points)
         return [
             self.soles.planes(foot.points, np.tile(way, (count, 1)), places[:, k], weight, False)

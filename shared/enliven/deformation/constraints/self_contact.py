@@ -63,10 +63,12 @@ class SelfContact:
         a, b = graph.edges[:, 0], graph.edges[:, 1]
         lengths = np.maximum(np.linalg.norm(graph.positions[a] - graph.positions[b], axis=1), 1e-9)
         count = len(graph.positions)
-        ways = dijkstra(csr_matrix((lengths, (a, b)), (count, count)), directed=False)
+        path_lengths = dijkstra(csr_matrix((lengths, (a, b)), (count, count)), directed=False)
         reach = self.radii[:, None] + self.radii[None]
         apart = np.linalg.norm(centres[:, None] - centres[None], axis=2)
-        return np.asarray((apart > reach) & (ways > self.settings.detour * np.maximum(reach, spacing)))
+        return np.asarray(
+            (apart > reach) & (path_lengths > self.settings.detour * np.maximum(reach, spacing))
+        )
 
     def planes(self, linear: Float, positions: Float) -> PlaneConstraints:
         """Returns two planes for each pair that overlaps, or nearly does; each keeps one ball on its side."""

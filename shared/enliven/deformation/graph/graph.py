@@ -137,9 +137,9 @@ class DeformationGraph:
         cells = self.cells
         if cells is None or cells.net.mesh is not mesh:
             cells = voronoi_cells(build_net(mesh, spacing), self.positions, self.faces)
-        ways = path_lengths(len(self.positions), cells.borders, cells.lengths)
-        followed = choose_carriers(self.positions, ways, spacing)
-        leaps = self.edges[np.isinf(ways[self.edges[:, 0], self.edges[:, 1]])]
+        surface_distances = path_lengths(len(self.positions), cells.borders, cells.lengths)
+        followed = choose_carriers(self.positions, surface_distances, spacing)
+        leaps = self.edges[np.isinf(surface_distances[self.edges[:, 0], self.edges[:, 1]])]
         near = node_distances(cells, followed, leaps, spacing, _MAX_FOLLOW_SPACINGS * spacing)
         return blending_weights(cells.net, near, self.positions, spacing, NEIGHBOURS)
 
@@ -190,11 +190,11 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     spacing = _mean_spacing(cells.net.mesh.area, count)
     apart = distance_matrix(samples)
     straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
-    ways = path_lengths(count, cells.borders, cells.lengths)
-    detours = ways > DETOUR * straight + SLACK * spacing
-    far = detours | (ways > _MAX_NEIGHBOUR_SPACINGS * spacing)
+    surface_distances = path_lengths(count, cells.borders, cells.lengths)
+    detours = surface_distances > DETOUR * straight + SLACK * spacing
+    far = detours | (surface_distances > _MAX_NEIGHBOUR_SPACINGS * spacing)
     # Sort pairs without a finite D after all others, by their distance along the surface.
-    around = np.where(detours, np.inf, apart[np.isfinite(apart)].max(initial=0.0) + ways)
+    around = np.where(detours, np.inf, apart[np.isfinite(apart)].max(initial=0.0) + surface_distances)
     np.fill_diagonal(around, np.inf)
     edges = _nearest_edges(np.where(far | np.isinf(apart), around, apart), NEIGHBOURS)
     through = _opposite_face_nodes(samples.positions, samples.normals, spacing) & ~detours
@@ -202,8 +202,8 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     edges = np.concatenate([edges, _nearest_edges(opposite, 1)])
     across = np.where(np.isfinite(apart), apart, straight)
     # Prefer paths along the surface: make every link between shells longer than all of these paths.
-    longest = float(ways[np.isfinite(ways)].max(initial=0.0))
-    links = np.where(np.isfinite(ways), ways, longest + across)
+    longest = float(surface_distances[np.isfinite(surface_distances)].max(initial=0.0))
+    links = np.where(np.isfinite(surface_distances), surface_distances, longest + across)
     edges = np.concatenate([edges, joining_edges(count, edges, links)])
     edges = np.unique(edges, axis=0).astype(np.int32)
     bridges, cuts, hanging = find_weak_edges(count, edges)

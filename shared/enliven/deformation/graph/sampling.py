@@ -143,9 +143,9 @@ def _corner_normals(mesh: Mesh, faces: Int, welded: tuple[Mesh, Int]) -> Float:
     corners = welded_of[mesh.faces[faces]]
     wanted, number = np.unique(corners, return_inverse=True)
     normals, sharpest = normals_of(whole.vertices, whole.faces, wanted)
-    own = unit(face_vectors(mesh.vertices, mesh.faces[faces]))[:, None]
+    face_normals = unit(face_vectors(mesh.vertices, mesh.faces[faces]))[:, None]
     number = number.reshape(corners.shape)
-    return np.where((sharpest[number] > _MIN_SMOOTH_COSINE)[..., None], normals[number], own)
+    return np.where((sharpest[number] > _MIN_SMOOTH_COSINE)[..., None], normals[number], face_normals)
 
 
 def poisson_disk(
@@ -173,8 +173,8 @@ def poisson_disk(
         )
     rng = np.random.default_rng(seed)
     area = mesh.area
-    wanted = nodes if radius is None else max(1, min(int(4 * area / radius**2), 20_000))
-    darts = scatter(mesh, max(4000, _DARTS_PER_NODE * wanted), rng, welded)
+    count = nodes if radius is None else max(1, min(int(4 * area / radius**2), 20_000))
+    darts = scatter(mesh, max(4000, _DARTS_PER_NODE * count), rng, welded)
     order = rng.permutation(len(darts.positions))
     positions, normals = darts.positions[order], darts.normals[order]
     if radius is None:

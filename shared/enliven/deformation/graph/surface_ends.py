@@ -73,15 +73,15 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbE
     # The submesh excludes vertices without a face.
     surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))
     net = build_net(surface, float(np.sqrt(mesh.area / nodes)))
-    ways = _joined_net_edges(net)
-    from_sources = _sample_far_points(ways, _PATH_SOURCE_COUNT)
+    links = _joined_net_edges(net)
+    from_sources = _sample_far_points(links, _PATH_SOURCE_COUNT)
     far = from_sources.mean(0)
-    tips, persistence = _local_maxima(ways.indptr, ways.indices, far, np.argsort(-far, kind="stable"))
+    tips, persistence = _local_maxima(links.indptr, links.indices, far, np.argsort(-far, kind="stable"))
     persistence[np.argmax(persistence)] = np.inf
     order = np.argsort(-persistence, kind="stable")[:most]
     longest = float(from_sources.max())
     order = order[persistence[order] > _MIN_END_PERSISTENCE * longest]
-    return LimbEnds(net.points, tips[order], persistence[order], longest, ways)
+    return LimbEnds(net.points, tips[order], persistence[order], longest, links)
 
 
 def extremities(mesh: Mesh, most: int = 12) -> Int:
@@ -96,12 +96,12 @@ def extremities(mesh: Mesh, most: int = 12) -> Int:
     return np.asarray(used[tree.query(limbs.points[limbs.ends])[1]], np.int64)
 
 
-def _sample_far_points(ways: csr_matrix, count: int) -> Float:
+def _sample_far_points(links: csr_matrix, count: int) -> Float:
     """Returns (S, C) metres along the surface from some points that are far from each other."""
-    net = ways.indptr.astype(np.int64), ways.indices, ways.data
+    net = links.indptr.astype(np.int64), links.indices, links.data
     near, _ = spread(*net, np.array([0]))
     rows = list[Float]()
-    for _ in range(min(count, ways.shape[0])):
+    for _ in range(min(count, links.shape[0])):
         rows.append(spread(*net, np.array([near.argmax()]))[0])
         near = rows[0] if len(rows) == 1 else np.minimum(near, rows[-1])
     return np.array(rows)

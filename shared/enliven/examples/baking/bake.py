@@ -82,8 +82,8 @@ def bake_surface(
     welded, of = weld(mesh)
     first = np.unique(of, return_index=True)[1]
     chosen = sample_farthest(traits.reshape(len(traits), -1), settings.frames)
-    wanted = _gather_frames(frames, chosen, first)
-    fit = _Fit(welded, wanted, [int(of[v]) for v in held], settings, shear)
+    frame_vertices = _gather_frames(frames, chosen, first)
+    fit = _Fit(welded, frame_vertices, [int(of[v]) for v in held], settings, shear)
     for _ in range(_MAX_REFITS):
         fit.run()
         missed = WorstFrames(settings.worst * fit.size)
@@ -142,9 +142,9 @@ class _Fit:
     """
 
     def __init__(
-        self, mesh: Mesh, wanted: Float, held: Sequence[int], settings: BakeSettings, shear: bool
+        self, mesh: Mesh, frame_vertices: Float, held: Sequence[int], settings: BakeSettings, shear: bool
     ) -> None:
-        self._rest, self._wanted, self._settings, self._shear = mesh.vertices, wanted, settings, shear
+        self._rest, self._wanted, self._settings, self._shear = mesh.vertices, frame_vertices, settings, shear
         self._bound = False
         self.size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
         self._net = EdgeGraph(mesh)
@@ -164,14 +164,16 @@ class _Fit:
         most = min(settings.nodes, len(self._rest))
         while True:
             self._alternate_fits(settings.rounds)
-            share = self._error_ratios()
-            if share.max() <= 1.0 and not self._shear:
+            error_ratios = self._error_ratios()
+            if error_ratios.max() <= 1.0 and not self._shear:
                 self._bound = True
                 self._fit_maps()
                 self._alternate_fits(_FINAL_ROUNDS)
-                share, self._bound = self._error_ratios(), False
+                error_ratios, self._bound = self._error_ratios(), False
             room = most - len(self.pivots)
-            if share.max() <= 1.0 or not self.seeds.grow(share, min(room, max(len(self.pivots) // 2, 4))):
+            if error_ratios.max() <= 1.0 or not self.seeds.grow(
+                error_ratios, min(room, max(len(self.pivots) // 2, 4))
+            ):
                 break
             self._assign_seeds()
         if not self._shear and self.maps.axes is None:
@@ -200,8 +202,10 @@ class _Fit:
         squares, worst, _ = self.errors(self._found, self._wanted)
         whole = np.sqrt(squares.mean() / frames) / max(settings.rms * self.size, 1e-300)
         # If the mean error is too large, blame the vertices with errors above the mean.
-        own = whole * np.sqrt(squares / max(squares.mean(), 1e-300)) if whole > 1.0 else 0.0 * squares
-        return np.asarray(np.maximum(own, np.sqrt(worst) / max(settings.worst * self.size, 1e-300)))
+        vertex_ratios = (
+            whole * np.sqrt(squares / max(squares.mean(), 1e-300)) if whole > 1.0 else 0.0 * squares
+        )
+        return np.asarray(np.maximum(vertex_ratios, np.sqrt(worst) / max(settings.worst * self.size, 1e-300)))
 
     def _assign_seeds(self) -> None:
         """Assigns each vertex to the nearest seed along the surface."""
@@ -228,24 +232,24 @@ class _Fit:
         around = self._candidates, self._near, self._starts, smooth
         fit_weights(self._rest, flat, self.pivots, by_node, *around, self.indices, self.weights)
 
-    def errors(self, maps: Float, wanted: Float) -> tuple[Float, Float, Float]:
+    def errors(self, maps: Float, frame_vertices: Float) -> tuple[Float, Float, Float]:
         """Computes the sum (V,) and the maximum (V,) of each vertex's square errors, and the maximum (F,) of
         each frame."""
         squares, worst = np.zeros(len(self._rest)), np.zeros(len(self._rest))
         parts = self._rest, self.pivots, self.indices, self.weights
-        return squares, worst, add_errors(*parts, maps, wanted, squares, worst)
+        return squares, worst, add_errors(*parts, maps, frame_vertices, squares, worst)
 
 
 def _gather_frames(frames: Frames, chosen: Int, first: Int) -> Float:
     """Returns (V, C, 3) metres, the vertices in the chosen frames."""
-    wanted = np.empty((len(first), len(chosen), 3))
+    frame_vertices = np.empty((len(first), len(chosen), 3))
     column = {int(frame): k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):
         if number in column:
-            wanted[:, column[number]] = vertices[first]
+            frame_vertices[:, column[number]] = vertices[first]
         if number == chosen[-1]:
             break
-    return wanted
+    return frame_vertices
 
 
 def _frame_chunks(frames: Frames, first: Int) -> Iterator[Float]:
@@ -266,12 +270,12 @@ def _measure_fit(
     """Computes the transforms of all frames, and the error of the surface."""
     linear, places = np.empty((count, len(fit.pivots), 3, 3)), np.empty((count, len(fit.pivots), 3))
     total, worst, frame, vertex, at = 0.0, 0.0, 0, 0, 0
-    for wanted in _frame_chunks(frames, first):
-        maps = fit.maps.of(wanted)
-        squares, most, of_frame = fit.errors(maps, wanted)
+    for frame_vertices in _frame_chunks(frames, first):
+        maps = fit.maps.of(frame_vertices)
+        squares, most, of_frame = fit.errors(maps, frame_vertices)
         total += float(squares.sum())
         for number, off in enumerate(np.sqrt(of_frame)):
-            missed.record(float(off), wanted[:, number])
+            missed.record(float(off), frame_vertices[:, number])
         if most.max() > worst:
             worst, frame, vertex = float(most.max()), at + int(of_frame.argmax()), int(first[most.argmax()])
         linear[at : at + len(maps)] = maps[:, :, :3].transpose(0, 1, 3, 2)

@@ -85,10 +85,10 @@ def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSet
     stands = np.empty(feet.shape[:2], np.bool_)
     pairs = zip(np.moveaxis(feet, 1, 0), np.moveaxis(velocity, 1, 0), strict=True)
     for k, (foot, moves) in enumerate(pairs):
-        own = max(floor, np.percentile(foot[:, 1], 5))
+        own_height = max(floor, np.percentile(foot[:, 1], 5))
         speed = np.linalg.norm(moves, axis=1) / slow
         down = np.empty(len(feet), np.bool_)
-        touching(foot[:, 1] - own, speed, how.height * size, 1.0, how.release, down)
+        touching(foot[:, 1] - own_height, speed, how.height * size, 1.0, how.release, down)
         stands[:, k] = down
     return stands
 

@@ -152,12 +152,12 @@ class _System:
             if changed == 0:
                 break
             # Halve the step until the dual energy does not increase.
-            share = 1.0
-            while new > value + 1e-12 * (abs(value) + 1.0) and share > _MIN_STEP_FRACTION:
-                share *= 0.5
-                mid = y + share * (to_y - y), nu + share * (to_nu - nu)
+            step_fraction = 1.0
+            while new > value + 1e-12 * (abs(value) + 1.0) and step_fraction > _MIN_STEP_FRACTION:
+                step_fraction *= 0.5
+                mid = y + step_fraction * (to_y - y), nu + step_fraction * (to_nu - nu)
                 _, new = self._evaluate_nodes(*mid, places)
-            y, nu, value = y + share * (to_y - y), nu + share * (to_nu - nu), new
+            y, nu, value = y + step_fraction * (to_y - y), nu + step_fraction * (to_nu - nu), new
         return places
 
     def _evaluate_nodes(self, y: Float, nu: Float, places: Float) -> tuple[int, float]:

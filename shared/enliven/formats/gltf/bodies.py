@@ -65,9 +65,9 @@ def _measure_bodies(
     weights = np.concatenate([part.weights for part in parts])
     area = np.concatenate([_vertex_areas(part, at) for part, at in zip(parts, rest, strict=True)])
     for node, k in number.items():
-        share = np.where(nodes == node, weights, 0.0).sum(1)
-        bodies[k].mass = float(share @ area)
-        mine = vertices[share > 0.5] if (share > 0.5).any() else vertices[share > 0]
+        node_weight = np.where(nodes == node, weights, 0.0).sum(1)
+        bodies[k].mass = float(node_weight @ area)
+        mine = vertices[node_weight > 0.5] if (node_weight > 0.5).any() else vertices[node_weight > 0]
         if len(mine):
             bodies[k].reach = _far_end(bodies[k].rest, mine)
 

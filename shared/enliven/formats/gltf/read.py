@@ -161,8 +161,8 @@ def _sampled_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animati
         name = animation.name or f"animation {number + 1}"
         if even[0] > _MIN_NOTED_PAUSE_S:
             notes.append(f"animation {name!r} begins at {even[0]:.3g} s: the pause before it is left out")
-        own, at = slice(start, start + len(times)), np.searchsorted(times, even)
-        animations.append(_Animation(name, own, times - times[0], at, step, number, float(times[0])))
+        own_samples, at = slice(start, start + len(times)), np.searchsorted(times, even)
+        animations.append(_Animation(name, own_samples, times - times[0], at, step, number, float(times[0])))
         start += len(times)
     count = len(file.document.nodes)
     return animations, np.concatenate(worlds) if worlds else np.zeros((0, count, 4, 4))
@@ -213,8 +213,8 @@ def _animation_clip(
     name = unused(animation.name, taken)
     taken.add(name)
     turns = continuous(np.stack([bodies[k].turns[animation.frames] for k in tree.driver], 1))
-    own = [None if track is None else track[animation.frames] for track in tracks]
-    offsets, strains = (None if track is None or not track.any() else track for track in own)
+    own_tracks = [None if track is None else track[animation.frames] for track in tracks]
+    offsets, strains = (None if track is None or not track.any() else track for track in own_tracks)
     root, even = bodies[tree.root].places[animation.frames], animation.even
     mirrors = _mirrored_signs(animation, tree, bodies)
     fine = None

@@ -71,9 +71,9 @@ def without_added_poses(capture: Capture) -> Capture:
 def added_frame_notes(begin: int, end: int) -> tuple[str, ...]:
     """Returns notes about the frames that were removed at the start and at the end."""
     return tuple(
-        f"the {where} {f'{count} frames are' if count > 1 else 'frame is'} not part of the motion (an added "
-        "pose, such as a T-pose): left out"
-        for count, where in ((begin, "first"), (end, "last"))
+        f"the {end_name} {f'{count} frames are' if count > 1 else 'frame is'} not part of the motion "
+        "(an added pose, such as a T-pose): left out"
+        for count, end_name in ((begin, "first"), (end, "last"))
         if count
     )
 
@@ -88,26 +88,26 @@ def _added_frame_count(places: Float, seconds: float, rest: Float | None, only_r
     held = int(moving[0]) if len(moving) else 0
     fade = max(round(_MAX_FADE_S / seconds), 1)
     # Leave out the other end as well, because it may have an added pose of its own.
-    others = steps[held + fade : len(steps) - fade]
-    if held * seconds > _MAX_HOLD_S or len(others) < _MIN_OTHER_INTERVALS:
+    other_steps = steps[held + fade : len(steps) - fade]
+    if held * seconds > _MAX_HOLD_S or len(other_steps) < _MIN_OTHER_INTERVALS:
         return 0
-    usual, shows_rest = float(others.max()), rest is not None and _is_rest_pose(places[0], rest, size)
+    fastest, shows_rest = float(other_steps.max()), rest is not None and _is_rest_pose(places[0], rest, size)
     if only_rest and not shows_rest:
         return 0
     first = steps[held : held + fade]
-    fast = first > (_MIN_FADE_SPEED_RATIO if shows_rest else _MIN_JUMP_SPEED_RATIO) * usual
+    fast = first > (_MIN_FADE_SPEED_RATIO if shows_rest else _MIN_JUMP_SPEED_RATIO) * fastest
     count = len(fast) if fast.all() else int(np.argmin(fast))
-    if not count or first[:count].max() < _MIN_JUMP_SPEED_RATIO * usual:
+    if not count or first[:count].max() < _MIN_JUMP_SPEED_RATIO * fastest:
         return 0
-    far = float(np.linalg.norm(places[held + count] - places[0], axis=1).max()) / size
+    jump = float(np.linalg.norm(places[held + count] - places[0], axis=1).max()) / size
     return (
         held + count
-        if far > _MIN_JUMP_BODY_SIZES and (shows_rest or first[0] > _MIN_IMPOSSIBLE_SPEED * seconds)
+        if jump > _MIN_JUMP_BODY_SIZES and (shows_rest or first[0] > _MIN_IMPOSSIBLE_SPEED * seconds)
         else 0
     )
 
 
 def _is_rest_pose(pose: Float, rest: Float, size: float) -> bool:
     """Returns True if a pose (N, 3) is the rest pose, independent of the root's position."""
-    apart = np.linalg.norm((pose - pose[0]) - (rest - rest[0]), axis=1)
-    return bool(apart.mean() < _MAX_REST_POSE_DISTANCE * size)
+    distances = np.linalg.norm((pose - pose[0]) - (rest - rest[0]), axis=1)
+    return bool(distances.mean() < _MAX_REST_POSE_DISTANCE * size)

@@ -115,8 +115,8 @@ class _Words:
         return self._line
 
     def wrong(self, what: str, mend: str = "", line: int | None = None) -> InputError:
-        where = f"{self._path}, line {self.line if line is None else line}"
-        return InputError(what, where=where, mend=mend)
+        location = f"{self._path}, line {self.line if line is None else line}"
+        return InputError(what, where=location, mend=mend)
 
     def numbers(self, words: list[str], count: int, of: str, line: int) -> list[float]:
         try:

@@ -94,13 +94,13 @@ def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
 
 
 def _row_values(line: str, number: int, path: Path) -> list[float]:
-    where = f"{path}, line {number}"
+    location = f"{path}, line {number}"
     try:
         values = [float(word) for word in line.split(",")]
     except ValueError:
-        raise InputError("a value is not a number", where=where) from None
+        raise InputError("a value is not a number", where=location) from None
     if len(values) != COLUMNS or not np.isfinite(values).all():
-        raise InputError(f"there are {len(values)} numbers, expected {COLUMNS} finite ones", where=where)
+        raise InputError(f"there are {len(values)} numbers, expected {COLUMNS} finite ones", where=location)
     return values
 
 

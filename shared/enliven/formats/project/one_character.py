@@ -28,10 +28,10 @@ def character_bytes(project: Project, character: str, textures: int = 0) -> byte
     return project_bytes(_one_character_project(rig, project, painted=0 < texture_bytes(rig) <= textures))
 
 
-def texture_bytes(one: RigBase) -> int:
+def texture_bytes(character: RigBase) -> int:
     """Returns the size of a character's textures in bytes: at least 1 if it has materials, 0 if it has
     none."""
-    materials = None if one.mesh is None else one.mesh.materials
+    materials = None if character.mesh is None else character.mesh.materials
     return 0 if materials is None else max(sum(len(each.image) for each in materials.textures), 1)
 
 
@@ -44,9 +44,11 @@ def project_of_mesh(mesh: Mesh, name: str) -> Project:
     return Project().with_streams(shape_and_stream[1]).with_characters(shape_and_stream[0])
 
 
-def _one_character_project(one: RigBase, project: Project, *, painted: bool) -> Project:
+def _one_character_project(character: RigBase, project: Project, *, painted: bool) -> Project:
     """Returns a project with a character at rest, and the takes that it needs at rest."""
-    still, streams = one.at_rest(None if one.mesh is None else _lightened_mesh(one.mesh, painted))
+    still, streams = character.at_rest(
+        None if character.mesh is None else _lightened_mesh(character.mesh, painted)
+    )
     takes = (project.takes[name] for name in still.needed()["takes"])
     return Project().with_takes(*takes).with_streams(*streams).with_characters(still)
 

@@ -119,10 +119,10 @@ def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray],
 
 
 def _read_tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, AnyArray], where: str) -> Any:
-    many = hints[1:] == (Ellipsis,)
-    if not many and len(hints) != len(values):
+    is_variadic = hints[1:] == (Ellipsis,)
+    if not is_variadic and len(hints) != len(values):
         raise InputError(f"it has {len(values)} values, expected {len(hints)}", where=where)
-    each = [hints[0]] * len(values) if many else list(hints)
+    each = [hints[0]] * len(values) if is_variadic else list(hints)
     return tuple(
         unpack(hint, value, arrays, f"{where}[{number}]")
         for number, (hint, value) in enumerate(zip(each, values, strict=True))
@@ -131,8 +131,8 @@ def _read_tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, 
 
 def _checked_type(value: Any, kind: Any, where: str) -> Any:
     """Returns the value after checking its plain type. An integer is accepted as a float."""
-    wanted = (int, float) if kind is float else kind
-    if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):
+    accepted = (int, float) if kind is float else kind
+    if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
         name = getattr(kind, "__name__", str(kind))
         raise InputError(f"{str(value)[:40]!r} is not a {name}", where=where)
     return value

@@ -42,10 +42,10 @@ def scale_to_height(rig: Rig, height: float) -> Rig:
     """
     mesh = rig.shape.mesh
     points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
-    tall = float(np.ptp(points[:, 1]))
-    if not (height > 0 and tall > 0):
-        raise InputError(f"{tall:.3g} m cannot become {height} m", where=f"shape {rig.shape.id!r}")
-    return _scaled_and_moved(rig, height / tall, np.zeros(3))
+    height_at_rest = float(np.ptp(points[:, 1]))
+    if not (height > 0 and height_at_rest > 0):
+        raise InputError(f"{height_at_rest:.3g} m cannot become {height} m", where=f"shape {rig.shape.id!r}")
+    return _scaled_and_moved(rig, height / height_at_rest, np.zeros(3))
 
 
 def place_on_floor(rig: Rig) -> Rig:
@@ -90,10 +90,10 @@ def weld_shape(shape: Shape) -> Shape:
     number = np.empty_like(order)
     number[order] = np.arange(len(order))
     faces, kept = number[of.ravel()][mesh.faces], kept[order]
-    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])
+    is_usable = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])
     colours, stiffness = mesh.paint_at(kept)
-    materials = None if mesh.materials is None else mesh.materials.taken(whole)
-    faces = faces[whole].astype(np.int32)
+    materials = None if mesh.materials is None else mesh.materials.taken(is_usable)
+    faces = faces[is_usable].astype(np.int32)
     joined = Mesh(mesh.vertices[kept], faces, mesh.name, colours, materials, stiffness)
     return shape.with_changes(mesh=joined, skin=SkinWeights(skin.indices[kept], skin.weights[kept]))
 

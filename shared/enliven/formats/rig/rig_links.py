@@ -61,14 +61,14 @@ class LinkBody:
     strains: Float | None = None
     mirrors: Float | None = None
 
-    def moved(self, way: Float) -> Float:
+    def moved(self, vectors: Float) -> Float:
         """Returns vectors (3,) or (F, 3) of the rest pose in each frame (F, 3): mirrored and stretched, then
         rotated."""
         if self.mirrors is not None:
-            way = self.mirrors[:, None] * way
+            vectors = self.mirrors[:, None] * vectors
         if self.strains is not None:
-            way = stretched(stretch_of(self.strains), np.broadcast_to(way, (len(self.places), 3)))
-        return rotate(self.turns, way)
+            vectors = stretched(stretch_of(self.strains), np.broadcast_to(vectors, (len(self.places), 3)))
+        return rotate(self.turns, vectors)
 
 
 @dataclass
@@ -102,8 +102,10 @@ def find_links(bodies: list[LinkBody], size: float, as_is: bool = False) -> Link
         as_is: True to keep the file's parents, even if their links do not hold.
     """
     before = [body.parent for body in bodies]
-    off = _rest_misfits(bodies)
-    loose = [p < 0 or (not as_is and off[j, p] > _MIN_LOOSE_FRACTION * size) for j, p in enumerate(before)]
+    misfits = _rest_misfits(bodies)
+    loose = [
+        p < 0 or (not as_is and misfits[j, p] > _MIN_LOOSE_FRACTION * size) for j, p in enumerate(before)
+    ]
     weight = _subtree_surfaces(bodies, before)
     total = sum(body.mass for body in bodies)
     tops = [j for j in range(len(bodies)) if loose[j] and weight[j] > _MIN_ROOT_SURFACE_FRACTION * total]
@@ -112,10 +114,12 @@ def find_links(bodies: list[LinkBody], size: float, as_is: bool = False) -> Link
         # of the mesh.
         tops = [max((j for j in range(len(bodies)) if loose[j]), key=lambda j: (weight[j], -j))]
     trees = [
-        _attach_to_root(bodies, before, loose, off, top)
+        _attach_to_root(bodies, before, loose, misfits, top)
         for top in sorted(tops, key=lambda j: (-weight[j], j))
     ]
-    links = min(trees, key=lambda one: _mean_misfit(bodies, one, off) // (0.3 * _MIN_LOOSE_FRACTION * size))
+    links = min(
+        trees, key=lambda one: _mean_misfit(bodies, one, misfits) // (0.3 * _MIN_LOOSE_FRACTION * size)
+    )
     moved = [
         f"{bodies[j].name} on {bodies[p].name}" for j, p in links.parents.items() if p not in (-1, before[j])
     ]
@@ -144,21 +148,21 @@ def _rest_misfits(bodies: list[LinkBody]) -> Float:
     """Returns (J, J) metres, the root mean square deviation of body j from its rest position relative to body
     p."""
     count, frames = len(bodies), len(bodies[0].places)
-    looked = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _COMPARED_FRAMES)).astype(int))
+    compared = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _COMPARED_FRAMES)).astype(int))
     if frames == 0:
         return np.zeros((count, count))
     rest = np.stack([body.rest for body in bodies])
-    places = np.stack([body.places[looked] for body in bodies])
-    off = np.empty((count, count))
+    places = np.stack([body.places[compared] for body in bodies])
+    misfits = np.empty((count, count))
     for p, body in enumerate(bodies):
-        way = (rest - rest[p])[:, None]
+        vectors = (rest - rest[p])[:, None]
         if body.strains is not None:
-            way = stretched(stretch_of(body.strains[looked]), way)
+            vectors = stretched(stretch_of(body.strains[compared]), vectors)
         if body.mirrors is not None:
-            way = way * body.mirrors[looked, None]
-        expected = places[p] + rotate(body.turns[looked], way)
-        off[:, p] = np.sqrt(((expected - places) ** 2).sum(2).mean(1))
-    return off
+            vectors = vectors * body.mirrors[compared, None]
+        expected = places[p] + rotate(body.turns[compared], vectors)
+        misfits[:, p] = np.sqrt(((expected - places) ** 2).sum(2).mean(1))
+    return misfits
 
 
 def _subtree_surfaces(bodies: list[LinkBody], parents: list[int]) -> list[float]:
@@ -171,7 +175,7 @@ def _subtree_surfaces(bodies: list[LinkBody], parents: list[int]) -> list[float]
 
 
 def _attach_to_root(
-    bodies: list[LinkBody], before: list[int], loose: list[bool], off: Float, root: int
+    bodies: list[LinkBody], before: list[int], loose: list[bool], misfits: Float, root: int
 ) -> Links:
     """Attaches everything that moves vertices to ``root``, directly or through other bodies."""
     above = _file_ancestors(before, root)
@@ -185,7 +189,7 @@ def _attach_to_root(
         # be attached to them.
         t = next((t for t in waiting if before[t] in inside), waiting[0])
         waiting.remove(t)
-        parents[t] = _new_parent(bodies, t, before[t], inside, off)
+        parents[t] = _new_parent(bodies, t, before[t], inside, misfits)
         inside |= {j for j in range(len(bodies)) if tops[j] == t}
     kept = inside & _carrying_bodies(bodies, parents, inside)
     merged = tuple(j for j in above if bodies[j].mass > 0)
@@ -201,11 +205,17 @@ def _file_ancestors(before: list[int], j: int) -> list[int]:
     return chain
 
 
-def _new_parent(bodies: list[LinkBody], child: int, usual: int, inside: set[int], off: Float) -> int:
+def _new_parent(bodies: list[LinkBody], child: int, old_parent: int, inside: set[int], misfits: Float) -> int:
     """Returns the body to attach a cut branch to: its old parent, unless another is followed far better."""
-    costs = {c: off[child, c] + _MISFIT_PER_REST_DISTANCE * _rest_distance(bodies, child, c) for c in inside}
+    costs = {
+        c: misfits[child, c] + _MISFIT_PER_REST_DISTANCE * _rest_distance(bodies, child, c) for c in inside
+    }
     best = min(costs, key=lambda c: (costs[c], c))
-    return usual if usual in inside and off[child, usual] < _MIN_MISFIT_RATIO * off[child, best] else best
+    return (
+        old_parent
+        if old_parent in inside and misfits[child, old_parent] < _MIN_MISFIT_RATIO * misfits[child, best]
+        else best
+    )
 
 
 def _rest_distance(bodies: list[LinkBody], child: int, parent: int) -> float:
@@ -230,15 +240,15 @@ def _carrying_bodies(bodies: list[LinkBody], parents: list[int], inside: set[int
     return carriers
 
 
-def _mean_misfit(bodies: list[LinkBody], links: Links, off: Float) -> float:
+def _mean_misfit(bodies: list[LinkBody], links: Links, misfits: Float) -> float:
     """Returns the mean distance in metres, over the surface, between the vertices and their true
     positions."""
-    away = {j: 0.0 if p < 0 else float(off[j, p]) for j, p in links.parents.items()}
+    deviation = {j: 0.0 if p < 0 else float(misfits[j, p]) for j, p in links.parents.items()}
     for j in depth_first_order(links.parents):
         if links.parents[j] >= 0:
-            away[j] += away[links.parents[j]]
-    away.update({j: float(off[j, links.root]) for j in links.merged})
-    return sum(bodies[j].mass * far for j, far in away.items()) / max(sum(b.mass for b in bodies), 1e-12)
+            deviation[j] += deviation[links.parents[j]]
+    deviation.update({j: float(misfits[j, links.root]) for j in links.merged})
+    return sum(bodies[j].mass * far for j, far in deviation.items()) / max(sum(b.mass for b in bodies), 1e-12)
 
 
 def _drop_controller_roots(bodies: list[LinkBody], links: Links) -> None:

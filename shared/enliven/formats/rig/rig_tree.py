@@ -95,10 +95,10 @@ def _moves_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> 
     if bodies[j].mass <= _MAX_STRAY_SURFACE_FRACTION * sum(body.mass for body in bodies):
         return False
     expected = bodies[root].places + bodies[root].moved(bodies[j].rest - bodies[root].rest)
-    away = np.linalg.norm(expected - bodies[j].places, axis=1).max(initial=0.0)
+    distances = np.linalg.norm(expected - bodies[j].places, axis=1).max(initial=0.0)
     turned = np.abs(np.sum(bodies[root].turns * bodies[j].turns, axis=1)).min(initial=1.0)
     return bool(
-        away > _MAX_MOVING_DISTANCE_FRACTION * size or turned < 1.0 - _MAX_MOVING_DISTANCE_FRACTION**2
+        distances > _MAX_MOVING_DISTANCE_FRACTION * size or turned < 1.0 - _MAX_MOVING_DISTANCE_FRACTION**2
     )
 
 
@@ -110,8 +110,8 @@ def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
         body, start = bodies[number], max(int(skeleton.parents[bone]), 0)
         lever = body.rest - skeleton.positions[start]
         expected = tracks[:, start] + bodies[tree.driver[bone]].moved(lever)
-        away = np.linalg.norm(expected - body.places, axis=1).max(initial=0.0)
-        drifts.append((body.name, float(away)))
+        distances = np.linalg.norm(expected - body.places, axis=1).max(initial=0.0)
+        drifts.append((body.name, float(distances)))
     return drifts
 
 
@@ -137,9 +137,9 @@ def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float 
         if driver.strains is not None:
             strains[:, j] = driver.strains
         if j and tree.body[j] >= 0:
-            way = rotate(conjugate(driver.turns), at[:, j] - at[:, skeleton.parents[j]])
-            way = way if driver.mirrors is None else way * driver.mirrors[:, None]
-            offsets[:, j] = stretched(stretch_of(-strains[:, j]), way) - skeleton.vectors[j]
+            direction = rotate(conjugate(driver.turns), at[:, j] - at[:, skeleton.parents[j]])
+            direction = direction if driver.mirrors is None else direction * driver.mirrors[:, None]
+            offsets[:, j] = stretched(stretch_of(-strains[:, j]), direction) - skeleton.vectors[j]
     offsets[:, np.abs(offsets).max((0, 2), initial=0.0) <= _MIN_TRACK_MOTION_FRACTION * size] = 0.0
     return offsets if offsets.any() else None, strains if strains.any() else None
 
@@ -163,8 +163,8 @@ def _is_same_place(bodies: list[LinkBody], a: int, b: int, size: float) -> bool:
     """Returns True if two bodies are at the same position at rest and in all frames."""
     if np.linalg.norm(bodies[a].rest - bodies[b].rest) > _MAX_REST_DISTANCE_FRACTION * size:
         return False
-    away = np.linalg.norm(bodies[a].places - bodies[b].places, axis=1)
-    return bool(away.max(initial=0.0) <= _MAX_MOVING_DISTANCE_FRACTION * size)
+    distances = np.linalg.norm(bodies[a].places - bodies[b].places, axis=1)
+    return bool(distances.max(initial=0.0) <= _MAX_MOVING_DISTANCE_FRACTION * size)
 
 
 def _build_skeleton(
@@ -240,9 +240,9 @@ class _Joints:
         if len(bones) == 1:
             return bones[0]
         into = self.rest[home] - self.rest[max(self.parents[home], 0)]
-        ways = {k: self.rest[k] - self.rest[home] for k in bones}
-        bends = {k: _cosine_between(into, way) for k, way in ways.items()}
-        lengths = {k: float(np.linalg.norm(way)) for k, way in ways.items()}
+        directions = {k: self.rest[k] - self.rest[home] for k in bones}
+        bends = {k: _cosine_between(into, direction) for k, direction in directions.items()}
+        lengths = {k: float(np.linalg.norm(direction)) for k, direction in directions.items()}
 
         def paired(k: int) -> bool:
             alike = [i for i in bones if i != k and abs(bends[i] - bends[k]) < _MAX_PAIR_DIFFERENCE]

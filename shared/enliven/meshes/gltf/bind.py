@@ -215,8 +215,8 @@ def _blends_mirrored(parts: list[GltfPart], mirrored: dict[int, bool]) -> bool:
     for part in parts:
         over = np.zeros(max(int(part.nodes.max(initial=0)), *mirrored, 0) + 1, bool)
         over[[node for node, flag in mirrored.items() if flag]] = True
-        share = np.where(over[part.nodes], part.weights, 0.0).sum(1)
-        if ((share > 1e-4) & (share < 1.0 - 1e-4)).any():
+        moved_weight = np.where(over[part.nodes], part.weights, 0.0).sum(1)
+        if ((moved_weight > 1e-4) & (moved_weight < 1.0 - 1e-4)).any():
             return True
     return False
 

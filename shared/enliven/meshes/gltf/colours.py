@@ -58,11 +58,11 @@ class Colours:
 
     def _texture_colours(self, primitive: Any, texture: Any, count: int) -> Float:
         """Returns (V, 3) linear colours of the texture at each vertex, repeated beyond its edges."""
-        where = getattr(primitive.attributes, f"TEXCOORD_{texture.texCoord or 0}", None)
+        accessor = getattr(primitive.attributes, f"TEXCOORD_{texture.texCoord or 0}", None)
         picture = self._texture_image(texture.index)
-        if where is None or picture is None:
+        if accessor is None or picture is None:
             return np.tile(_WHITE, (count, 1))
-        uv = np.nan_to_num(np.asarray(self._file.accessor(where), np.float64))
+        uv = np.nan_to_num(np.asarray(self._file.accessor(accessor), np.float64))
         height, width = picture.shape[:2]
         columns = np.floor(uv[:, 0] % 1.0 * width).astype(int) % width
         rows = np.floor(uv[:, 1] % 1.0 * height).astype(int) % height

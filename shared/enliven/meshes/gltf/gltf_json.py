@@ -98,8 +98,8 @@ def parents_of(children: list[list[int]]) -> list[int]:
         InputError: if a child is missing or has two parents, and for a cycle or a tree that is too deep.
     """
     parents = [-1] * len(children)
-    for number, own in enumerate(children):
-        for child in own:
+    for number, child_list in enumerate(children):
+        for child in child_list:
             if not 0 <= child < len(children) or parents[child] >= 0 or child == number:
                 raise InputError(
                     f"node {number} has the child {child}, which does not exist or has another parent"

@@ -290,17 +290,17 @@ def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Fl
     times = np.clip(times, keys[0], keys[-1])
     before = np.clip(np.searchsorted(keys, times, "right") - 1, 0, len(keys) - 2)
     span = np.maximum(keys[before + 1] - keys[before], 1e-12)
-    share = np.clip((times - keys[before]) / span, 0.0, 1.0)
+    fraction = np.clip((times - keys[before]) / span, 0.0, 1.0)
     if interpolation == "STEP":
-        return np.asarray(points[np.where(share >= 1.0, before + 1, before)])
+        return np.asarray(points[np.where(fraction >= 1.0, before + 1, before)])
     if cubic:
-        curve = _hermite_spline(values, before, span[:, None], share[:, None])
+        curve = _hermite_spline(values, before, span[:, None], fraction[:, None])
         return unit(curve) if path == "rotation" else curve
     if path == "rotation":
         # slerp works with any order of the components, if both quaternions use the same order.
         a, b = unit(points[before]), unit(points[before + 1])
-        return np.roll(rotation.slerp(np.roll(a, 1, -1), np.roll(b, 1, -1), share), -1, -1)
-    return np.asarray(points[before] + share[:, None] * (points[before + 1] - points[before]))
+        return np.roll(rotation.slerp(np.roll(a, 1, -1), np.roll(b, 1, -1), fraction), -1, -1)
+    return np.asarray(points[before] + fraction[:, None] * (points[before + 1] - points[before]))
 
 
 def _hermite_spline(values: Float, before: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]

@@ -233,11 +233,14 @@ def _joint_influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int 
     ..."""
     joints, weights = [], []
     for k in range(8):
-        where, how = getattr(attributes, f"JOINTS_{k}", None), getattr(attributes, f"WEIGHTS_{k}", None)
-        if where is None or how is None:
+        joint_accessor, weight_accessor = (
+            getattr(attributes, f"JOINTS_{k}", None),
+            getattr(attributes, f"WEIGHTS_{k}", None),
+        )
+        if joint_accessor is None or weight_accessor is None:
             break
-        joints.append(file.accessor(where).astype(np.int64))
-        weights.append(np.asarray(file.accessor(how), np.float64))
+        joints.append(file.accessor(joint_accessor).astype(np.int64))
+        weights.append(np.asarray(file.accessor(weight_accessor), np.float64))
     if not joints:
         return None, None
     return np.concatenate(joints, 1), np.nan_to_num(np.maximum(np.concatenate(weights, 1), 0.0))

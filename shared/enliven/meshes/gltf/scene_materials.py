@@ -92,14 +92,18 @@ def split_by_material(mesh: Mesh) -> Iterator[tuple[int, Int, Int, dict[str, Flo
         The material's number (-1 for none); (N,) the mesh vertex of each vertex of the part; (K, 3) faces;
         texture coordinates and colours of the part's vertices, by the format's names.
     """
-    own = mesh.materials
-    if own is None:
+    materials = mesh.materials
+    if materials is None:
         yield -1, np.arange(len(mesh.vertices)), mesh.faces.astype(np.int64), {}
         return
-    for number in np.unique(own.of):
-        mine = np.flatnonzero(own.of == number)
-        uvs = own.uvs[mine].reshape(3 * len(mine), -1)
-        tints = np.ones((len(uvs), 4), np.float32) if own.tints is None else own.tints[mine].reshape(-1, 4)
+    for number in np.unique(materials.of):
+        mine = np.flatnonzero(materials.of == number)
+        uvs = materials.uvs[mine].reshape(3 * len(mine), -1)
+        tints = (
+            np.ones((len(uvs), 4), np.float32)
+            if materials.tints is None
+            else materials.tints[mine].reshape(-1, 4)
+        )
         if number < 0:
             uvs, tints = uvs[:, :0], np.ones_like(tints)
         alike = uvs.shape[1] == 0 and bool((tints == tints[0]).all())

@@ -242,12 +242,14 @@ def _with_changed_clip(
 
 def _with_clips(project: Project, character_id: str, numbers: Iterable[int], change: _Lane) -> Project:
     """Changes the clips of some layers. All of these layers get the same clips."""
-    character, wanted = project.character(character_id), tuple(numbers)
-    first = _layer_numbered(character, wanted[0])
+    character, layer_numbers = project.character(character_id), tuple(numbers)
+    first = _layer_numbered(character, layer_numbers[0])
     length = project.length_of(first)
     edited = first.with_lane(lambda lane: lane.with_clips(change(lane.clips(length)), length))
     names = ("offset", "speed", "segments", "weights", "speeds")
-    return change_layers(project, character_id, wanted, **{name: getattr(edited, name) for name in names})
+    return change_layers(
+        project, character_id, layer_numbers, **{name: getattr(edited, name) for name in names}
+    )
 
 
 def _layer_numbered(character: RigBase, number: int) -> LayerBase:

@@ -9,13 +9,13 @@ from enliven.document import GraphShape, Layer, Project, Puppet, RigBase
 from enliven.errors import InputError
 from enliven.mapping import pin_all_feet
 from enliven.modeling.edits.characters import change_layers
-from enliven.modeling.edits.graph_feet import stand, way_to_stand
+from enliven.modeling.edits.graph_feet import graph_foot_lock_mode, stand
 
 
-def feet_while(character: RigBase, number: int) -> str | None:
+def foot_lock_mode(character: RigBase, number: int) -> str | None:
     """Returns the foot lock mode of a character's layer, or None if the layer does not have one."""
     if isinstance(character, GraphShape):
-        return way_to_stand(character, number) if number < len(character.parts) else None
+        return graph_foot_lock_mode(character, number) if number < len(character.parts) else None
     layer = character.playing[number]
     return layer.feet if isinstance(layer, Layer) else None
 

@@ -5,9 +5,9 @@
 
 The feet are the lowest parts of the mesh at rest, or those that an artist named. Contacts are detected once,
 from the feet's paths, as for skeletons (:mod:`enliven.motion.contact`). Let s_n^j be the share of foot j's
-displacement that node n follows (:func:`~enliven.modeling.possessed.followers`). The corrections c solve S c
-= d, where S_ij is the mean of s^j over foot i by its skin weights. So each foot moves exactly by its required
-correction d_i, and the mesh bends above it.
+displacement that node n follows (:func:`~enliven.modeling.possessed.find_followers`). The corrections c solve
+S c = d, where S_ij is the mean of s^j over foot i by its skin weights. So each foot moves exactly by its
+required correction d_i, and the mesh bends above it.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from enliven.document import (
 )
 from enliven.errors import InputError
 from enliven.modeling.edits.root_layers import root_motion
-from enliven.modeling.mesh import blended
-from enliven.modeling.possessed import followers, graph_pose
+from enliven.modeling.mesh import blend_vertices
+from enliven.modeling.possessed import find_followers, graph_pose
 from enliven.motion.contact import contacts_of, hold, window_of
 from enliven.rotation import conjugate, rotate
 
@@ -65,7 +65,7 @@ class StandingFoot:
     node: int
 
 
-def way_to_stand(shape: GraphShape, number: int) -> str:
+def graph_foot_lock_mode(shape: GraphShape, number: int) -> str:
     """Returns the foot lock mode of the feet that a layer moves, or "never" if they stay as performed."""
     nodes = _nodes_of(shape, [number])
     modes = [layer.feet for layer in shape.over if layer.feet and np.isin(layer.own, nodes).any()]
@@ -202,7 +202,7 @@ def _foot_surface(shape: GraphShape, foot: StandingFoot, linear: Float, position
     """Returns (K, 3) metres, the posed vertices of a foot."""
     few = foot.vertices
     skin = SkinWeights(shape.skin.indices[few], shape.skin.weights[few])
-    return blended(np.asarray(shape.mesh.vertices)[few], skin, shape.positions, linear, positions)
+    return blend_vertices(np.asarray(shape.mesh.vertices)[few], skin, shape.positions, linear, positions)
 
 
 def _foot_corrections(shape: GraphShape, places: Float, soles: Float, step: float, way: str) -> Float:
@@ -226,7 +226,7 @@ def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, 
     """Returns the nodes that follow any foot, and (N, J) the share by which every node follows each foot."""
     shares = np.zeros((len(shape.positions), len(feet)))
     for number, foot in enumerate(feet):
-        own, follow = followers(shape, foot.node)
+        own, follow = find_followers(shape, foot.node)
         shares[own, number] = follow[:, 0]
     return np.flatnonzero(shares.any(1)), shares
 

@@ -111,12 +111,12 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
     turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
     # The pose is D = P K, with the key K and the rotations P before it. A rotation w in the world gives w D =
     # P K', so K' = K D^-1 w D.
-    own = multiply(multiply(conjugate(turns[j]), turn), turns[j])
+    key_rotation = multiply(multiply(conjugate(turns[j]), turn), turns[j])
     key_degrees, axes = np.array(key_at(project, shape.id, j, time).degrees), Axes(IDENTITY, False)
     number = key_layer(project, shape.id, j)
     if number is not None:
         axes = Axes(shape.layers[number].basis, shape.layers[number].mirrored)
-    added = multiply(axes.rotations(from_rotation_vector(np.radians(key_degrees))), own)
+    added = multiply(axes.rotations(from_rotation_vector(np.radians(key_degrees))), key_rotation)
     # The reflection is its own inverse, so L^-1 = S basis^-1.
     mine = multiply(multiply(conjugate(axes.turn), added), axes.turn)
     mine = Axes(IDENTITY, axes.mirrored).rotations(mine)

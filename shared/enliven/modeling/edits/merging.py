@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.document import GraphShape, Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.rigs import RIGS, handle_number, rig_of
-from enliven.modeling.edits.root_motion_rig import set_down, taken_up
+from enliven.modeling.edits.root_motion_rig import remove_root_layers, restore_root_layers
 from enliven.modeling.mesh import SeamSettings
 from enliven.modeling.rig import Merge
 
@@ -58,20 +58,20 @@ def merge_characters(
         raise InputError("a character cannot be merged with itself", where=host.where, mend=mend)
     messages, kind = [] if notes is None else notes, host.kind
     for character in (host, graft):
-        project = set_down(RIGS[character.kind], project, character.id, time)
+        project = remove_root_layers(RIGS[character.kind], project, character.id, time)
     if graft.root_layers:
         messages.append(f"The motion of {graft.where} as a whole was removed: it rides on {host.where}.")
     if isinstance(node, str):
         node = handle_number(host, node)
     if kind != graft.kind:
         for name in (host_id, graft_id):
-            project = recorded(project, name, time, messages)
+            project = bake_to_graph(project, name, time, messages)
         kind = GraphShape.kind
     project = RIGS[kind].merged(project, Merge(host_id, graft_id, time, node, at, loose, seam, messages))
-    return taken_up(RIGS[kind], project, host_id, host, time)
+    return restore_root_layers(RIGS[kind], project, host_id, host, time)
 
 
-def recorded(project: Project, character_id: str, time: float, notes: list[str]) -> Project:
+def bake_to_graph(project: Project, character_id: str, time: float, notes: list[str]) -> Project:
     """Bakes a character's motion to a deformation graph. A graph stays unchanged."""
     character = project.character(character_id)
     if character.kind == GraphShape.kind:

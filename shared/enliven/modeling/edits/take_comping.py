@@ -18,7 +18,7 @@ from enliven.document import GraphPart, LayerBase, PoseStream, Project, RigBase,
 from enliven.errors import InputError
 
 
-def takes_beside(project: Project, alternatives: str) -> dict[str, bool]:
+def alternative_takes(project: Project, alternatives: str) -> dict[str, bool]:
     """Returns the recordings in a group of alternatives, in their order, each with True if it plays."""
     plays: dict[str, bool] = {}
     for character in project.characters.values():
@@ -41,7 +41,7 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
     Raises:
         InputError: if the recording is not in the group.
     """
-    takes = takes_beside(project, alternatives)
+    takes = alternative_takes(project, alternatives)
     if recorded and recorded not in takes:
         mend = f"Known: {', '.join(takes) or 'none'}."
         raise InputError(
@@ -62,7 +62,7 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
     return project.with_characters(*changed) if alternatives else project
 
 
-def as_take(before: Project, project: Project, recorded: str, alternatives: str) -> Project:
+def group_as_take(before: Project, project: Project, recorded: str, alternatives: str) -> Project:
     """Adds the layers that play takes missing in ``before`` to a group of alternatives."""
 
     def labelled(layer: LayerBase) -> LayerBase:
@@ -78,7 +78,7 @@ def as_take(before: Project, project: Project, recorded: str, alternatives: str)
         if character is not before.characters.get(name)
     ]
     project = project.with_characters(*changed)
-    is_listed = recorded in takes_beside(project, alternatives)
+    is_listed = recorded in alternative_takes(project, alternatives)
     return choose_take(project, alternatives, recorded) if is_listed else project
 
 
@@ -92,7 +92,7 @@ def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
     Raises:
         InputError: if the recording is not in the group.
     """
-    takes = takes_beside(project, alternatives)
+    takes = alternative_takes(project, alternatives)
     if recorded not in takes:
         mend = f"Known: {', '.join(takes) or 'none'}."
         raise InputError(
@@ -117,7 +117,7 @@ def keep_take(project: Project, alternatives: str, recorded: str) -> Project:
         InputError: if the recording is not in the group.
     """
     project = choose_take(project, alternatives, recorded)
-    for name in takes_beside(project, alternatives):
+    for name in alternative_takes(project, alternatives):
         if name != recorded:
             project = drop_take(project, alternatives, name)
     return choose_take(project, alternatives, recorded)

@@ -70,7 +70,7 @@ class MeshPair:
         materials = joined_materials([(mesh.materials, len(mesh.faces)) for mesh in self.meshes])
         mesh = Mesh(vertices, faces, first.name, colours, materials, stiffness)
         none = np.zeros(len(vertices), bool)
-        return Union(mesh, skins.stacked(self.skins), mine, theirs, none, False, (note,), failed)
+        return Union(mesh, skins.concatenate_skins(self.skins), mine, theirs, none, False, (note,), failed)
 
     def traced(self, solids: tuple[Solid, Solid], made: manifold3d.Mesh64, notes: tuple[str, ...]) -> Union:
         """Builds the union from manifold3d's result. Kept vertices and faces stay in order and bit-exact."""
@@ -152,9 +152,9 @@ class UnionBuilder:
         # Fill in skin weights and paint. Kept vertices keep their values, and new vertices get interpolated
         # ones.
         weights, paint = self._interpolate_new(new)
-        whole = skins.bone_count(skins.stacked(self.pair.skins))
+        whole = skins.bone_count(skins.concatenate_skins(self.pair.skins))
         old_skins = [self._kept_skin(k, kept_vertices[k], whole) for k in range(2)]
-        skin = skins.stacked([*old_skins, skins.sparse(weights)])
+        skin = skins.concatenate_skins([*old_skins, skins.sparse(weights)])
         paint = np.concatenate(
             [*(m.paint[k] for m, k in zip(self.meshes, kept_vertices, strict=True)), paint]
         )
@@ -204,17 +204,17 @@ class UnionBuilder:
         mesh, skin = self.meshes[k], self.pair.skins[k]
         given_count = len(self.pair.meshes[k].vertices)
         if len(mesh.vertices) == given_count:
-            return skins.taken(skin, kept_vertices)
+            return skins.select_vertices(skin, kept_vertices)
         full = skins.dense(skin, bones)
         for of, how in self.sides[k].solid.closing:
             full = np.concatenate([full, how(full[of])])
-        old = skins.taken(skin, kept_vertices[kept_vertices < given_count])
-        return skins.stacked([old, skins.sparse(full[kept_vertices[kept_vertices >= given_count]])])
+        old = skins.select_vertices(skin, kept_vertices[kept_vertices < given_count])
+        return skins.concatenate_skins([old, skins.sparse(full[kept_vertices[kept_vertices >= given_count]])])
 
     def _interpolate_new(self, new: Int) -> tuple[Float, Float]:
         """Returns weights (N, B) and paint (N, 4) of the new vertices, interpolated within the face that each
         lies in."""
-        bones = skins.bone_count(skins.stacked(self.pair.skins))
+        bones = skins.bone_count(skins.concatenate_skins(self.pair.skins))
         weights, paint = np.zeros((len(new), bones)), np.zeros((len(new), 4))
         row = np.full(len(self.places), -1, np.int64)
         row[new] = np.arange(len(new))
@@ -225,11 +225,11 @@ class UnionBuilder:
             vertex = side.triangles[face, corner]
             vertex, first = np.unique(vertex, return_index=True)
             own = mesh.faces[side.source[face[first]]]
-            share = barycentric(self.places[vertex], mesh.vertices[own])
+            coordinates = barycentric(self.places[vertex], mesh.vertices[own])
             corners, inverse = np.unique(own, return_inverse=True)
             full = skins.dense(self._kept_skin(k, corners, bones), bones)[inverse.reshape(-1, 3)]
-            weights[row[vertex]] = (share[..., None] * full).sum(1)
-            paint[row[vertex]] = (share[..., None] * own_paint[own]).sum(1)
+            weights[row[vertex]] = (coordinates[..., None] * full).sum(1)
+            paint[row[vertex]] = (coordinates[..., None] * own_paint[own]).sum(1)
         return weights, paint
 
     def _average_seam_skin(
@@ -249,7 +249,7 @@ class UnionBuilder:
         rows = np.flatnonzero(seam)
         bones = skins.bone_count(skin)
         full, counts = np.zeros((count, bones)), np.zeros(count)
-        np.add.at(full, first[rows], skins.dense(skins.taken(skin, rows), bones))
+        np.add.at(full, first[rows], skins.dense(skins.select_vertices(skin, rows), bones))
         np.add.at(counts, first[rows], 1.0)
         mean = skins.sparse(full[first[rows]] / counts[first[rows], None])
         indices, weights = skin.indices.copy(), skin.weights.copy()
@@ -273,7 +273,7 @@ def _weld_vertices(union: Union) -> Union:
     return replace(
         union,
         mesh=Mesh(mesh.vertices[used], faces, mesh.name, colours, materials, stiffness),
-        skin=skins.taken(union.skin, used),
+        skin=skins.select_vertices(union.skin, used),
         first=union.first[used],
         second=second[used],
         seam=union.seam[used],

@@ -15,7 +15,7 @@ _KEPT_VERTEX_FACTOR = 0.5
 vertex."""
 
 
-def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
+def remove_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
     """Removes slivers at the new vertices of a surface.
 
     Args:

@@ -13,8 +13,15 @@ from enliven.deformation.graph import components
 from enliven.document import SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
-from enliven.modeling.mesh.caps import Cap, cap_of, flattened
-from enliven.modeling.mesh.cut_loops import Crossings, area, chains_of, crossings_of, joined, winding
+from enliven.modeling.mesh.caps import Cap, cap_of, flatten_loop
+from enliven.modeling.mesh.cut_loops import (
+    Crossings,
+    find_crossings,
+    joined,
+    order_chains,
+    signed_area,
+    winding_number,
+)
 from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.settings import setting
 
@@ -83,7 +90,7 @@ class CutPlan:
         self.field = self.surface.field(self.at) if self.values is None else self._without_islands()
         self.shift = self._offset_off_vertices()
         self.far = self.field > self.shift
-        self.found: Crossings = crossings_of(self.faces, self.far)
+        self.found: Crossings = find_crossings(self.faces, self.far)
         self.share = self._crossing_positions(self.found.edges)
         self.places = self.surface.flat(self.between(self.at, self.found.edges, self.share))
         self.count = int(self.found.loops.max(initial=-1)) + 1
@@ -146,7 +153,7 @@ class CutPlan:
 
     def _longest_chain(self, loop: int) -> Float:
         """Returns the longest chain of a loop, (P, 2) coordinates on the surface."""
-        chains = chains_of(self.found.pairs[self.found.loops == loop])
+        chains = order_chains(self.found.pairs[self.found.loops == loop])
         return self.places[max(chains, key=lambda chain: len(chain[0]))[0]]
 
     def choose_around(self, point: Float, own: Float, where: str) -> None:
@@ -157,7 +164,7 @@ class CutPlan:
         """
         self.point = point
         polygons = [self._longest_chain(loop) for loop in range(self.count)]
-        around = [i for i, polygon in enumerate(polygons) if abs(winding(polygon, point)) > 0.5]
+        around = [i for i, polygon in enumerate(polygons) if abs(winding_number(polygon, point)) > 0.5]
         if not around:
             around = self._neighbouring_loop(point, own, polygons)
             note = "the bone runs outside of the mesh there: the part that follows it was cut"
@@ -167,9 +174,11 @@ class CutPlan:
             return
         # Loops inside other loops belong to the same limb. Examples are the inner side of a shell, and a bone
         # in a sleeve.
-        outer = max(around, key=lambda i: abs(area(polygons[i])))
+        outer = max(around, key=lambda i: abs(signed_area(polygons[i])))
         inside = [
-            i for i, polygon in enumerate(polygons) if abs(winding(polygons[outer], polygon.mean(0))) > 0.5
+            i
+            for i, polygon in enumerate(polygons)
+            if abs(winding_number(polygons[outer], polygon.mean(0))) > 0.5
         ]
         self.chosen = np.array(sorted({*around, *inside}), np.int64)
 
@@ -180,7 +189,7 @@ class CutPlan:
         best: tuple[float, list[int]] = (1.0, [])
         for i, polygon in enumerate(polygons):
             faces = self.faces[self.found.faces[self.found.loops == i]]
-            thick = np.sqrt(abs(area(polygon)) / np.pi)
+            thick = np.sqrt(abs(signed_area(polygon)) / np.pi)
             far = float(np.linalg.norm(polygon - point, axis=1).min()) / max(thick, 1e-300)
             if of_bone[faces].mean() > 0.3 and far < best[0]:
                 best = (far, [i])
@@ -272,7 +281,7 @@ class CutPlan:
         shell = components(len(self.rest), ends)[self.faces[self.found.faces, 0]]
         caps = []
         for shell_number in np.unique(shell[cut]):
-            chains = chains_of(self.found.pairs[cut & (shell == shell_number)])
+            chains = order_chains(self.found.pairs[cut & (shell == shell_number)])
             loops = [
                 order
                 for order, shut in joined(chains, self.places, self.settings.gap)
@@ -291,5 +300,5 @@ class CutPlan:
     def _own_cap(self, loop: Int) -> Cap:
         """Returns a cap in the best-fitting plane of a loop."""
         points = self.between(self.at, self.found.edges[loop], self.share[loop])
-        cap = cap_of([np.arange(len(loop))], flattened(points), self.settings.fine)
+        cap = cap_of([np.arange(len(loop))], flatten_loop(points), self.settings.fine)
         return Cap(loop[cap.rim], cap.faces, cap.inside)

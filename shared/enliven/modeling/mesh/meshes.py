@@ -20,10 +20,14 @@ def posed_vertices(shape: Shape, linear: Float, joints: Float) -> Float:
     3)."""
     assert shape.mesh is not None and shape.skin is not None
     above = np.maximum(shape.skeleton.parents, 0)
-    return blended(shape.mesh.vertices, shape.skin, shape.skeleton.positions[above], linear, joints[above])
+    return blend_vertices(
+        shape.mesh.vertices, shape.skin, shape.skeleton.positions[above], linear, joints[above]
+    )
 
 
-def blended(vertices: Float, skin: SkinWeights, pivots: Float, linear: Float, positions: Float) -> Float:
+def blend_vertices(
+    vertices: Float, skin: SkinWeights, pivots: Float, linear: Float, positions: Float
+) -> Float:
     """Computes (V, 3) metres: v' = sum_k w_k (linear_k (v - pivot_k) + position_k), in double precision."""
     out = np.zeros_like(vertices)
     for slot in range(4):
@@ -47,7 +51,7 @@ def numbers_in(before: Shape, shape: Shape, otherwise: str) -> Int:
     return np.array([number.get(name, number[otherwise]) for name in before.skeleton.names], np.int64)
 
 
-def parted(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
+def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
     """Divides a piece by groups of bones: each shell goes to the group that it follows most. Returns None for
     a group without shells."""
     assert piece.skin is not None
@@ -84,6 +88,6 @@ def bone_maps(shape: Shape, linear: Float, joints: Float) -> Float:
     return np.concatenate([linear, offset[..., None]], -1)
 
 
-def no_maps(shape: Shape) -> Float:
+def identity_maps(shape: Shape) -> Float:
     """Returns (N, 3, 4) the identity for each bone: the rest pose."""
     return np.tile(np.eye(3, 4), (len(shape.skeleton), 1, 1))

@@ -20,7 +20,7 @@ _MAX_ADDED_POINTS = 20_000
 """Maximum number of points that a refinement adds."""
 
 
-def triangulated(points: Float, loops: Sequence[Int]) -> Int:
+def triangulate_loops(points: Float, loops: Sequence[Int]) -> Int:
     """Returns (T, 3) counter-clockwise constrained Delaunay triangles between loops, without adding points.
 
     Args:
@@ -34,7 +34,7 @@ def triangulated(points: Float, loops: Sequence[Int]) -> Int:
     return triangles
 
 
-def refined(
+def refine_triangulation(
     points: Float, triangles: Int, sizes: Float, smooth: int = 3, growth: float = 1.0
 ) -> tuple[Float, Int]:
     """Refines a triangulation to triangles of about the requested size. The outline stays unchanged.

@@ -109,14 +109,14 @@ def _manifold_solid(mesh: Mesh, label: Int) -> tuple[manifold3d.Manifold, int]:
     target = first[of.reshape(-1)]
     twice = np.flatnonzero(target != np.arange(len(used)))
     properties = np.concatenate([mesh.vertices[used], used[:, None].astype(np.float64)], 1)
-    own = manifold3d.Manifold.reserve_ids(1)
+    face_id = manifold3d.Manifold.reserve_ids(1)
     solid_mesh = manifold3d.Mesh64(
         np.ascontiguousarray(properties),
         np.ascontiguousarray(np.searchsorted(used, mesh.faces), np.uint64),
         merge_from_vert=np.asarray(twice, np.uint64),
         merge_to_vert=np.asarray(target[twice], np.uint64),
         run_index=np.array([0, 3 * len(mesh.faces)], np.uint64),
-        run_original_id=np.array([own], np.uint32),
+        run_original_id=np.array([face_id], np.uint32),
         face_id=np.arange(len(mesh.faces), dtype=np.uint64),
     )
-    return manifold3d.Manifold(solid_mesh), own
+    return manifold3d.Manifold(solid_mesh), face_id

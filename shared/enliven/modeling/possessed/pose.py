@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.document import GraphLayer, GraphPart, GraphShape, Pose, PoseStream, Project, smoothed
 from enliven.errors import InputError
-from enliven.modeling.mesh import blended
+from enliven.modeling.mesh import blend_vertices
 from enliven.rotation import conjugate, from_matrix, multiply, rotate, to_matrix
 
 _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
@@ -74,7 +74,7 @@ def within_layer(
 
 def graph_vertices(shape: GraphShape, linear: Float, positions: Float) -> Float:
     """Returns (V, 3) metres, the vertices for nodes with linear maps (N, 3, 3) at positions (N, 3)."""
-    return blended(shape.mesh.vertices, shape.skin, shape.positions, linear, positions)
+    return blend_vertices(shape.mesh.vertices, shape.skin, shape.positions, linear, positions)
 
 
 def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:

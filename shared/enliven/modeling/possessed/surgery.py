@@ -19,7 +19,7 @@ from enliven.modeling.mesh import (
     SkinnedSurface,
     cut_by_stroke,
     joined,
-    smoothed,
+    smooth_seam,
 )
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.modeling.rig import Merge
@@ -89,7 +89,7 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
         SkinnedSurface(host.mesh, host.skin, graph_vertices(host, *ours)),
         SkinnedSurface(moved.mesh, numbers, graph_vertices(graft, *theirs)),
         maps,
-        lambda mesh, skin, where: (smoothed(mesh, where, merge.seam), skin),
+        lambda mesh, skin, where: (smooth_seam(mesh, where, merge.seam), skin),
         loose=merge.loose,
         notes=merge.notes,
         where=host.where,

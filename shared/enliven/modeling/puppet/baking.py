@@ -39,17 +39,17 @@ def bake_puppet(
     The mesh takes the puppet's place and id. If the puppet is kept, the mesh gets a new id.
 
     Raises:
-        InputError: as :func:`baked`.
+        InputError: as :func:`bake_motion`.
     """
     puppet = project.puppet(puppet_id)
     rest = project if keep else project.without(puppet_id)
     graph_id = unused(puppet_id, rest.characters)
     stream_id = unused(puppet_id, project.streams)
-    graph, stream, error = baked(project, puppet, start, end, rate, (graph_id, stream_id), settings)
+    graph, stream, error = bake_motion(project, puppet, start, end, rate, (graph_id, stream_id), settings)
     return rest.with_streams(stream).with_characters(graph), graph_id, error
 
 
-def baked(
+def bake_motion(
     project: Project,
     puppet: Puppet,
     start: float = 0.0,

@@ -50,20 +50,20 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
     return state_of(project, puppet.with_changes(layers=()), time)
 
 
-def into_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
+def to_mesh_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
     """Returns (3,) metres in the mesh's frame of a point in the world: the inverse of ``in_world``."""
     local = rotate(conjugate(puppet.turn), np.asarray(place) - puppet.place) - state.root
     return rotate(_rotation_about_y(-state.yaw), local)
 
 
-def shown(surface: PuppetSurface, places: Float) -> Float:
+def solve_surfaces(surface: PuppetSurface, places: Float) -> Float:
     """Returns (n, V, 3) metres in the mesh's frame, the solved surface for each of (n, P, 3) control point
     positions."""
     count = len(surface.mesh.vertices)
     return np.array([surface.settle(each) for each in places]).reshape(len(places), count, 3)
 
 
-def stood_as(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
+def align_puppet(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
     """Moves the puppet so that its mesh's frame in state ``now`` coincides with that of puppet ``before`` in
     state ``then``."""
     turn = normalized(multiply(_world_rotation(before, then), _rotation_about_y(-now.yaw)))
@@ -71,7 +71,7 @@ def stood_as(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
     return puppet.with_changes(turn=turn, place=place)
 
 
-def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
+def add_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
     """Adds the puppet's pose at a time as a key pose, so that its parts take that pose again.
 
     The puppet stays unchanged if several takes make the pose, or if it has that key pose.
@@ -102,7 +102,7 @@ def _with_example(project: Project, puppet: Puppet, pose: KeyPose) -> Puppet:
     return more if _examples_differ(project, more) else puppet
 
 
-def unfolded(project: Project, puppet: Puppet) -> Puppet:
+def remove_symmetry_plane(project: Project, puppet: Puppet) -> Puppet:
     """Removes the puppet's symmetry plane.
 
     For each mirrored key pose, the most similar frame of its take becomes a key pose.
@@ -149,7 +149,7 @@ def points_needed(
         if not all_held or not len(was):
             return added, 0.0
         surface.hold(all_held, [*weights, *[None] * len(added)])
-        each = np.linalg.norm(shown(surface, was[asked][:, all_held]) - was[asked], axis=2) * known
+        each = np.linalg.norm(solve_surfaces(surface, was[asked][:, all_held]) - was[asked], axis=2) * known
         off, worst = each.max(0), float(each.max())
         off[all_held] = 0.0
         if worst <= tolerance or len(added) >= most or off.max() <= 0.0:
@@ -236,7 +236,9 @@ def nearest_paired(
     return [paired[int(np.argmin(away[:, of[vertex]]))] for vertex in vertices]
 
 
-def spread_over(vertices: Float, among: Int | Int32, known: Sequence[int], count: int) -> list[int]:
+def sample_spread_vertices(
+    vertices: Float, among: Int | Int32, known: Sequence[int], count: int
+) -> list[int]:
     """Returns up to ``count`` of the vertices ``among`` by farthest point sampling."""
     if not len(among):
         return []

@@ -120,19 +120,19 @@ def _with_pose(puppet: Puppet, number: int, pose: KeyPose) -> Puppet:
 
 def _checked_pose(project: Project, puppet: Puppet, pose: KeyPose, number: int | None) -> KeyPose:
     """Returns a key pose after checking that it can replace number ``number``, or be the last."""
-    where = f"puppet {puppet.id!r}"
+    location = f"puppet {puppet.id!r}"
     if pose.take not in project.takes:
         mend = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
-        raise InputError(f"the take {pose.take!r} does not exist", where=where, mend=mend)
+        raise InputError(f"the take {pose.take!r} does not exist", where=location, mend=mend)
     frame = frame_at(project.takes[pose.take], pose.time)
     if pose.places.shape != (len(puppet.points), 3) or not np.isfinite(pose.places).all():
         problem = (
             f"places {pose.places.shape}: they must be finite, one for each of {len(puppet.points)} points"
         )
-        raise InputError(problem, where=where, mend="Give one place for each control point.")
+        raise InputError(problem, where=location, mend="Give one place for each control point.")
     for other, existing in enumerate(puppet.poses):
         same = existing.take == pose.take and frame_at(project.takes[existing.take], existing.time) == frame
         if other != number and same:
             problem = f"key pose {other} is of frame {frame} of {pose.take!r} already"
-            raise InputError(problem, where=where, mend="Change that one, or choose another time.")
+            raise InputError(problem, where=location, mend="Change that one, or choose another time.")
     return pose

@@ -111,11 +111,11 @@ def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[Sugges
     plane = puppet.symmetry or _left_right_plane(puppet.mesh)
     partners = None if plane is None else _mirror_partners(puppet.rest, plane)
     joints = _with_mirrored_joints(clip, [point.joint for point in puppet.points], partners)
-    wanted = [number for number, joint in enumerate(joints) if not joint]
+    unpaired = [number for number, joint in enumerate(joints) if not joint]
     used_joints = [joint for joint in joints if joint]
     motion = joint_motion(clip)
-    guesses = guess_joints(clip.skeleton, puppet.rest, used_joints, wanted, motion, partners)
-    for number, joint in zip(wanted, guesses, strict=True):
+    guesses = guess_joints(clip.skeleton, puppet.rest, used_joints, unpaired, motion, partners)
+    for number, joint in zip(unpaired, guesses, strict=True):
         joints[number] = joint
     feet = _standing_points(clip, joints, puppet)
     return tuple(
@@ -156,8 +156,8 @@ def _with_mirrored_joints(clip: Clip, joints: list[str], partners: Sequence[int]
     if partners is None:
         return joints
     return [
-        joint or (mirror_joint(clip.skeleton, joints[other]) if joints[other] and other != own else "")
-        for own, (joint, other) in enumerate(zip(joints, partners, strict=True))
+        joint or (mirror_joint(clip.skeleton, joints[other]) if joints[other] and other != number else "")
+        for number, (joint, other) in enumerate(zip(joints, partners, strict=True))
     ]
 
 
@@ -181,10 +181,10 @@ def _with_mirror_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[i
     nearest = away.argmin(1)
     near = _MAX_MIRROR_ERROR * float(np.linalg.norm(np.ptp(rest, axis=0)))
     out = list(vertices)
-    for own, other in enumerate(nearest):
-        if nearest[other] == own and away[own, other] < near:
+    for number, other in enumerate(nearest):
+        if nearest[other] == number and away[number, other] < near:
             continue
-        image = int(used[np.linalg.norm(mesh.vertices[used] - images[own], axis=1).argmin()])
+        image = int(used[np.linalg.norm(mesh.vertices[used] - images[number], axis=1).argmin()])
         if image not in out:
             out.append(image)
     return out
@@ -196,7 +196,7 @@ def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
         partners = find_partners(rest, np.array(plane.point), np.array(plane.normal), _MAX_MIRROR_ERROR)
     except InputError:
         return None
-    return partners if any(other != own for own, other in enumerate(partners)) else None
+    return partners if any(other != number for number, other in enumerate(partners)) else None
 
 
 def _standing_points(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:

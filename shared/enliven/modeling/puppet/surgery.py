@@ -16,16 +16,16 @@ from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer
 from enliven.examples import in_world
 from enliven.modeling.mesh import Cut, CutSurface, Piece, cut_by_stroke
 from enliven.modeling.puppet.parts import (
+    add_moment,
+    align_puppet,
     distinguishing_points,
     nearest_paired,
     points_needed,
-    shown,
-    spread_over,
+    remove_symmetry_plane,
+    sample_spread_vertices,
+    solve_surfaces,
     state_at,
-    stood_as,
     surface_of_puppet,
-    unfolded,
-    with_moment,
     without_ambiguous_poses,
     without_points,
 )
@@ -81,9 +81,11 @@ def cut_puppet(
     cut = cut_by_stroke(puppet.mesh, None, stroke, posed)
     messages.extend(cut.notes)
     off_id = unused(puppet_id, project.characters)
-    unfolded_puppet = unfolded(project, with_moment(project, puppet, time))
+    unfolded_puppet = remove_symmetry_plane(project, add_moment(project, puppet, time))
     places = [pose.places for pose in unfolded_puppet.poses]
-    old_places = shown(surface, np.array(places).reshape(len(places), len(unfolded_puppet.points), 3))
+    old_places = solve_surfaces(
+        surface, np.array(places).reshape(len(places), len(unfolded_puppet.points), 3)
+    )
     if puppet.symmetry is not None:
         messages.append("The halves have no plane of symmetry; mirrored key poses became their own.")
     halves = []
@@ -92,7 +94,7 @@ def cut_puppet(
             name, messages
         )
         state = state_at(project.with_characters(half), half, time)
-        halves.append(stood_as(half, state, puppet, before))
+        halves.append(align_puppet(half, state, puppet, before))
     return project.with_characters(*halves), (puppet_id, off_id)
 
 
@@ -129,19 +131,22 @@ class _Half:
     def made(self, name: str, notes: list[str]) -> Puppet:
         """Returns the half as a puppet."""
         puppet, size = self._whole, float(np.linalg.norm(np.ptp(self._whole.mesh.vertices, axis=0)))
-        own = [
+        own_layers = [
             replace(point, vertex=int(self._number[point.vertex]))
             for point in puppet.points
             if self._number[point.vertex] >= 0
         ]
-        half = self._puppet_with_points(puppet, name, own)
-        begin = spread_over(
-            half.mesh.vertices, self._border_vertices(), [point.vertex for point in own], self._settings.along
+        half = self._puppet_with_points(puppet, name, own_layers)
+        begin = sample_spread_vertices(
+            half.mesh.vertices,
+            self._border_vertices(),
+            [point.vertex for point in own_layers],
+            self._settings.along,
         )
         most, tolerance = self._settings.most, self._settings.tolerance * size
         added, worst = points_needed(half, self._was, self._old, np.array(begin, np.int64), most, tolerance)
         leaders = nearest_paired(puppet.mesh, self._telling, [int(self._piece.kept[v]) for v in added])
-        points, follow = list(own), dict[str, str]()
+        points, follow = list(own_layers), dict[str, str]()
         names = {point.name: point for point in puppet.points}
         for vertex, leader in zip(added, leaders, strict=True):
             point = ControlPoint(

@@ -8,8 +8,8 @@ import numpy as np
 from enliven.document import STILL, Project, Shape, unused
 from enliven.errors import InputError
 from enliven.modeling.mesh import Cut, cut_across_bone, numbers_in, with_piece
-from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, inside, rebuilt
-from enliven.modeling.rigged.nodes import divided, insert_node, new_name
+from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, check_fraction, rebuilt
+from enliven.modeling.rigged.nodes import insert_node, new_name, split_bone
 from enliven.modeling.rigged.posed import held_at, own_turn, posed, with_travel_kept
 from enliven.rotation import conjugate, multiply, normalized
 
@@ -60,8 +60,8 @@ def cut_bone(
     """
     shape = project.shape(shape_id)
     j = bone_number(shape, bone, root=False)
-    at = inside(at, f"shape {shape_id!r}")
-    upper, lower = parted_at(project, shape, j, at, time, name)
+    at = check_fraction(at, f"shape {shape_id!r}")
+    upper, lower = split_shape(project, shape, j, at, time, name)
     if shape.mesh is not None and shape.skin is not None:
         cut = cut_across_bone(shape.mesh, shape.skin, shape.skeleton, j, at)
         upper, lower = with_cut(shape, upper, lower, cut)
@@ -70,7 +70,7 @@ def cut_bone(
     return project.with_characters(upper, lower), (upper.id, lower.id)
 
 
-def parted_at(
+def split_shape(
     project: Project, shape: Shape, j: int, at: float, time: float | None, name: str | None
 ) -> tuple[Shape, Shape]:
     """Returns the two shapes of a cut, without meshes. The lower shape has a new id. See :func:`cut_bone`."""
@@ -141,7 +141,7 @@ def _split_bone(project: Project, shape: Shape, j: int, at: float, time: float, 
     """Returns the bones above and below a cut inside bone j, with compensation for the lost part of their
     motion."""
     bones = bones_of(shape)
-    bones[j : j + 1] = divided(bones[j], bones, at, name)
+    bones[j : j + 1] = split_bone(bones[j], bones, at, name)
     node = rebuilt(shape, bones)
     old = own_turn(posed(project, shape, time)[0], shape, j)
     turns, _ = posed(project, node, time)

@@ -14,14 +14,14 @@ from enliven.modeling.mesh import (
     SeamSettings,
     SkinnedSurface,
     bone_maps,
-    healed,
+    heal_seam,
+    identity_maps,
     joined,
-    no_maps,
     posed_vertices,
 )
 from enliven.modeling.rigged.axes import Axes, moved_mesh
-from enliven.modeling.rigged.bones import bone_number, bones_of, inside, rebuilt
-from enliven.modeling.rigged.graft import grafted, root_has_skin
+from enliven.modeling.rigged.bones import bone_number, bones_of, check_fraction, rebuilt
+from enliven.modeling.rigged.graft import graft_bones, root_has_skin
 from enliven.modeling.rigged.nodes import insert_node
 from enliven.modeling.rigged.posed import moment, with_travel_kept
 from enliven.modeling.skinning import renumbered
@@ -89,7 +89,7 @@ def merge(
         raise InputError("a shape cannot be merged with itself", where=f"shape {host_id!r}", mend=mend)
     graft = project.shape(graft_id)
     j = bone_number(project.shape(host_id), joint)
-    if inside(at, f"shape {host_id!r}") <= _JOINT_TOLERANCE:
+    if check_fraction(at, f"shape {host_id!r}") <= _JOINT_TOLERANCE:
         j = max(int(project.shape(host_id).skeleton.parents[j]), 0)
     elif at < 1.0 - _JOINT_TOLERANCE:
         project, name = insert_node(project, host_id, j, at, rigid=True)
@@ -99,7 +99,7 @@ def merge(
     world = ours.turns[j]
     axes = Axes(_exact_identity(multiply(conjugate(world), theirs.turns[_first_bone(graft, time)])))
     layers = _converted_layers(host, graft, axes)
-    bones, names = grafted(host, j, graft, world, axes, {old: new.id for old, new in layers.items()})
+    bones, names = graft_bones(host, j, graft, world, axes, {old: new.id for old, new in layers.items()})
     pins = (*host.pins, *_renamed_pins(graft, names))
     more = {"mesh": None, "skin": None, "pins": pins, "layers": (*host.layers, *layers.values())}
     merged = with_travel_kept(project, host, rebuilt(host, [*bones_of(host), *bones], **more))
@@ -169,11 +169,13 @@ def _merged_surface(
         merged.skeleton if merged_pose is None else replace(merged.skeleton, positions=merged_pose.joints)
     )
     maps = (
-        no_maps(merged) if merged_pose is None else bone_maps(merged, merged_pose.linear, merged_pose.joints)
+        identity_maps(merged)
+        if merged_pose is None
+        else bone_maps(merged, merged_pose.linear, merged_pose.joints)
     )
 
     def heal(mesh: Mesh, skin: SkinWeights, where: Bool) -> tuple[Mesh, SkinWeights]:
-        return healed(mesh, skin, skeleton, where, seam)
+        return heal_seam(mesh, skin, skeleton, where, seam)
 
     return joined(host, graft, maps, heal, loose=loose, notes=notes, where=f"shape {merged.id!r}")
 

@@ -64,15 +64,21 @@ def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: flo
     Args:
         turns: (N, 4) the world rotations of the whole.
     """
-    wanted = dict(zip(whole.skeleton.names, turns, strict=True))
+    rotation_by_name = dict(zip(whole.skeleton.names, turns, strict=True))
     current, _ = posed(project, part, time)
     modeling = np.array(part.modeling)
     for j, name in enumerate(part.skeleton.names):
         parent = int(part.skeleton.parents[j])
-        if j == 0 or name not in wanted or np.allclose(current[j], wanted[name], atol=1e-12):
+        if (
+            j == 0
+            or name not in rotation_by_name
+            or np.allclose(current[j], rotation_by_name[name], atol=1e-12)
+        ):
             continue
-        above = wanted.get(part.skeleton.names[parent], current[parent])
-        back = multiply(conjugate(above), multiply(wanted[name], conjugate(own_turn(current, part, j))))
+        above = rotation_by_name.get(part.skeleton.names[parent], current[parent])
+        back = multiply(
+            conjugate(above), multiply(rotation_by_name[name], conjugate(own_turn(current, part, j)))
+        )
         modeling[j] = normalized(back)
     return part.with_changes(modeling=modeling)
 

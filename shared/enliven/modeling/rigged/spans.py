@@ -40,7 +40,7 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
     return _scale_shares(upper, 1.0), _scale_shares(lower, 1.0)
 
 
-def riding(spans: Spans, layers: frozenset[str]) -> Spans:
+def rigid_continuation(spans: Spans, layers: frozenset[str]) -> Spans:
     """Returns the spans of a bone that rigidly continues a bone with ``spans``, and is stretched by these
     layers.
 
@@ -63,7 +63,7 @@ def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDEN
     """
     first = lower[0]
     turned = multiply(between, np.array(first.before))
-    lower = (replace(first, before=as_before(turned)), *lower[1:])
+    lower = (replace(first, before=exact_rotation(turned)), *lower[1:])
     return _merge_neighbours((*_scale_shares(upper, share), *_scale_shares(lower, 1.0 - share)))
 
 
@@ -75,12 +75,12 @@ def before(spans: Spans) -> Float:
     return turn
 
 
-def moves(spans: Spans) -> bool:
+def has_motion(spans: Spans) -> bool:
     """Returns True if any layer turns the bone."""
     return any(span.refs for span in spans)
 
 
-def as_before(turn: Float) -> tuple[float, float, float, float]:
+def exact_rotation(turn: Float) -> tuple[float, float, float, float]:
     """Converts a rotation to a span's format. A rotation that differs from the identity only by rounding
     becomes the exact identity."""
     w, x, y, z = canonical(normalized(turn)).tolist()

@@ -47,7 +47,7 @@ def smooth(points: Float, times: int = 3) -> Float:
     return points
 
 
-def without_spurs(axis: Axis) -> Axis:
+def remove_spurs(axis: Axis) -> Axis:
     """Removes branches that are not limbs. A branch into the outer corner of a bend moves the joint there."""
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
@@ -83,7 +83,7 @@ def _chain_radius(axis: Axis, chain: list[int]) -> float:
 def _is_outside_bend(axis: Axis, spur: list[int], one: list[int], two: list[int]) -> bool:
     """Returns True if a branch leaves a fork away from two others that bend sharply there. All start at the
     fork."""
-    ways = []
+    directions = []
     for chain in (spur, one, two):
         away = axis.points[chain[1:]] - axis.points[spur[0]]
         far = np.linalg.norm(away, axis=1)
@@ -92,10 +92,10 @@ def _is_outside_bend(axis: Axis, spur: list[int], one: list[int], two: list[int]
             if (far > 2 * _chain_radius(axis, spur)).any()
             else -1
         )
-        ways.append(away[at] / max(float(far[at]), 1e-300))
-    bisector = ways[1] + ways[2]
+        directions.append(away[at] / max(float(far[at]), 1e-300))
+    bisector = directions[1] + directions[2]
     size = float(np.linalg.norm(bisector))
-    return bool(size > _SHARP_BEND_SUM and ways[0] @ bisector < -0.5 * size)
+    return bool(size > _SHARP_BEND_SUM and directions[0] @ bisector < -0.5 * size)
 
 
 def _move_fork_to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[list[int]]:
@@ -126,7 +126,7 @@ def _chain_director(degree: Int) -> Callable[[list[int]], list[int]]:
     return turned
 
 
-def merged(axis: Axis) -> Axis:
+def merge_junctions(axis: Axis) -> Axis:
     """Contracts chains between two junctions that lie in each other's circles."""
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
@@ -144,7 +144,7 @@ def merged(axis: Axis) -> Axis:
         if short is None:
             return axis
         a, b = short[1][0], short[1][-1]
-        share = axis.radii[a] / (axis.radii[a] + axis.radii[b])
-        axis.points[a] = share * axis.points[a] + (1 - share) * axis.points[b]
+        radius_fraction = axis.radii[a] / (axis.radii[a] + axis.radii[b])
+        axis.points[a] = radius_fraction * axis.points[a] + (1 - radius_fraction) * axis.points[b]
         axis.radii[a] = max(axis.radii[a], axis.radii[b])
         axis.chains = [[a if i == b else i for i in chain] for chain in axis.chains if chain is not short[1]]
