@@ -79,10 +79,10 @@ def edge_checks(address: str) -> list[Check]:
     ]
 
 
-def _check_table(found: list[Check]) -> Table:
+def _check_table(checks: list[Check]) -> Table:
     """Builds the table of checks: one row each, with the remedy below a check that failed."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    for check in found:
+    for check in checks:
         mark = plain_text("ok", "green") if check.ok else plain_text("missing", "red")
         detail = plain_text(check.detail)
         if not check.ok:

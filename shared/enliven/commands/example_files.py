@@ -102,12 +102,12 @@ def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -
     motion."""
     from enliven.document import Project
 
-    alone = Project(takes=project.takes, characters={puppet.id: puppet})
-    stop = alone.end_of(puppet) if end is None else end
-    if stop <= start:
-        problem = f"the range from {start:g} s to {stop:g} s is empty"
+    project_with_puppet = Project(takes=project.takes, characters={puppet.id: puppet})
+    end_time = project_with_puppet.end_of(puppet) if end is None else end
+    if end_time <= start:
+        problem = f"the range from {start:g} s to {end_time:g} s is empty"
         raise InputError(problem, where=f"puppet {puppet.id!r}", mend="Choose other --start and --end.")
-    return start, stop
+    return start, end_time
 
 
 def find_sheet_function(kind: str) -> Callable[..., None]:

@@ -138,10 +138,10 @@ class _Restarts:
 
     def plan(self, name: str, code: int) -> None:
         """Plans the next start of a program that has ended, and logs it."""
-        now = time.monotonic()
-        if now - self.started > _STABLE_RUN_S:
+        time_now = time.monotonic()
+        if time_now - self.started > _STABLE_RUN_S:
             self.wait_s = _INITIAL_WAIT_S
-        self.due = now + self.wait_s
+        self.due = time_now + self.wait_s
         log.warning("the %s has ended %s. It starts again in %g s.", name, _exit_reason(code), self.wait_s)
         self.wait_s = min(2 * self.wait_s, _MAX_WAIT_S)
 

@@ -159,38 +159,42 @@ def retarget(
     _print_quality(retargeted, rig, write_map)
 
 
-def _print_quality(made: RetargetedShape, rig: Rig, write_map: Path | None) -> None:
+def _print_quality(retargeted: RetargetedShape, rig: Rig, write_map: Path | None) -> None:
     """Prints the quality of the motion. If it has visible faults, warns and suggests a better mapping."""
     from enliven.mapping import idle_limbs, limb_name, next_best, quality_of, write_plan
 
-    for limb in idle_limbs(made.clip, made.plan):
+    for limb in idle_limbs(retargeted.clip, retargeted.plan):
         mend = "Give it a chain: --write-map writes the mapping to begin with."
         say(f"enliven: the performer's {limb} drives nothing. {mend}", err=True)
-    quality = quality_of(made.project, made.shape_id, made.clip, made.duration, made.plan)
+    quality = quality_of(
+        retargeted.project, retargeted.shape_id, retargeted.clip, retargeted.duration, retargeted.plan
+    )
     say(f"enliven: {quality}")
-    less = {limb_name(c): c.weight for c in made.plan.chains if c.weight < 1.0 and "whole" not in c.role}
-    if less:
-        message = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
+    weight_by_limb = {
+        limb_name(c): c.weight for c in retargeted.plan.chains if c.weight < 1.0 and "whole" not in c.role
+    }
+    if weight_by_limb:
+        message = ", ".join(f"{limb} {weight:.0%}" for limb, weight in weight_by_limb.items())
         say(f"enliven: moved less by the mapping: {message}")
-    if made.limited:
-        count = f"{len(made.limited)} joint{'s' * (len(made.limited) != 1)}"
-        message = f"{count} kept within limits (--no-limits frees them): {', '.join(made.limited)}"
+    if retargeted.limited:
+        count = f"{len(retargeted.limited)} joint{'s' * (len(retargeted.limited) != 1)}"
+        message = f"{count} kept within limits (--no-limits frees them): {', '.join(retargeted.limited)}"
         say(f"enliven: {message}")
-    faults = _exceeded_bounds(quality, made.plan.pin)
+    faults = _exceeded_bounds(quality, retargeted.plan.pin)
     for message in faults:
         say(f"enliven: {message}", err=True)
     if not faults:
         return
-    alternative = next_best(made, rig.shape, quality)
+    alternative = next_best(retargeted, rig.shape, quality)
     if alternative is None:
         message = "no other mapping does better: give those joints less weight (--write-map)"
         say(f"enliven: {message}", err=True)
         return
     message = f"the next best mapping, {alternative.how}: {alternative.quality}"
     if write_map:
-        beside = write_map.with_suffix(f".next{write_map.suffix}")
-        write_plan(alternative.plan, beside)
-        message += f": --map {beside}"
+        alternative_path = write_map.with_suffix(f".next{write_map.suffix}")
+        write_plan(alternative.plan, alternative_path)
+        message += f": --map {alternative_path}"
     say(f"enliven: {message}", err=True)
 
 

@@ -96,8 +96,12 @@ def run(
     port_options = {"port": ports[0], "control_port": ports[1]}
     mesh_options: dict[str, Any] = {"mesh": mesh, "parts": parts, "drive": drive, "physics": physics}
     mesh_options |= {"possess_at": possess_at, "up": up}
-    source: dict[str, Any] = {"sensor": sensor, "set": option, "recording": None if sensor else recording}
-    source |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
+    source_options: dict[str, Any] = {
+        "sensor": sensor,
+        "set": option,
+        "recording": None if sensor else recording,
+    }
+    source_options |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
     # For a film, the edge waits for the viewer before it starts, so that no frame is lost.
     edge_options = {
         "record": record,
@@ -106,16 +110,16 @@ def run(
         "name": f"run-{os.getpid()}",
         "wait_for_viewer": 60,
     }
-    edge = _command_line("edge", **source, **mesh_options, **edge_options, **port_options)
+    edge_command = _command_line("edge", **source_options, **mesh_options, **edge_options, **port_options)
     edge_restart = _command_line(
         "edge",
-        **source,
+        **source_options,
         **mesh_options,
         **{**edge_options, "record": _restart_take_path(record)},
         **port_options,
     )
     film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_COMPILE_TIMEOUT_S:g}"}
-    view = _command_line(
+    view_command = _command_line(
         "view", edge=["127.0.0.1"], **(film_to if as_film else {}), **port_options, size=size
     )
     # Before the edge listens, it compiles its kernels and prepares the mesh. The very first time this takes a
@@ -123,11 +127,11 @@ def run(
     processes = [
         Process(
             "edge",
-            edge,
+            edge_command,
             again=None if as_film else edge_restart,
             ready=lambda: as_film or is_listening("127.0.0.1", ports[0]),
         ),
-        Process("viewer", view, leads=True),
+        Process("viewer", view_command, leads=True),
     ]
     code = run_together(processes)
     if code:

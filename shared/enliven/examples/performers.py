@@ -7,7 +7,7 @@ by joints in the body frame, so every performer is converted to the reference:
 - positions are scaled joint by joint, by the joint's distance from the root along the bones,
 - the facing direction is turned to that of the reference.
 
-    role = cast(reference, clip.skeleton, ("LeftHand", "Head"), "walk")
+    role = match_performer(reference, clip.skeleton, ("LeftHand", "Head"), "walk")
     poses = role.seen(performed(clip, role.joints).poses)
 """
 

@@ -1,8 +1,8 @@
 """Mirrors examples at the mesh's symmetry plane, so that an example for the left side also applies to the
 right (section 6.1).
 
-partners = partners_of(rest (P, 3), point, normal)         # (P,) each point's mirror image on the mesh
-more = doubled(examples, partners, rest, normal)           # each example, and its mirror image
+partners = find_partners(rest (P, 3), point, normal)         # (P,) each point's mirror image on the mesh
+more = add_mirror_images(examples, partners, rest, normal)           # each example, and its mirror image
 """
 
 from __future__ import annotations

@@ -63,16 +63,16 @@ def facings(clip: Clip, shape: Shape, plan: Plan) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """A chain of the plan with its joints in the take (``mine``) and in the model (``theirs``)."""
+    """A chain of the plan, with its joints in the take and in the model."""
 
     plan: ChainPlan
-    mine: tuple[int, ...]
-    theirs: tuple[int, ...]
+    source_joints: tuple[int, ...]
+    target_joints: tuple[int, ...]
 
     @property
     def bones(self) -> set[int]:
         """The bones of the take with the rotations that the model's chain plays."""
-        return set(self.mine[1:] or self.mine)
+        return set(self.source_joints[1:] or self.source_joints)
 
 
 class _Turns:
@@ -89,8 +89,10 @@ class _Turns:
 
     def middle(self, source: Skeleton, line: _Line) -> bool:
         """Returns True if a chain of the take lies in the plane between the performer's left and right."""
-        off = (source.positions[list(line.mine)] - source.positions[0]) @ self._side
-        return bool(np.abs(off).max() < _MAX_SPINE_OFFSET * source.lengths[list(line.mine[1:])].sum())
+        off = (source.positions[list(line.source_joints)] - source.positions[0]) @ self._side
+        return bool(
+            np.abs(off).max() < _MAX_SPINE_OFFSET * source.lengths[list(line.source_joints[1:])].sum()
+        )
 
     def of(self, line: _Line) -> Float:
         """Returns the rotation model_from_take (4,) of a chain, to be applied after mirroring."""
@@ -114,12 +116,12 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
     """
     source, target = clip.skeleton, shape.skeleton
     lines = [
-        _Line(chain, _joint_path(source, chain.source, "the take"), _target_direction(target, chain))
+        _Line(chain, _joint_path(source, chain.source, "the take"), _target_joints(target, chain))
         for chain in plan.chains
     ]
     turns = _Turns(*facings(clip, shape, plan))
     clip = level_root(clip, source_anatomy(clip).trunk[-1]) if plan.level else clip
-    lines = [line for line in lines if plan.turn or line.theirs != (0,)]
+    lines = [line for line in lines if plan.turn or line.target_joints != (0,)]
     project = project.with_characters(shape)
     first: Clip | None = None
     for since, group in _rest_poses(lines, clip, plan.rest, target, turns):
@@ -130,7 +132,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
             basis = _layer_basis(lines, line, take.skeleton, target, turns)
             project = _bind_line(project, shape, take, line, basis, plan.stretch)
     assert first is not None
-    project = carried(project, shape.id, [line.theirs for line in lines if line.plan.carries])
+    project = carried(project, shape.id, [line.target_joints for line in lines if line.plan.carries])
     if plan.travel:
         project = _follow_take_root(project, shape.id, first, turns, plan.stride)
     return project, first
@@ -159,9 +161,9 @@ def _rest_poses(
         arm = _posed_bone_above(group, line, clip.skeleton)
         if line.plan.mode != "move" or arm is None:
             continue
-        if _lies_on_floor(target, line.theirs):
+        if _lies_on_floor(target, line.target_joints):
             # The foot is flat in the rest pose, at any slope of the shin.
-            since[list(line.mine[1:])] = standing_turns(clip, line.mine)
+            since[list(line.source_joints[1:])] = standing_turns(clip, line.source_joints)
         else:
             # A hand keeps the rotation relative to its forearm that it has in the take's rest pose.
             carried = multiply(since[arm], conjugate(plain[arm]))
@@ -179,13 +181,13 @@ def _rest_poses(
 
 def _posed_bone_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | None:
     """Returns the last bone of the nearest chain of mode "pose" above a chain in the take, or None."""
-    direction = source.path(0, line.mine[0])
+    path = source.path(0, line.source_joints[0])
     above = [
-        candidate.mine[-1]
+        candidate.source_joints[-1]
         for candidate in lines
-        if candidate.plan.mode == "pose" and candidate.mine[-1] in direction and candidate is not line
+        if candidate.plan.mode == "pose" and candidate.source_joints[-1] in path and candidate is not line
     ]
-    return max(above, key=direction.index, default=None)
+    return max(above, key=path.index, default=None)
 
 
 def carried(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) -> Project:
@@ -218,9 +220,9 @@ def _bind_line(
     return bind_chain(
         project,
         shape.id,
-        line.theirs,
+        line.target_joints,
         take.id,
-        line.mine,
+        line.source_joints,
         basis=basis,
         layer_id=unused(f"{take.id}: {chain.role or chain.target[-1]}", project.layer_names),
         weight=chain.weight,
@@ -261,11 +263,14 @@ def _match_pose(
     """
     heading, skeleton = first_heading(clip), clip.skeleton
     since[list(line.bones)] = heading
-    if len(line.mine) == 1:
+    if len(line.source_joints) == 1:
         return
-    arc, ends = arc_of(skeleton, line.mine), target.positions[list(line.theirs)]
-    at = np.stack([np.interp(arc, arc_of(target, line.theirs), ends[:, k]) for k in range(3)], 1)
-    directions, bones = turns.to_take(line, np.diff(at, axis=0)), skeleton.vectors[list(line.mine[1:])]
+    arc, ends = arc_of(skeleton, line.source_joints), target.positions[list(line.target_joints)]
+    at = np.stack([np.interp(arc, arc_of(target, line.target_joints), ends[:, k]) for k in range(3)], 1)
+    directions, bones = (
+        turns.to_take(line, np.diff(at, axis=0)),
+        skeleton.vectors[list(line.source_joints[1:])],
+    )
     middle = turns.middle(skeleton, line)
     if middle:
         directions[:], bones[:] = directions.sum(0), bones.sum(0)
@@ -275,8 +280,8 @@ def _match_pose(
         and _is_continuation(other_line, line)
         for other_line in lines
     )
-    before = since[line.mine[0]] if goes_on and not middle else heading
-    for joint, direction, bone in zip(line.mine[1:], directions, bones, strict=True):
+    before = since[line.source_joints[0]] if goes_on and not middle else heading
+    for joint, direction, bone in zip(line.source_joints[1:], directions, bones, strict=True):
         bone = rotate(before, bone)
         if np.linalg.norm(bone) > 1e-6 and np.linalg.norm(direction) > 1e-6:
             bent = swing(bone / np.linalg.norm(bone), direction / np.linalg.norm(direction))
@@ -289,17 +294,19 @@ def _match_pose(
 def _layer_basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, turns: _Turns) -> Float:
     """Returns the rotation target_from_source (4,) of a chain's layer."""
     basis = turns.of(line)
-    if line.plan.mode == "move" and len(line.mine) > 1 < len(line.theirs):
+    if line.plan.mode == "move" and len(line.source_joints) > 1 < len(line.target_joints):
         mine, theirs = _whole_limb_ends(lines, line)
         direction = turns.to_model(line, source.positions[mine[1]] - source.positions[mine[0]])
-        wanted = target.positions[theirs[1]] - target.positions[theirs[0]]
+        target_direction = target.positions[theirs[1]] - target.positions[theirs[0]]
         # Below a chain that has the performer's pose, this chain rotates about the performer's axes. Other
         # axes would change the pose of the limbs below. A tail that a spine drives points the opposite way,
         # so it gets axes of its own.
-        carries = _leads_to_posed(lines, line) or float(direction @ wanted) > 0.0
+        carries = _leads_to_posed(lines, line) or float(direction @ target_direction) > 0.0
         same = carries and _posed_bone_above(lines, line, source) is not None
-        basis = basis if same else multiply(_smallest_rotation(direction, wanted, turns.across), basis)
-    return multiply(_half_turn(target, line.theirs), basis) if line.plan.flip else basis
+        basis = (
+            basis if same else multiply(_smallest_rotation(direction, target_direction, turns.across), basis)
+        )
+    return multiply(_half_turn(target, line.target_joints), basis) if line.plan.flip else basis
 
 
 def _leads_to_posed(lines: list[_Line], line: _Line) -> bool:
@@ -321,24 +328,24 @@ def _whole_limb_ends(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], 
         first = before[0]
     while role and (after := [piece for piece in same_limb if _is_continuation(last, piece)]):
         last = after[0]
-    return (first.mine[0], last.mine[-1]), (first.theirs[0], last.theirs[-1])
+    return (first.source_joints[0], last.source_joints[-1]), (first.target_joints[0], last.target_joints[-1])
 
 
 def _is_continuation(one: _Line, other: _Line) -> bool:
     """Returns True if the second chain begins where the first ends, in the take and in the model."""
-    return one.mine[-1] == other.mine[0] and one.theirs[-1] == other.theirs[0]
+    return one.source_joints[-1] == other.source_joints[0] and one.target_joints[-1] == other.target_joints[0]
 
 
-def _smallest_rotation(direction: Float, wanted: Float, across: Float) -> Float:
+def _smallest_rotation(direction: Float, target_direction: Float, across: Float) -> Float:
     """Returns the smallest rotation (4,) from one direction (3,) to another.
 
     Between opposite directions, the rotation begins with half a turn about the lateral axis of the body, as
     from a hanging limb to a raised one. For limbs that lie along that axis it is the vertical one.
     """
-    lengths = float(np.linalg.norm(direction)), float(np.linalg.norm(wanted))
+    lengths = float(np.linalg.norm(direction)), float(np.linalg.norm(target_direction))
     if min(lengths) < 1e-6:
         return IDENTITY
-    a, b = direction / lengths[0], wanted / lengths[1]
+    a, b = direction / lengths[0], target_direction / lengths[1]
     if a @ b >= _MAX_OPPOSITE_COSINE:
         return swing(a, b)
     axis = across if abs(a @ across) < 0.7 else np.array([0.0, 1.0, 0.0])
@@ -378,15 +385,15 @@ def _joint_path(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple
             f"{owner} has no joint {unknown[0]!r}", where="mapping", mend=_describe_joints(skeleton)
         )
     joints = [skeleton.names.index(name) for name in names]
-    direction = [joints[0]]
+    path = [joints[0]]
     for joint in joints[1:]:
-        direction.extend(skeleton.path(direction[-1], joint)[1:])
-    return tuple(direction)
+        path.extend(skeleton.path(path[-1], joint)[1:])
+    return tuple(path)
 
 
-def _target_direction(skeleton: Skeleton, chain: ChainPlan) -> tuple[int, ...]:
-    direction = _joint_path(skeleton, chain.target, "the model")
-    return branch(skeleton, direction[0], direction[-1]) if chain.extend else direction
+def _target_joints(skeleton: Skeleton, chain: ChainPlan) -> tuple[int, ...]:
+    path = _joint_path(skeleton, chain.target, "the model")
+    return branch(skeleton, path[0], path[-1]) if chain.extend else path
 
 
 def _describe_joints(skeleton: Skeleton) -> str:

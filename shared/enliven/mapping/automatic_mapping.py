@@ -60,7 +60,7 @@ class RetargetedShape:
     model_facing: float
     take_facing: float
     clips: tuple[Clip, ...] = ()
-    limit_joints: tuple[str, ...] = ()
+    limited: tuple[str, ...] = ()
 
 
 _MAX_TRUNK_ANGLE = np.radians(50.0)

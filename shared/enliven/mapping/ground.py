@@ -1,8 +1,8 @@
 """The floor under a retargeted shape. The shape stands on it whenever its performer stands on the floor.
 
-stands(shape)                        # True for legs, or a lowest point at y = 0
-surfaces(project, shape_id, times)   # yields the vertices at each time
-kept_on_floor(project, shape_id, clip, duration)    # moves the root up and down with the lowest point
+stands_on_floor(shape)                        # True for legs, or a lowest point at y = 0
+posed_surfaces(project, shape_id, times)   # yields the vertices at each time
+keep_on_floor(project, shape_id, clip, duration)    # moves the root up and down with the lowest point
 """
 
 from __future__ import annotations
@@ -202,17 +202,17 @@ def _stride_factor(ways: Float, steps: Float, leaping: Bool) -> float:
     factor is the median over the path. Moments at which the lowest part moves ahead of the root are ignored:
     a swinging foot touches the floor.
     """
-    far = np.linalg.norm(ways, axis=1)
-    far[leaping[:-1]] = 0.0
-    if far.sum() < 1e-9:
+    root_distance = np.linalg.norm(ways, axis=1)
+    root_distance[leaping[:-1]] = 0.0
+    if root_distance.sum() < 1e-9:
         return 1.0
-    wanted = 1.0 - np.einsum("fc,fc->f", steps, ways) / np.maximum(far, 1e-12) ** 2
-    used = (far > 1e-3 * far.max()) & (wanted > 0.0)
+    wanted = 1.0 - np.einsum("fc,fc->f", steps, ways) / np.maximum(root_distance, 1e-12) ** 2
+    used = (root_distance > 1e-3 * root_distance.max()) & (wanted > 0.0)
     if not used.any():
         return 1.0
     wanted = wanted[used]
     order = np.argsort(wanted)
-    middle = np.searchsorted(np.cumsum(far[used][order]), far[used].sum() / 2.0)
+    middle = np.searchsorted(np.cumsum(root_distance[used][order]), root_distance[used].sum() / 2.0)
     return float(np.clip(wanted[order][middle], _MIN_STRIDE_FACTOR, _MAX_STRIDE_FACTOR))
 
 

@@ -1,6 +1,6 @@
 """Joint limits: keeps the joints of a model that is not a person within their ranges of motion.
 
-limited(project, shape_id, clip, plan, clips)      # limits joints, and returns the names of those beyond
+limit_joints(project, shape_id, clip, plan, clips)      # limits joints, and returns the names of those beyond
 
 A performer's arm swings by half a turn; a horse's foreleg does not. The range of each joint is what the
 model's own clips show, plus a free angle. Without clips it is a wide cone around the rest pose. See

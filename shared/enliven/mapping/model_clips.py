@@ -32,14 +32,14 @@ def is_own_take(clip: Clip, shape: Shape) -> bool:
     return _is_same(clip.skeleton, shape.skeleton)
 
 
-def _is_same(mine: Skeleton, theirs: Skeleton) -> bool:
+def _is_same(first: Skeleton, second: Skeleton) -> bool:
     """Returns True if two skeletons have the same joints at the same positions relative to their roots."""
-    if mine is theirs:
+    if first is second:
         return True
-    if mine.names != theirs.names or not np.array_equal(mine.parents, theirs.parents):
+    if first.names != second.names or not np.array_equal(first.parents, second.parents):
         return False
-    offset = np.abs((mine.positions - mine.positions[0]) - (theirs.positions - theirs.positions[0])).max()
-    return bool(offset < _MAX_JOINT_DIFFERENCE * float(np.ptp(theirs.positions, axis=0).max()))
+    offset = np.abs((first.positions - first.positions[0]) - (second.positions - second.positions[0])).max()
+    return bool(offset < _MAX_JOINT_DIFFERENCE * float(np.ptp(second.positions, axis=0).max()))
 
 
 def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:

@@ -2,9 +2,9 @@
 not slide.
 
     spans = standing_spans(foot, root, step, length)     # when a foot of the performer stands
-    turns = unspun(Sole(shape, bones).spin(turns, joints, length), spans, step)   # keeps its heading
+    turns = remove_spin(Sole(shape, bones).spin(turns, joints, length), spans, step)   # keeps its heading
     rolled, low = Sole(shape, bones).rolling(turns, joints, length)   # how the model's own foot rolls
-    planted(legs, root, step, floor)                     # the root's path, and the offset of each foot
+    plant_body(legs, root, step, floor)                     # the root's path, and the offset of each foot
 
 The feet of a model with other proportions would slide in its performer's pose, because its strides have
 another length and its feet roll about other points. So the path of the root is corrected. Horizontally it

@@ -225,12 +225,14 @@ def quality_of(
     sunk, afloat, feet = None, None, ()
     moments, body = list(posed_surfaces(project, shape_id, times)), body_points(shape)
     if stands_on_floor(shape):
-        tall = float(np.ptp(moments[0][:, 1]) if shape.mesh is None else np.ptp(shape.mesh.vertices[:, 1]))
-        low = (np.array([at[body, 1].min() for at in moments]) - floor_of(shape)) / tall
+        body_height = float(
+            np.ptp(moments[0][:, 1]) if shape.mesh is None else np.ptp(shape.mesh.vertices[:, 1])
+        )
+        low = (np.array([at[body, 1].min() for at in moments]) - floor_of(shape)) / body_height
         standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
         sunk, afloat = max(0.0, -float(low.min())), max(0.0, float(low[standing].max(initial=0.0)))
         worst = int(np.argmax(np.where(standing, np.abs(low), -low)))
-        feet = _lowest_joints(shape, np.where(body[:, None], moments[worst], np.inf), tall)
+        feet = _lowest_joints(shape, np.where(body[:, None], moments[worst], np.inf), body_height)
     through, parts = _self_intersection(shape, moments)
     goes = shape.travel is not None and np.ptp(Player(project, shape_id).root(times)[:, [0, 2]], axis=0).any()
     walks = goes and stands_on_floor(shape) and bool(anatomy_of(shape.skeleton).legs)
@@ -270,10 +272,11 @@ def _overstretched_joints(shape: Shape, edges: Int32, stretch: Float) -> tuple[s
     return _joints_of(shape, np.asarray(np.bincount(edges.ravel(), torn), np.float64))
 
 
-def _lowest_joints(shape: Shape, at: Float, tall: float) -> tuple[str, ...]:
-    """Returns the joints of the bones that carry the lowest vertices (V, 3) of a shape of height ``tall``."""
+def _lowest_joints(shape: Shape, at: Float, body_height: float) -> tuple[str, ...]:
+    """Returns the joints of the bones that carry the lowest vertices of a shape, with vertices ``at`` (V,
+    3)."""
     low = float(at[:, 1].min())
-    return _joints_of(shape, (at[:, 1] < low + _ON_FLOOR_HEIGHT * tall).astype(float))
+    return _joints_of(shape, (at[:, 1] < low + _ON_FLOOR_HEIGHT * body_height).astype(float))
 
 
 def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
@@ -290,16 +293,16 @@ def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
 
 def _slide_speed(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
     """Returns the mean speed in cm/s of the slowest vertices near the floor: those of standing feet."""
-    tall = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
+    body_height = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
     floor, body, speeds = floor_of(shape), body_points(shape), []
     before = posed_surfaces(project, shape.id, times[:-1])
     after = posed_surfaces(project, shape.id, times[:-1] + _SLIDE_INTERVAL_S)
     for earlier, later in (
         (earlier[body], later[body]) for earlier, later in zip(before, after, strict=True)
     ):
-        lands = min(earlier[:, 1].min(), later[:, 1].min()) < floor + _MIN_LEAP_HEIGHT * tall
-        touching = (earlier[:, 1] < floor + _ON_FLOOR_HEIGHT * tall) & (
-            later[:, 1] < floor + _ON_FLOOR_HEIGHT * tall
+        lands = min(earlier[:, 1].min(), later[:, 1].min()) < floor + _MIN_LEAP_HEIGHT * body_height
+        touching = (earlier[:, 1] < floor + _ON_FLOOR_HEIGHT * body_height) & (
+            later[:, 1] < floor + _ON_FLOOR_HEIGHT * body_height
         )
         if lands and touching.any():
             moved = np.linalg.norm((later - earlier)[touching][:, [0, 2]], axis=1)

@@ -2,7 +2,7 @@
 
 mean_pose(clip)            # (N, 4) the mean pose of the take, with the heading of its beginning
 hanging_pose(clip, limbs)  # (N, 4) the mean of the frames in which the limbs hang most
-rebased(clip, since)       # the take relative to another rest pose
+rebase(clip, since)       # the take relative to another rest pose
 """
 
 from __future__ import annotations

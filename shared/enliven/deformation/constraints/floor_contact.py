@@ -158,22 +158,23 @@ class FloorContact:
 
     def _update_foot_state(self, foot: Foot, now: Float, whole: Float, seconds: float, floor: float) -> None:
         """Updates whether a foot stands, from its points (P, 3), and x and z of the nodes above (M, 2)."""
-        settings, tall = self.settings, self.height
+        settings, height = self.settings, self.height
         speed = np.inf
         if foot.last is not None and seconds > 0:
             speed = float(np.linalg.norm((now - foot.last).mean(0))) / seconds
         foot.last = now
-        down = now[:, 1].min() < floor + settings.touch * tall
+        down = now[:, 1].min() < floor + settings.touch * height
         if foot.contact_points is not None and foot.nodes_at_contact is not None:
             foot.free_points = _carried_points(foot.nodes_at_contact, whole, foot.contact_points)
             far = (
-                float(np.linalg.norm((foot.free_points - foot.contact_points).mean(0))) > settings.give * tall
+                float(np.linalg.norm((foot.free_points - foot.contact_points).mean(0)))
+                > settings.give * height
             )
             foot.is_released = foot.is_released or not down or far
         step = seconds / settings.ease if settings.ease > 0 else 1.0
         if foot.contact_points is None:
             foot.still_seconds = (
-                foot.still_seconds + seconds if down and speed < settings.still * tall else 0.0
+                foot.still_seconds + seconds if down and speed < settings.still * height else 0.0
             )
             if foot.still_seconds > settings.dwell:
                 foot.contact_points, foot.nodes_at_contact = now[:, [0, 2]].copy(), whole

@@ -1,7 +1,7 @@
 """The position of the mesh in the world: anchored in contact with the floor, ballistic in flight (section 5).
 
     switches = find_switches(performance.world[:, feet], step, size)        # edit them on the timeline
-    placed = locate(places (F, P, 3), yaw (F,), step, switches, feet)       # placed.world, .root, .anchors
+    placed = place_motion(places (F, P, 3), yaw (F,), step, switches, feet)  # placed.world, .root, .anchors
 
 In contact the lowest foot is on the floor, and the anchor does not move over it. The anchor is the lowest
 foot, until another is clearly lower. In flight the mesh keeps its take-off velocity. Its vertical velocity is

@@ -3,7 +3,7 @@
 Examples never put two feet exactly as far apart as the performer's. So while both stand, only the anchor is
 still. Here every standing foot is moved back to one position, with smooth transitions.
 
-    places = planted(places (F, P, 3), yaw (F,), placed, feet, stands (F, K), step, settings)
+    places = lock_feet(places (F, P, 3), yaw (F,), placed, feet, stands (F, K), step, settings)
 """
 
 from __future__ import annotations

@@ -46,11 +46,11 @@ def project_of_mesh(mesh: Mesh, name: str) -> Project:
 
 def _one_character_project(character: RigBase, project: Project, *, painted: bool) -> Project:
     """Returns a project with a character at rest, and the takes that it needs at rest."""
-    still, streams = character.at_rest(
+    at_rest, streams = character.at_rest(
         None if character.mesh is None else _lightened_mesh(character.mesh, painted)
     )
-    takes = (project.takes[name] for name in still.needed()["takes"])
-    return Project().with_takes(*takes).with_streams(*streams).with_characters(still)
+    takes = (project.takes[name] for name in at_rest.needed()["takes"])
+    return Project().with_takes(*takes).with_streams(*streams).with_characters(at_rest)
 
 
 def _lightened_mesh(mesh: Mesh, painted: bool) -> Mesh:

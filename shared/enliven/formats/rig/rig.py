@@ -4,7 +4,7 @@ rig = read_gltf("horse.glb")
 rig.shape        # enliven.document.rigged.Shape, at rest in its bind pose, metres, +Y up
 rig.clips        # its own animations, on the same skeleton
 rig.notes        # what was changed or left out, with its size
-project, shape = playing(Project(), rig.shape, rig.clips[0])    # the shape plays its own clip
+project, shape = play_clip(Project(), rig.shape, rig.clips[0])    # the shape plays its own clip
 """
 
 from __future__ import annotations

@@ -137,10 +137,10 @@ def depth_first_order(parents: dict[int, int]) -> list[int]:
     below: dict[int, list[int]] = {}
     for j, parent in parents.items():
         below.setdefault(parent, []).append(j)
-    order, waiting = [], list(reversed(below.get(-1, [])))
-    while waiting:
-        order.append(waiting.pop())
-        waiting.extend(reversed(below.get(order[-1], [])))
+    order, remaining = [], list(reversed(below.get(-1, [])))
+    while remaining:
+        order.append(remaining.pop())
+        remaining.extend(reversed(below.get(order[-1], [])))
     return order
 
 
@@ -183,12 +183,12 @@ def _attach_to_root(
     tops = [_root_of(parents, j) for j in range(len(bodies))]
     weight = {t: sum(b.mass for b, top in zip(bodies, tops, strict=True) if top == t) for t in tops}
     inside = {j for j in range(len(bodies)) if tops[j] == root}
-    waiting = sorted((t for t in weight if t not in (root, *above)), key=lambda t: (-weight[t], t))
-    while waiting:
+    remaining = sorted((t for t in weight if t not in (root, *above)), key=lambda t: (-weight[t], t))
+    while remaining:
         # Attach bodies first if their parent is already in the tree, because their own children may have to
         # be attached to them.
-        t = next((t for t in waiting if before[t] in inside), waiting[0])
-        waiting.remove(t)
+        t = next((t for t in remaining if before[t] in inside), remaining[0])
+        remaining.remove(t)
         parents[t] = _new_parent(bodies, t, before[t], inside, misfits)
         inside |= {j for j in range(len(bodies)) if tops[j] == t}
     kept = inside & _carrying_bodies(bodies, parents, inside)

@@ -152,9 +152,11 @@ def _bodies_by_position(bodies: list[LinkBody], parents: dict[int, int], size: f
         if parents[j] < 0:
             first[j] = j
             continue
-        home = first[parents[j]]
-        beside = [k for k in first if parents[k] >= 0 and first.get(parents[k]) == home and first[k] == k]
-        near = [k for k in (home, *beside) if _is_same_place(bodies, j, k, size)]
+        joint_number = first[parents[j]]
+        beside = [
+            k for k in first if parents[k] >= 0 and first.get(parents[k]) == joint_number and first[k] == k
+        ]
+        near = [k for k in (joint_number, *beside) if _is_same_place(bodies, j, k, size)]
         first[j] = near[0] if near else j
     return first
 
@@ -181,8 +183,8 @@ def _build_skeleton(
     root.
     """
     names: dict[int, str] = {}
-    for j, home in first.items():
-        names[home] = min(names.get(home, bodies[j].name), bodies[j].name, key=len)
+    for j, joint_number in first.items():
+        names[joint_number] = min(names.get(joint_number, bodies[j].name), bodies[j].name, key=len)
     joints = _Joints(size)
     number: dict[int, int] = {}
     for j in depth_first_order(parents):
@@ -193,24 +195,31 @@ def _build_skeleton(
     root = next(j for j in parents if parents[j] < 0)
     bone: dict[int, int] = {}
     for j in depth_first_order(parents):
-        home = number[first[j]]
+        joint_number = number[first[j]]
         if j == root and len(joints.names) > 1:
             bone[j] = 0
             continue
-        out = [k for k in range(1, len(joints.names)) if joints.drivers[k] == j and joints.parents[k] == home]
+        out = [
+            k
+            for k in range(1, len(joints.names))
+            if joints.drivers[k] == j and joints.parents[k] == joint_number
+        ]
         if bodies[j].mass > 0 and not out:
-            name, place = _bone_tip(bodies, j, joints, home, size)
-            bone[j] = joints.add(name, home, place, j)
+            name, place = _bone_tip(bodies, j, joints, joint_number, size)
+            bone[j] = joints.add(name, joint_number, place, j)
         elif out:
-            onward = joints.straightest(home, out)
-            if onward < 0 and bodies[j].mass > 0:
-                onward = joints.add(
-                    f"{bodies[j].name} end", home, joints.beyond(home, _MAX_STUB_LENGTH_RATIO), j
+            straight = joints.straightest(joint_number, out)
+            if straight < 0 and bodies[j].mass > 0:
+                straight = joints.add(
+                    f"{bodies[j].name} end",
+                    joint_number,
+                    joints.beyond(joint_number, _MAX_STUB_LENGTH_RATIO),
+                    j,
                 )
-            bone[j] = max(onward, out[0])
+            bone[j] = max(straight, out[0])
     for j in apart:
-        home = joints.add(bodies[j].name, 0, bodies[j].rest, root, j)
-        bone[j] = joints.add(f"{bodies[j].name} end", home, joints.beyond(home, 0.5), j)
+        joint_number = joints.add(bodies[j].name, 0, bodies[j].rest, root, j)
+        bone[j] = joints.add(f"{bodies[j].name} end", joint_number, joints.beyond(joint_number, 0.5), j)
     return Tree(*joints.sorted(bone), root=root, notes=notes)
 
 
@@ -235,28 +244,30 @@ class _Joints:
         self.bodies.append(body)
         return len(self.names) - 1
 
-    def straightest(self, home: int, bones: list[int]) -> int:
-        """Returns the one of ``bones`` that continues straight beyond joint ``home``, or -1 if none does."""
+    def straightest(self, joint_number: int, bones: list[int]) -> int:
+        """Returns the bone that continues straight beyond a joint, among ``bones``, or -1 if none does."""
         if len(bones) == 1:
             return bones[0]
-        into = self.rest[home] - self.rest[max(self.parents[home], 0)]
-        directions = {k: self.rest[k] - self.rest[home] for k in bones}
-        bends = {k: _cosine_between(into, direction) for k, direction in directions.items()}
+        incoming = self.rest[joint_number] - self.rest[max(self.parents[joint_number], 0)]
+        directions = {k: self.rest[k] - self.rest[joint_number] for k in bones}
+        bends = {k: _cosine_between(incoming, direction) for k, direction in directions.items()}
         lengths = {k: float(np.linalg.norm(direction)) for k, direction in directions.items()}
 
         def paired(k: int) -> bool:
-            alike = [i for i in bones if i != k and abs(bends[i] - bends[k]) < _MAX_PAIR_DIFFERENCE]
-            return any(abs(lengths[i] - lengths[k]) < _MAX_PAIR_DIFFERENCE * lengths[k] for i in alike)
+            similar = [i for i in bones if i != k and abs(bends[i] - bends[k]) < _MAX_PAIR_DIFFERENCE]
+            return any(abs(lengths[i] - lengths[k]) < _MAX_PAIR_DIFFERENCE * lengths[k] for i in similar)
 
-        onward = [k for k in bones if bends[k] >= _STRAIGHT_BONE_COSINE and not paired(k)]
-        return max(onward, key=lambda k: (self._descendant_count(k), -k), default=-1)
+        straight = [k for k in bones if bends[k] >= _STRAIGHT_BONE_COSINE and not paired(k)]
+        return max(straight, key=lambda k: (self._descendant_count(k), -k), default=-1)
 
-    def beyond(self, home: int, share: float) -> Float:
+    def beyond(self, joint_number: int, share: float) -> Float:
         """Returns (3,) metres, a point beyond a joint, at the fraction ``share`` of the length of the bone to
         that joint."""
-        into = self.rest[home] - self.rest[max(self.parents[home], 0)]
-        length = float(np.linalg.norm(into))
-        return self.rest[home] + (share * into if length > 1e-3 * self._size else [0.0, 0.05 * self._size, 0])
+        incoming = self.rest[joint_number] - self.rest[max(self.parents[joint_number], 0)]
+        length = float(np.linalg.norm(incoming))
+        return self.rest[joint_number] + (
+            share * incoming if length > 1e-3 * self._size else [0.0, 0.05 * self._size, 0]
+        )
 
     def _descendant_count(self, joint: int) -> int:
         """Returns the number of joints in the subtree of a joint."""
@@ -278,7 +289,9 @@ class _Joints:
         return skeleton, drivers, bodies, {j: new[k] for j, k in bone.items()}
 
 
-def _bone_tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:
+def _bone_tip(
+    bodies: list[LinkBody], j: int, joints: _Joints, joint_number: int, size: float
+) -> tuple[str, Float]:
     """Returns the name and position of the tip of a joint without children."""
     body = bodies[j]
     for name, place in body.leaves:
@@ -287,7 +300,7 @@ def _bone_tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: 
     name = f"{body.name} end"
     if body.reach is not None and np.linalg.norm(body.reach - body.rest) > 1e-3 * size:
         return name, body.reach
-    return name, joints.beyond(home, 0.5)
+    return name, joints.beyond(joint_number, 0.5)
 
 
 def _cosine_between(a: Float, b: Float) -> float:

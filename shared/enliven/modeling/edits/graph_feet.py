@@ -1,7 +1,7 @@
 """Foot lock for a possessed mesh: a layer on top of its motion holds the feet in place.
 
     project = stand(project, "chair", [0], "always")       # for part 0, in its current motion
-    way_to_stand(shape, 0) -> "always"
+    graph_foot_lock_mode(shape, 0) -> "always"
 
 The feet are the lowest parts of the mesh at rest, or those that an artist named. Contacts are detected once,
 from the feet's paths, as for skeletons (:mod:`enliven.motion.contact`). Let s_n^j be the share of foot j's

@@ -1,6 +1,6 @@
 """Alternative takes (take comping): repeated performances are kept, and one of them plays.
 
-    takes_beside(project, "take 1")                # {"take 1": False, "take 2": True}: the second plays
+    alternative_takes(project, "take 1")                # {"take 1": False, "take 2": True}: the second plays
     choose_take(project, "take 1", "take 1")       # the first plays again, on every character
     drop_take(project, "take 1", "take 2")         # removes its layers and its takes
 

@@ -1,6 +1,6 @@
 """The union of two skinned meshes in one frame. Every vertex is traced to its origin.
 
-    united(first, first_skin, second, second_skin, offset=0) -> Union
+    unite_meshes(first, first_skin, second, second_skin, offset=0) -> Union
 
 ``offset`` is added to the bone numbers of the second skin (0 if they are already numbered for the merged
 skeleton). ``Union.first`` and ``Union.second`` give the old number of each vertex in either mesh, or -1.

@@ -1,8 +1,8 @@
 """Seam repair: smooths the surface around a seam and recomputes the skin weights there, and nowhere else.
 
-    healed(mesh, skin, skeleton, seam) -> (Mesh, SkinWeights)      positions and weights
-    smoothed(mesh, seam) -> Mesh                                   positions only
-    reweighted(mesh, skin, skeleton, seam) -> SkinWeights          weights only
+    heal_seam(mesh, skin, skeleton, seam) -> (Mesh, SkinWeights)      positions and weights
+    smooth_seam(mesh, seam) -> Mesh                                   positions only
+    reweight_seam(mesh, skin, skeleton, seam) -> SkinWeights          weights only
 
 ``seam`` is (V,) true at the vertices of the seam: ``Union.seam``, or ``Piece.kept < 0``. Everything farther
 from the seam than the settings allow stays bit-exact. Near the seam, the surface continues the direction and

@@ -68,26 +68,26 @@ def merge_graphs(project: Project, merge: Merge) -> Project:
         InputError: if the node does not exist, or the union of the meshes fails.
     """
     host, graft = project.graph(merge.host), project.graph(merge.graft)
-    ours, theirs = graph_pose(project, host, merge.time), graph_pose(project, graft, merge.time)
-    node, root = _meeting_nodes(host, ours[1], theirs[1], merge.node)
-    turn, place = from_matrix(ours[0][node]), ours[1][node]
-    axes = multiply(conjugate(turn), from_matrix(theirs[0][root]))
-    to = host.positions[node] + rotate(conjugate(turn), theirs[1][root] - place)
+    host_nodes, graft_nodes = graph_pose(project, host, merge.time), graph_pose(project, graft, merge.time)
+    node, root = _meeting_nodes(host, host_nodes[1], graft_nodes[1], merge.node)
+    turn, place = from_matrix(host_nodes[0][node]), host_nodes[1][node]
+    axes = multiply(conjugate(turn), from_matrix(graft_nodes[0][root]))
+    to = host.positions[node] + rotate(conjugate(turn), graft_nodes[1][root] - place)
     moved = _rotate_rest_pose(graft, normalized(axes), graft.positions[root], to)
     ride, first = Ride(node, turn, place), len(host.positions)
     parts = [_part_of_graft(part, ride, first) for part in moved.parts]
     edges = np.concatenate([host.edges, moved.edges + first, [[node, first + root]]])
-    turned = theirs[0] @ to_matrix(conjugate(axes))
+    turned = graft_nodes[0] @ to_matrix(conjugate(axes))
     maps = np.concatenate(
         [
-            _world_from_rest(ours[0], ours[1], host.positions),
-            _world_from_rest(turned, theirs[1], moved.positions),
+            _world_from_rest(host_nodes[0], host_nodes[1], host.positions),
+            _world_from_rest(turned, graft_nodes[1], moved.positions),
         ]
     )
     numbers = SkinWeights((graft.skin.indices + first).astype(np.uint16), graft.skin.weights)
     mesh, skin = joined(
-        SkinnedSurface(host.mesh, host.skin, graph_vertices(host, *ours)),
-        SkinnedSurface(moved.mesh, numbers, graph_vertices(graft, *theirs)),
+        SkinnedSurface(host.mesh, host.skin, graph_vertices(host, *host_nodes)),
+        SkinnedSurface(moved.mesh, numbers, graph_vertices(graft, *graft_nodes)),
         maps,
         lambda mesh, skin, where: (smooth_seam(mesh, where, merge.seam), skin),
         loose=merge.loose,
