@@ -31,7 +31,7 @@ from enliven.document.character import SkinWeights
 from enliven.document.skeleton import Skeleton
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
-from enliven.modeling.mesh.mesh_union import united
+from enliven.modeling.mesh.mesh_union import unite_meshes
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.modeling.skinning.heat_diffusion import bone_heat, segments_of
 
@@ -101,7 +101,7 @@ def union_figure() -> Figure:
     first = Mesh(sphere.vertices, sphere.faces, "first")
     second = Mesh(sphere.vertices * 0.8 + np.array([0.9, 0.1, 0.05]), sphere.faces, "second")
     skins = [one_bone(mesh) for mesh in (first, second)]
-    ours = least(lambda: united(first, skins[0], second, skins[1], 1))
+    ours = least(lambda: unite_meshes(first, skins[0], second, skins[1], 1))
     faces = sphere.faces.astype(np.int64)
     peer = least(
         lambda: igl.copyleft.cgal.mesh_boolean(first.vertices, faces, second.vertices, faces, "union"), 0.0, 2

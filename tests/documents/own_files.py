@@ -25,7 +25,7 @@ from enliven.example_sessions.text import write_session
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import write_gltf
 from enliven.formats.project.file import write_project
-from enliven.formats.rig.rig import playing
+from enliven.formats.rig.rig import play_clip
 from enliven.frames import BodyFrame, DepthFrame
 from enliven.meshes.files import save_mesh
 from enliven.motion.layers import Player
@@ -76,7 +76,7 @@ def write_models(folder: Path) -> None:
     random = np.random.default_rng(0)
     for name, skeleton in (("HORSE", horse()), ("DEER", horse()), ("FOX", horse()), ("SPIDER", spider())):
         clip = random_motion(random, skeleton, name="Run")
-        project, _ = playing(Project(), meshed(name, skeleton), clip)
+        project, _ = play_clip(Project(), meshed(name, skeleton), clip)
         write_gltf(folder / f"{name}.glb", [performance_of(project, name)], "Run")
 
 
@@ -96,7 +96,7 @@ def _write_recordings(folder: Path) -> None:
     with Recorder(folder / "CARRIED.mcap") as recorder:
         for frame in HandheldScan(box_mesh(box), load_profile("kinect1"), path, (floor,), width=320):
             recorder.write_frame(frame)
-    project, shape = playing(Project(), *_horse())
+    project, shape = play_clip(Project(), *_horse())
     poses = [Player(project, "horse").pose(k / 30) for k in range(FRAMES)]
     poses = [replace(pose, time_ns=round(k / 30 * 1e9)) for k, pose in enumerate(poses)]
     write_recording(folder / "PERFORMANCE.mcap", [(character_of(shape), poses)])

@@ -13,7 +13,7 @@ from known_bodies import skin
 
 from enliven import rotation
 from enliven.arrays import Float, Int32
-from enliven.deformation.graph.connectivity import joints, weak_edges
+from enliven.deformation.graph.connectivity import find_weak_edges, joining_edges
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.meshes import Mesh
 
@@ -157,8 +157,8 @@ def bone_graph(bones: Bones, count: int, rng: np.random.Generator) -> tuple[Defo
     positions = start[of] + along * (end - start)[of] + radius[of].mean(1)[:, None] * out
     apart = np.linalg.norm(positions[:, None] - positions[None], axis=2)
     pairs = np.sort(np.stack([np.repeat(np.arange(count), 4), np.argsort(apart, 1)[:, 1:5].ravel()], 1), 1)
-    edges = np.unique(np.concatenate([pairs, joints(count, pairs, apart)]), axis=0).astype(np.int32)
-    bridges, cuts, hanging = weak_edges(count, edges)
+    edges = np.unique(np.concatenate([pairs, joining_edges(count, pairs, apart)]), axis=0).astype(np.int32)
+    bridges, cuts, hanging = find_weak_edges(count, edges)
     return DeformationGraph(positions, out, np.zeros(count, np.int32), edges, hanging, bridges, cuts, 0.1), of
 
 

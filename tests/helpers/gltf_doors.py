@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from enliven.example_sessions.mesh import mesh_of
+from enliven.example_sessions.mesh import load_session_mesh
 from enliven.example_sessions.tables import MeshTable
 from enliven.formats.gltf import read_gltf
 from enliven.meshes import Mesh, load_mesh, load_upright
@@ -57,7 +57,7 @@ DOORS: dict[str, Callable[[Path], Surface]] = {
     "load_mesh": lambda path: _of(load_mesh(path).mesh),
     "possess": lambda path: _of(load_upright(path).mesh),
     "retarget": lambda path: _of(read_gltf(path).shape.mesh),
-    "session": lambda path: _of(mesh_of(MeshTable(path.name), path).mesh),
+    "session": lambda path: _of(load_session_mesh(MeshTable(path.name), path).mesh),
     "export": _exported,
     "stage": _on_stage,
     "studio": _put_in_studio,

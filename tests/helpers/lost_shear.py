@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from enliven.exporters.performance import stretches_of
+from enliven.exporters.performance import split_stretch
 from enliven.rotation import to_matrix
 
 
 def lost(performance):
     """Returns the largest part of a map that is not a rotation and a scale along ``axes`` (the shear)."""
     axes = np.eye(3) if performance.axes is None else performance.axes
-    turns, scales = stretches_of(performance.linear @ axes)
+    turns, scales = split_stretch(performance.linear @ axes)
     product = to_matrix(turns) * scales[..., None, :] @ np.swapaxes(axes, -1, -2)
     return float(np.abs(product - performance.linear).max())

@@ -13,7 +13,7 @@ from three_viewer import Job, draw
 from enliven.deformation import skin_vertices
 from enliven.document import Character, Pose
 from enliven.meshes import MeshMaterials
-from enliven.meshes.gltf.srgb import linear_of
+from enliven.meshes.gltf.srgb import linear_from_srgb
 from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.camera import CameraView, look_at, perspective
 from enliven_viewer.render.gl import offscreen_context
@@ -86,7 +86,7 @@ def unlit(character: Character) -> Character:
     if own is None:
         assert character.colours is not None
         tints = np.ones((len(character.faces), 3, 4), np.float32)
-        tints[..., :3] = linear_of(character.colours)[character.faces]
+        tints[..., :3] = linear_from_srgb(character.colours)[character.faces]
         definition, uvs = json.dumps({"doubleSided": True}), np.zeros((len(tints), 3, 0, 2), np.float32)
         own = MeshMaterials((definition,), (), np.zeros(len(tints), np.int32), uvs, tints)
     return _with_materials(character, own, {"extensions": {"KHR_materials_unlit": {}}}, "unlit")
@@ -138,7 +138,9 @@ def _developed(picture: np.ndarray) -> np.ndarray:
     cover = picture[..., 3:] / 255.0
     colour = np.divide(picture[..., :3], cover, out=np.zeros(picture[..., :3].shape), where=cover > 0)
     across = (np.arange(SIZE) + 0.5) / SIZE - 0.5
-    light = linear_of(colour.clip(0, 255)) * (0.98 - 0.72 * (across**2 + across[:, None] ** 2))[..., None]
+    light = (
+        linear_from_srgb(colour.clip(0, 255)) * (0.98 - 0.72 * (across**2 + across[:, None] ** 2))[..., None]
+    )
     light = np.maximum(light - 0.002, 0.0)
     film = light * (6.2 * light + 0.5) / (light * (6.2 * light + 1.7) + 0.06)
     return np.where(cover > 0, 255 * film, 0.0)

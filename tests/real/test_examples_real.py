@@ -12,7 +12,7 @@ from enliven.examples.live import LiveExamples
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import performed
 from enliven.examples.poses import Examples
-from enliven.examples.spacetime.locomotion import find_switches, locate
+from enliven.examples.spacetime.locomotion import find_switches, place_motion
 from enliven.examples.suggest import SuggestSettings, suggest_poses
 from enliven.formats.motion.expmap import read_expmap
 from enliven.takes.capture_clip import clip_of_capture
@@ -66,7 +66,7 @@ def test_walkers_stay_on_the_floor_and_jumpers_leave_it():
         places = ExampleMap(examples).solve(took.poses, took.step)
         switches = find_switches(took.world[:, :2], took.step, 0.9)
         assert any(switch.kind == "flight" for switch in switches) == flies, (name, switches)
-        placed = locate(places, took.yaw, took.step, switches, [0, 1])
+        placed = place_motion(places, took.yaw, took.step, switches, [0, 1])
         if "running" in name:
             assert 3 <= sum(switch.kind == "flight" for switch in switches) <= 5
         assert placed.world[:, :2, 1].min() > -1e-9
@@ -82,7 +82,7 @@ def test_feet_are_level_where_the_anchor_changes():
     took = performed(clip_of("test_walking_1"), JOINTS)
     examples, _ = shown(took.poses, 8)
     mapping = ExampleMap(examples)
-    placed = locate(
+    placed = place_motion(
         mapping.solve(took.poses, took.step),
         took.yaw,
         took.step,

@@ -15,7 +15,7 @@ from enliven.document import Project, character_of
 from enliven.errors import InputError
 from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf import read_gltf
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 from enliven.meshes import load_mesh
 from enliven.motion.layers import Player
 from enliven.takes import find_exportables
@@ -103,7 +103,7 @@ def test_faulty_clips_move_and_are_written_as_the_format_says(stem, tmp_path):
         again = SlowGltf(tmp_path / "again.glb")
         inputs = {s["input"] for s in slow.json["animations"][number]["samplers"]}
         keys = np.unique(np.concatenate([slow.accessor(k)[:, 0] for k in inputs]))
-        project, shape = playing(Project(), rig.shape, clip)
+        project, shape = play_clip(Project(), rig.shape, clip)
         for moment in np.unique(np.concatenate([keys, keys[1:] - 0.001])).tolist():
             seconds = moment - keys[0]
             expected = slow.vertices_at(number, moment)

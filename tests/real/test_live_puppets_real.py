@@ -66,7 +66,7 @@ def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
             if k == 0:
                 actor.possess(body)
             frame = max(seconds - (actor.settings.lag + 1) / actor.settings.rate, 0.0) / motion.step
-            apart.append(np.linalg.norm((actor._state.root - motion.way_at(frame)[1])[[0, 2]]))
+            apart.append(np.linalg.norm((actor._state.root - motion.root_at(frame)[1])[[0, 2]]))
         # Each is within two leash lengths (0.06) of the same path.
         assert max(apart) < 0.12 * extent
 
@@ -87,7 +87,7 @@ def test_live_puppet_matches_the_take(name: str, goes: bool, size: float, monkey
             actor.possess(body)
         frame = max(seconds - (actor.settings.lag + 1) / actor.settings.rate, 0.0) / take.step
         apart.append(np.linalg.norm(actor._state.places - take.places_at(frame), axis=1))
-        roots.append((actor._state.root, take.way_at(frame)[1]))
+        roots.append((actor._state.root, take.root_at(frame)[1]))
     assert np.mean(apart[10:]) < 0.02 * extent
     assert np.percentile(apart[10:], 99) < 0.10 * extent
     live, batch = (np.array(way)[[10, -1]] for way in zip(*roots, strict=True))

@@ -14,7 +14,7 @@ from web_pictures import compare
 from enliven.cli import run
 from enliven.document import Project, character_of
 from enliven.formats.gltf import read_gltf
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 from enliven.meshes.gltf import GltfFile, frame_times
 from enliven.motion.layers import Player
 
@@ -42,7 +42,7 @@ of a pixel off costs 2 %."""
 def test_both_viewers_show_the_same(name: str, tmp_path: Path) -> None:
     path, out = DATA / name, tmp_path / "out.glb"
     rig = read_gltf(path)
-    project, shape = playing(Project(), rig.shape, rig.clips[0])
+    project, shape = play_clip(Project(), rig.shape, rig.clips[0])
     assert run(["export", str(path), "-o", str(out), "-c", rig.clips[0].id]) == 0
     player, times = Player(project, shape.id), rig.clips[0].duration * np.array([0.0, 0.37, 0.8])
     begin = frame_times(GltfFile(path), 0)[0]

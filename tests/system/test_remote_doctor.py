@@ -82,14 +82,14 @@ def test_a_note_alone_is_no_fault_and_other_messages_are_passed_over(capsys):
 
 
 def test_silent_edge_is_reported_with_its_address(monkeypatch, capsys):
-    monkeypatch.setattr(doctor, "PATIENCE_S", 0.2)
+    monkeypatch.setattr(doctor, "MAX_HEARTBEAT_WAIT_S", 0.2)
     (port,) = free_ports(1)
     code, checks = checked(f"127.0.0.1:{port}", capsys)
     assert code == LACKING and str(port) in checks["edge"]["detail"] and "firewall" in checks["edge"]["mend"]
 
 
 def test_edge_of_another_version_is_reported(monkeypatch, capsys):
-    monkeypatch.setattr(doctor, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(doctor, "MAX_HEARTBEAT_WAIT_S", 0.5)
     other = bytearray(pack_stream(FINE))
     other[len("status") + 1] += 1  # after the topic and a zero
     with published(bytes(other)) as address:

@@ -61,7 +61,7 @@ def test_the_window_outlives_a_killed_edge(tmp_path: Path, screen: str) -> None:
 
 
 def test_a_failing_program_is_started_again_with_growing_waits(monkeypatch, caplog) -> None:
-    monkeypatch.setattr(processes, "_FIRST_WAIT_S", 0.05)
+    monkeypatch.setattr(processes, "_INITIAL_WAIT_S", 0.05)
     monkeypatch.setattr(processes, "_MAX_WAIT_S", 0.2)
     waits = [sys.executable, "-c", "import time; time.sleep(2)"]
     started = []

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from performed_take import chair_actor, perform
 from swaying import without_cache
 
-from enliven.modeling.possessed import solve_again, stale, unsolved
+from enliven.modeling.possessed import has_missing_motion, solve_again, stale
 from enliven.possession import ActorSettings
 from enliven.takes import read_possessed
 from enliven.wire import Possess, Release
@@ -83,10 +83,10 @@ def test_characters_side_by_side_and_a_hold_that_is_taken_over(tmp_path):
 
 def assert_solved_again_is_what_was_recorded(project, name):
     shape = project.graph(name)
-    assert not stale(project, shape) and not unsolved(shape)
+    assert not stale(project, shape) and not has_missing_motion(shape)
     recorded = project.streams[shape.parts[0].take]
     damaged = without_cache(project, name)
-    assert stale(damaged, damaged.graph(name)) and unsolved(damaged.graph(name))
+    assert stale(damaged, damaged.graph(name)) and has_missing_motion(damaged.graph(name))
     again = solve_again(damaged, name)
     solved = again.streams[again.graph(name).parts[0].take]
     assert solved.step == recorded.step and len(again.streams) == len(project.streams)

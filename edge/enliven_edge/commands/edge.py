@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.commands import known_parts
+from enliven.commands import check_parts
 from enliven.errors import InputError
 from enliven.files import require_folder
 from enliven.settings import load_settings
@@ -64,7 +64,7 @@ def edge(
         typer.Option(
             help="Body parts that possess the mesh: all, legs, 'upper body', ...; for two performers: "
             "'legs / torso'. Give one for each --mesh.",
-            callback=known_parts,
+            callback=check_parts,
         ),
     ] = None,
     up: Annotated[

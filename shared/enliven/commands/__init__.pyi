@@ -1,5 +1,5 @@
 from .lazy import LazyCommands as LazyCommands
-from .part_names import known_parts as known_parts
+from .part_names import check_parts as check_parts
 from .processes import (
     parent_is_gone as parent_is_gone,
     start_process as start_process,

@@ -1,4 +1,5 @@
-"""enliven doctor: checks this machine or a running edge, and gives the remedy for each fault."""
+"""The command ``enliven doctor``: checks this machine or a running edge, and gives the remedy for each
+fault."""
 
 from __future__ import annotations
 
@@ -15,8 +16,8 @@ from enliven.health import Severity
 _FAILED_CHECK_EXIT_CODE = 4
 """Exit code if a check fails. It equals the exit code 4 of :class:`enliven.errors.ResourceError`."""
 
-PATIENCE_S = 5.0
-"""Longest wait for a heartbeat of an edge, in seconds. An edge sends ten in this time."""
+MAX_HEARTBEAT_WAIT_S = 5.0
+"""Maximum wait for a heartbeat of an edge, in seconds. An edge sends ten heartbeats in this time."""
 
 
 def doctor(
@@ -48,13 +49,13 @@ def edge_checks(address: str) -> list[Check]:
     """Checks the edge at an address, HOST or HOST:PORT or HOST:PORT:CONTROL_PORT.
 
     Raises:
-        InputError: for an address that is none.
+        InputError: if the address is invalid.
     """
     from enliven.wire import parse_endpoint, receive_heartbeat
 
     endpoint = parse_endpoint(address)
     try:
-        status = receive_heartbeat(endpoint, PATIENCE_S)
+        status = receive_heartbeat(endpoint, MAX_HEARTBEAT_WAIT_S)
     except ResourceError as error:
         return [Check("edge", False, f"{error.where}: {error.what}", error.mend)]
     people = f"{status.performers} performer{'s' * (status.performers != 1)}"
@@ -66,11 +67,11 @@ def edge_checks(address: str) -> list[Check]:
         Check(
             "sensor", bool(status.sensor), status.sensor or "none", "Connect one, or wait until it is found."
         ),
-        Check("rate", True, f"{status.fps:.0f} poses a second, {status.dropped} frames passed over"),
+        Check("rate", True, f"{status.fps:.0f} poses a second, {status.dropped} frames skipped"),
         Check(
             "delay",
             True,
-            f"{status.latency_p50_ms:.0f} ms, of the slowest in a hundred {status.latency_p99_ms:.0f} ms",
+            f"{status.latency_p50_ms:.0f} ms (median), {status.latency_p99_ms:.0f} ms (99th percentile)",
         ),
     ]
     return checks + [
@@ -78,10 +79,10 @@ def edge_checks(address: str) -> list[Check]:
     ]
 
 
-def _check_table(found: list[Check]) -> Table:
+def _check_table(checks: list[Check]) -> Table:
     """Builds the table of checks: one row each, with the remedy below a check that failed."""
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    for check in found:
+    for check in checks:
         mark = plain_text("ok", "green") if check.ok else plain_text("missing", "red")
         detail = plain_text(check.detail)
         if not check.ok:

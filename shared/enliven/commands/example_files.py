@@ -1,4 +1,5 @@
-"""What ``enliven examples`` opens and makes: sessions, projects, films for other programs, takes, sheets."""
+"""The files that ``enliven examples`` reads and writes: sessions, projects, exports, takes and contact
+sheets."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoadedPuppet:
-    """What was read from a file: the project, the chosen puppet, and notes on what was unusual."""
+    """The content of a file: the project, the chosen puppet, and notes about unusual content."""
 
     project: Project
     puppet: Puppet
@@ -28,7 +29,8 @@ class LoadedPuppet:
 
 @dataclass(frozen=True)
 class Job:
-    """What is to be written: the puppet, its time span and its output settings."""
+    """A request to write a file: the puppet, the output file, the time span, the frame rate, and the kind of
+    baking."""
 
     project: Project
     puppet: Puppet
@@ -38,8 +40,9 @@ class Job:
     morphs: bool
 
 
-def opened(path: Path, name: str | None) -> LoadedPuppet:
-    """Opens a session, or a project with the puppet of that name (the first where none is named)."""
+def open_puppet(path: Path, name: str | None) -> LoadedPuppet:
+    """Reads a session or a project, and chooses the puppet with that name, or the first puppet if ``name`` is
+    None."""
     from enliven.example_sessions import read_session
     from enliven.formats.project import read_project
 
@@ -52,11 +55,11 @@ def opened(path: Path, name: str | None) -> LoadedPuppet:
     return LoadedPuppet(session.project, session.project.puppet(name or session.puppet), session.notes)
 
 
-def writer(output: Path) -> Callable[[Job], str]:
-    """Returns the function that writes the kind of file that the output's ending names.
+def find_writer(output: Path) -> Callable[[Job], str]:
+    """Returns the function that writes the kind of file given by the ending of ``output``.
 
     Raises:
-        InputError: where nothing can be written there.
+        InputError: if no exporter writes this kind of file, or it cannot contain a puppet.
     """
     from enliven.exporters import exporter_of
 
@@ -95,18 +98,19 @@ def _write_project(job: Job) -> str:
 
 
 def span_of(project: Project, puppet: Puppet, start: float, end: float | None) -> tuple[float, float]:
-    """Returns the first and the last second to write."""
+    """Returns the start and end time to write, in seconds. Without ``end``, it is the end of the puppet's
+    motion."""
     from enliven.document import Project
 
-    alone = Project(takes=project.takes, characters={puppet.id: puppet})
-    stop = alone.end_of(puppet) if end is None else end
-    if stop <= start:
-        problem = f"the range from {start:g} s to {stop:g} s is empty"
+    project_with_puppet = Project(takes=project.takes, characters={puppet.id: puppet})
+    end_time = project_with_puppet.end_of(puppet) if end is None else end
+    if end_time <= start:
+        problem = f"the range from {start:g} s to {end_time:g} s is empty"
         raise InputError(problem, where=f"puppet {puppet.id!r}", mend="Choose other --start and --end.")
-    return start, stop
+    return start, end_time
 
 
-def sheet_maker(kind: str) -> Callable[..., None]:
+def find_sheet_function(kind: str) -> Callable[..., None]:
     """Returns the function that draws contact sheets of a kind, from the package that provides it."""
     for entry in entry_points(group="enliven.pictures"):
         if entry.name == kind:

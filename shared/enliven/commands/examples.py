@@ -1,4 +1,4 @@
-"""enliven examples: a mesh moved by a few example poses, without a window."""
+"""The command ``enliven examples``: moves a mesh by a few example poses, without a window."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from enliven.commands.example_files import Job, opened, sheet_maker, span_of, writer
+from enliven.commands.example_files import Job, find_sheet_function, find_writer, open_puppet, span_of
 from enliven.commands.terminal import say
 from enliven.errors import InputError
 from enliven.files import require_folder
@@ -65,18 +65,18 @@ def new(
     """
     require_folder(output)
     from enliven.document import Project
-    from enliven.example_sessions import MeshTable, TakeTable, fitted, write_session
+    from enliven.example_sessions import MeshTable, TakeTable, fit_mesh, write_session
     from enliven.meshes import load_mesh
     from enliven.modeling.puppet import suggested_puppet
     from enliven.takes import read_take
 
-    mesh_from = MeshTable(_path_from_session(output, mesh), height, _axis_of(up), turned)
+    mesh_from = MeshTable(_path_from_session(output, mesh), height, _parse_axis(up), turned)
     take_from = TakeTable(_path_from_session(output, take), "", animation, start, end)
     loaded, notes = load_mesh(mesh)
     clip, more = read_take(take, animation, start, end)
     _print_result(*notes, *more)
     project = Project().with_takes(clip)
-    puppet_project = suggested_puppet(project, fitted(loaded, mesh_from), clip.id, mesh.stem, points, poses)
+    puppet_project = suggested_puppet(project, fit_mesh(loaded, mesh_from), clip.id, mesh.stem, points, poses)
     write_session(output, puppet_project, mesh.stem, mesh_from, {clip.id: take_from})
     puppet = puppet_project.puppets[mesh.stem]
     say(
@@ -98,9 +98,9 @@ def check(
       enliven examples check CACTUS.toml
       enliven examples check SHOW.enliven --puppet cactus
     """
-    from enliven.examples import coverage_of, missing, motion_of, unposed
+    from enliven.examples import describe_unposed, measure_coverage, missing, motion_of
 
-    source = opened(session, puppet)
+    source = open_puppet(session, puppet)
     project, character = source.project, source.puppet
     pairs = ", ".join(
         f"{p.name} - {p.joint or 'nothing'}{' (foot)' if p.foot else ''}" for p in character.points
@@ -108,7 +108,7 @@ def check(
     say(f"enliven: {character.id}: {len(character.points)} control points: {pairs or 'none'}")
     shown = ", ".join(f"{pose.time:.2f} s of {pose.take}" for pose in character.poses)
     say(f"enliven: {len(character.poses)} key poses: {shown or 'none'}")
-    lacking = [*missing(project, character), *unposed(character)]
+    lacking = [*missing(project, character), *describe_unposed(character)]
     if not character.layers:
         lacking.append("Add the motion to play: [[layer]].")
     for sentence in lacking:
@@ -116,7 +116,7 @@ def check(
     if missing(project, character):
         raise typer.Exit(3)
     for number in range(len(character.layers)):
-        say(f"enliven: {coverage_of(project, character, number)}")
+        say(f"enliven: {measure_coverage(project, character, number)}")
         _print_result(*motion_of(project, character, number).notes)
     if lacking:
         raise typer.Exit(3)
@@ -149,18 +149,18 @@ def fit(
       enliven examples fit SHOW.enliven --puppet cactus -o cactus.mcap
       enliven examples fit CACTUS.toml -o cactus.enliven
     """
-    from enliven.examples import missing, motion_of, unposed
+    from enliven.examples import describe_unposed, missing, motion_of
 
-    write = writer(output)
+    write = find_writer(output)
     require_folder(sheet)
-    draw = sheet_maker("puppet") if sheet else None
-    source = opened(session, puppet)
+    draw = find_sheet_function("puppet") if sheet else None
+    source = open_puppet(session, puppet)
     project, character = source.project, source.puppet
     lacking = missing(project, character)
     if output.suffix.lower() != ".enliven":
         # A project may still be posed in the studio, but a film of an unposed character would show a sliding
         # statue.
-        lacking = (*lacking, *unposed(character))
+        lacking = (*lacking, *describe_unposed(character))
     if lacking:
         raise InputError("it cannot move yet", where=str(session), mend=" ".join(lacking))
     if not any(not layer.muted for layer in character.layers):
@@ -177,12 +177,12 @@ def fit(
 
 
 def _path_from_session(session: Path, file: Path) -> str:
-    """Returns a file's path as a session beside it names it: relative where the file lies near."""
+    """Returns a file's path for a session: relative to the session if the file is near it, else absolute."""
     home, there = session.resolve().parent, file.resolve()
     return there.relative_to(home).as_posix() if there.is_relative_to(home) else there.as_posix()
 
 
-def _axis_of(name: str) -> Axis:
+def _parse_axis(name: str) -> Axis:
     axes: dict[str, Literal["x", "y", "z"]] = {"x": "x", "y": "y", "z": "z"}
     if name not in axes:
         raise InputError(f"{name!r} is not an axis", where="--up", mend="Give x, y or z.")

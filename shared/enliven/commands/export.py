@@ -1,4 +1,5 @@
-"""enliven export: what moves in a recording, a project or a motion file, written for other programs."""
+"""The command ``enliven export``: writes the motion of a recording, a project or a motion file for other
+programs."""
 
 from __future__ import annotations
 
@@ -77,28 +78,31 @@ def export(
 
 
 def _chosen_characters(
-    found: list[Exportable], exporter: Exporter, wanted: list[str], source: Path
+    exportables: list[Exportable], exporter: Exporter, names: list[str], source: Path
 ) -> list[Exportable]:
-    """Returns the characters of these names, or where none is named, those that the kind of file can hold.
+    """Returns the characters with the given names. Without names, returns those that the kind of file can
+    contain.
 
     Raises:
-        InputError: where a name is not there, or the file cannot hold it, or only one of several.
+        InputError: if a name does not exist, or if the file can contain none, or only one, of the characters.
     """
-    by_name = {exportable.name: exportable for exportable in found}
-    for name in wanted:
+    by_name = {exportable.name: exportable for exportable in exportables}
+    for name in names:
         if name not in by_name:
             mend = f"Known: {', '.join(by_name)}."
             raise InputError(f"there is no character {name!r}", where=str(source), mend=mend)
     fitting = [
-        exportable for exportable in found if (exportable.jointed if exporter.jointed else exportable.solid)
+        exportable
+        for exportable in exportables
+        if (exportable.jointed if exporter.jointed else exportable.solid)
     ]
-    unfit = [name for name in wanted if by_name[name] not in fitting] if wanted else list(by_name)
-    if unfit and (wanted or not fitting):
+    unsuitable = [name for name in names if by_name[name] not in fitting] if names else list(by_name)
+    if unsuitable and (names or not fitting):
         lacks = "skeleton" if exporter.jointed else "surface"
         mend = "Write a .glb instead: it holds any surface." if exporter.jointed else "Write a .bvh instead."
-        raise InputError(f"{', '.join(unfit)} has no {lacks}", where=str(source), mend=mend)
+        raise InputError(f"{', '.join(unsuitable)} has no {lacks}", where=str(source), mend=mend)
     best = min(exportable.rank for exportable in fitting)
-    chosen = [by_name[name] for name in wanted] or [
+    chosen = [by_name[name] for name in names] or [
         exportable for exportable in fitting if exportable.rank == best
     ]
     if exporter.single and len(chosen) > 1:

@@ -1,4 +1,4 @@
-"""The group of all installed commands: listed from their source, imported only when one is asked for."""
+"""The group of all installed commands. They are listed without import, and imported when they are used."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 from enliven.errors import EnlivenError
 
 GROUP = "enliven.commands"
-"""The entry-point group by which packages contribute their commands."""
+"""The entry-point group through which packages add commands."""
 
 _COMMAND_ORDER = (
     "run",
@@ -38,35 +38,38 @@ _COMMAND_ORDER = (
 
 
 class LazyCommands(TyperGroup):
-    """A command group of all entry points; the module of a command is imported when the command is used."""
+    """A command group of all entry points. The module of a command is imported when the command is used."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """The names of all installed commands, the usual ones first."""
-        return list(contributed())
+        """Returns the names of all installed commands, in the order of ``_COMMAND_ORDER``, then by name."""
+        return list(installed_commands())
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The command of that name with its module imported, or None."""
-        entry = contributed().get(cmd_name)
+        """Imports and returns the command with that name, or returns None if it does not exist."""
+        entry = installed_commands().get(cmd_name)
         if entry is not None and cmd_name not in self.commands:
             self.commands[cmd_name] = _load_command(entry)
         return self.commands.get(cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Resolves as the base class does; the names of all commands serve to suggest one for a misspelt
-        name."""
-        if args and args[0] not in contributed():
-            for name in contributed():
+        """Resolves a command as the base class does. For a misspelt name, imports all commands to suggest
+        one."""
+        if args and args[0] not in installed_commands():
+            for name in installed_commands():
                 self.get_command(ctx, name)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Writes a line for each command, without importing any."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, summary(entry)) for name, entry in contributed().items()])
+            formatter.write_dl(
+                [(name, command_summary(entry)) for name, entry in installed_commands().items()]
+            )
 
 
-def contributed() -> dict[str, EntryPoint]:
-    """Returns the commands of all installed packages by name, the usual ones first."""
+def installed_commands() -> dict[str, EntryPoint]:
+    """Returns the commands of all installed packages by name, in the order of ``_COMMAND_ORDER``, then by
+    name."""
     entries = {entry.name: entry for entry in entry_points(group=GROUP)}
     order = sorted(
         entries,
@@ -78,27 +81,28 @@ def contributed() -> dict[str, EntryPoint]:
     return {name: entries[name] for name in order}
 
 
-def summary(entry: EntryPoint) -> str:
-    """Reads the first line of a command's docstring from its source; empty where there is no source."""
+def command_summary(entry: EntryPoint) -> str:
+    """Reads the first line of a command's docstring from its source. Returns an empty string without
+    source."""
     try:
         spec = importlib.util.find_spec(entry.module)
         tree = ast.parse(Path(spec.origin).read_bytes()) if spec and spec.origin else ast.Module([], [])
     except (ImportError, OSError, SyntaxError, ValueError):
         return ""
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and _is_of(node, entry.attr):
+        if isinstance(node, ast.FunctionDef) and _defines_command(node, entry.attr):
             return (ast.get_docstring(node) or "").partition("\n")[0]
     return ""
 
 
-def _is_of(function: ast.FunctionDef, name: str) -> bool:
-    """Whether a function is the command ``name``, or the callback of the group of commands ``name``."""
+def _defines_command(function: ast.FunctionDef, name: str) -> bool:
+    """Returns True if a function is the command ``name``, or the callback of the command group ``name``."""
     decorators = {ast.unparse(decorator) for decorator in function.decorator_list}
     return function.name == name or f"{name}.callback()" in decorators
 
 
 def _load_command(entry: EntryPoint) -> Any:
-    """The command, or the group of commands, of an entry point."""
+    """Loads the command, or the command group, of an entry point."""
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
     app.callback()(lambda: None)
     command = _load_function(entry)
@@ -111,7 +115,8 @@ def _load_command(entry: EntryPoint) -> Any:
 
 
 def _load_function(entry: EntryPoint) -> Any:
-    """The command's function, or its typer group; where it cannot be imported, a function that says so."""
+    """Loads the command's function, or its typer group. If the import fails, returns a function that raises
+    an error."""
     try:
         return entry.load()
     except ImportError as error:

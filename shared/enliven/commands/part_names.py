@@ -1,4 +1,4 @@
-"""Checks the parts of the body that a command line names, before anything is started."""
+"""Checks the names of body parts on the command line before anything is started."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import typer
 from enliven.errors import InputError
 
 
-def known_parts(texts: list[str] | None) -> list[str] | None:
-    """Returns the texts of --parts, each "legs", or for several performers "legs / torso".
+def check_parts(texts: list[str] | None) -> list[str] | None:
+    """Returns the texts of --parts after checking them: each "legs", or for several performers "legs /
+    torso".
 
     Raises:
-        typer.BadParameter: for a part that no body has, with the nearest one.
+        typer.BadParameter: for an unknown body part. The message suggests the nearest one.
     """
     from enliven.person import parse_parts
 

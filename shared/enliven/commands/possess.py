@@ -1,4 +1,4 @@
-"""enliven possess: a mesh moved by the performers of a recording, who held another one, or none."""
+"""The command ``enliven possess``: lets the performers of a recording move another mesh."""
 
 from __future__ import annotations
 
@@ -79,10 +79,11 @@ def possess(
 
 
 def _read_mesh(spec: str, up: Axis | None) -> tuple[Mesh, bool]:
-    """Returns a mesh, and whether it has to be brought to a person's size: those that ship have it.
+    """Returns a mesh, and True if it must be scaled to a person's size. Shipped meshes have that size
+    already.
 
     Raises:
-        InputError: where it cannot be read.
+        InputError: if the mesh cannot be read.
     """
     from enliven.meshes import load_upright
     from enliven.samples import load_sample

@@ -1,4 +1,4 @@
-"""Several programs as one: started together, watched, and ended together with no orphan left."""
+"""Runs several programs as one: starts, watches and ends them together, without orphan processes."""
 
 from __future__ import annotations
 
@@ -15,38 +15,38 @@ from dataclasses import dataclass
 from typing import IO
 
 PARENT_VARIABLE = "ENLIVEN_PARENT"
-"""The process id of the program that started this one; a child ends when that program is gone."""
+"""Environment variable with the process id of the parent program. A child ends when its parent has ended."""
 
 log = logging.getLogger(__name__)
 
-_FIRST_WAIT_S = 1.0
+_INITIAL_WAIT_S = 1.0
 """Wait before a program is restarted for the first time, in seconds. By then, its port and camera are free
 again."""
 _MAX_WAIT_S = 30.0
-"""Longest wait between two restarts, in seconds. The wait doubles after each restart, so that a program that
+"""Maximum wait between two restarts, in seconds. The wait doubles after each restart, so that a program that
 always fails costs little."""
-_STEADY_S = 60.0
-"""Running time, in seconds, after which a program counts as stable. The wait then begins at its first value
-again."""
+_STABLE_RUN_S = 60.0
+"""Running time, in seconds, after which a program counts as stable. The wait is then reset to its initial
+value."""
 _TERMINATION_GRACE_S = 8.0
-"""Time that ended child processes get before they are killed, in seconds. An edge closes its recording and
-camera in that time."""
+"""Time in seconds from the termination signal to the kill of a child process. An edge closes its recording
+and camera in that time."""
 _POLL_INTERVAL_S = 0.05
-"""Interval between two checks of the child processes, in seconds. An end is noticed at once, and the checks
-cost nothing."""
+"""Interval between two checks of the child processes, in seconds: short enough to react at once, and
+cheap."""
 
 
 @dataclass(frozen=True)
 class Process:
-    """One program of the list.
+    """One program of a run.
 
     Attributes:
-        name: what it is called in messages.
-        arguments: of the ``enliven`` command line.
-        leads: the whole run ends when this one does.
-        again: the arguments with which it is started again after a failure, once all have started; None: its
+        name: its name in messages.
+        arguments: its arguments of the ``enliven`` command line.
+        leads: True if the whole run ends when this program ends.
+        again: the arguments for a restart after a failure, once all programs have started. If None, its
             failure ends the run.
-        ready: the next program of the list is started once this says so.
+        ready: returns True when the next program can be started.
     """
 
     name: str
@@ -57,21 +57,22 @@ class Process:
 
 
 def run_together(processes: Sequence[Process]) -> int:
-    """Runs the programs until the leading one ends, one fails for good, or Ctrl-C; returns the exit code."""
-    with _ended_together() as children:
+    """Runs the programs until the leading one ends, one fails without restart, or Ctrl-C. Returns the exit
+    code."""
+    with _end_together() as children:
         try:
             for process in processes:
                 children.append(start_process(process.arguments))
                 code = _wait_until_ready(process, children[-1])
                 if code is not None:
-                    return _exit_code_of(code)
+                    return _exit_code_from_status(code)
             return _wait_for_exit(processes, children)
         except KeyboardInterrupt:
             return 130
 
 
 def is_listening(host: str, port: int) -> bool:
-    """Whether something accepts connections there."""
+    """Returns True if a program accepts connections at a port."""
     try:
         with socket.create_connection((host, port), timeout=0.2):
             return True
@@ -82,23 +83,25 @@ def is_listening(host: str, port: int) -> bool:
 def start_process(
     arguments: Sequence[str], stderr: IO[str] | None = None, stdout: IO[str] | None = None
 ) -> subprocess.Popen[bytes]:
-    """Starts the ``enliven`` program with arguments, as a child that knows its parent's process id.
+    """Starts the ``enliven`` program with arguments, as a child process that ends with its parent.
 
-    It is born deaf to Ctrl-C, which would end it in the middle of an import: this program ends it.
+    The child ignores Ctrl-C from its start, because Ctrl-C could end it in the middle of an import. The
+    parent ends it instead.
 
     Args:
-        stderr: a file for its messages; None: where this program's own go.
-        stdout: a file for what it prints; None: where this program's own goes.
+        stderr: a file for its messages. None uses the parent's standard error.
+        stdout: a file for its output. None uses the parent's standard output.
     """
     environment = {**os.environ, PARENT_VARIABLE: str(os.getpid())}
-    with _interrupts_held():
+    with _block_interrupts():
         command = [sys.executable, "-m", "enliven", *arguments]
         return subprocess.Popen(command, env=environment, stderr=stderr, stdout=stdout)
 
 
 @contextlib.contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Holds Ctrl-C back until the end of the block; a program started in it never gets one (POSIX)."""
+def _block_interrupts() -> Iterator[None]:
+    """Blocks Ctrl-C (SIGINT) until the end of the block. A program started in the block inherits this
+    (POSIX)."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -110,7 +113,8 @@ def _interrupts_held() -> Iterator[None]:
 
 
 def _wait_until_ready(process: Process, child: subprocess.Popen[bytes]) -> int | None:
-    """Waits until the program is ready and returns None; returns its exit code where it ended before."""
+    """Waits until the program is ready, and returns None. If the program ends before, returns its exit
+    code."""
     while process.ready is not None and not process.ready():
         if child.poll() is not None:
             return child.returncode
@@ -120,12 +124,12 @@ def _wait_until_ready(process: Process, child: subprocess.Popen[bytes]) -> int |
 
 @dataclass
 class _Restarts:
-    """When one program is started again.
+    """The restart times of one program.
 
     Attributes:
-        started: the monotonic second of its last start.
-        wait_s: seconds from its next end to its next start.
-        due: the monotonic second of its next start; None while it runs.
+        started: time of its last start, in seconds of the monotonic clock.
+        wait_s: wait in seconds between its next failure and the restart.
+        due: time of its next start, in seconds of the monotonic clock. None while it runs.
     """
 
     started: float
@@ -133,21 +137,21 @@ class _Restarts:
     due: float | None = None
 
     def plan(self, name: str, code: int) -> None:
-        """Plans the next start of a program that has ended, and says so."""
-        now = time.monotonic()
-        if now - self.started > _STEADY_S:
-            self.wait_s = _FIRST_WAIT_S
-        self.due = now + self.wait_s
+        """Plans the next start of a program that has ended, and logs it."""
+        time_now = time.monotonic()
+        if time_now - self.started > _STABLE_RUN_S:
+            self.wait_s = _INITIAL_WAIT_S
+        self.due = time_now + self.wait_s
         log.warning("the %s has ended %s. It starts again in %g s.", name, _exit_reason(code), self.wait_s)
         self.wait_s = min(2 * self.wait_s, _MAX_WAIT_S)
 
 
 def _wait_for_exit(processes: Sequence[Process], children: list[subprocess.Popen[bytes]]) -> int:
-    """Waits and returns the exit code of the leading program, or of the first that fails for good.
+    """Waits, and returns the exit code of the leading program, or of the first that fails without restart.
 
-    A program with ``again`` that fails is started again, with a growing wait between its starts.
+    A program with ``again`` that fails is restarted, with a growing wait between its starts.
     """
-    restarts = [_Restarts(time.monotonic(), _FIRST_WAIT_S) for _ in processes]
+    restarts = [_Restarts(time.monotonic(), _INITIAL_WAIT_S) for _ in processes]
     while True:
         for number, process in enumerate(processes):
             code = children[number].poll()
@@ -156,7 +160,7 @@ def _wait_for_exit(processes: Sequence[Process], children: list[subprocess.Popen
             if process.leads or process.again is None:
                 if code < 0:
                     log.warning("the %s has ended %s.", process.name, _exit_reason(code))
-                return _exit_code_of(code)
+                return _exit_code_from_status(code)
             restart = restarts[number]
             if restart.due is None:
                 restart.plan(process.name, code)
@@ -167,7 +171,7 @@ def _wait_for_exit(processes: Sequence[Process], children: list[subprocess.Popen
 
 
 def _exit_reason(code: int) -> str:
-    """Returns how a program ended, for a sentence: by which signal, or with which exit code."""
+    """Returns the reason for the end of a program, for a message: the signal or the exit code."""
     if code >= 0:
         return f"with exit code {code}"
     with contextlib.suppress(ValueError):
@@ -176,7 +180,8 @@ def _exit_reason(code: int) -> str:
 
 
 def parent_is_gone() -> bool:
-    """Returns whether the program that started this one has ended (POSIX; elsewhere always False)."""
+    """Returns True if the program that started this one has ended. Always False on other systems than
+    POSIX."""
     parent = os.environ.get(PARENT_VARIABLE)
     return (
         parent is not None
@@ -187,9 +192,9 @@ def parent_is_gone() -> bool:
 
 
 @contextlib.contextmanager
-def _ended_together() -> Iterator[list[subprocess.Popen[bytes]]]:
-    """Yields a list for the children; on leaving, every child is terminated, and killed where it does not
-    end."""
+def _end_together() -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Yields a list for the child processes. At the end of the block, terminates every child, and kills those
+    that do not end."""
     children: list[subprocess.Popen[bytes]] = []
     with terminate_as_interrupt():
         try:
@@ -213,8 +218,8 @@ def terminate_as_interrupt() -> Iterator[None]:
 
 
 def _end_children(children: Sequence[subprocess.Popen[bytes]]) -> None:
-    """Terminates the children that still run, waits, and kills those that remain; a second Ctrl-C does not
-    stop this."""
+    """Terminates the running children, waits, and kills those that remain. A second Ctrl-C does not interrupt
+    this."""
     with contextlib.suppress(ValueError):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     for child in children:
@@ -231,7 +236,7 @@ def _end_children(children: Sequence[subprocess.Popen[bytes]]) -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _exit_code_of(code: int) -> int:
+def _exit_code_from_status(code: int) -> int:
     """Returns a child's exit status as an exit code: 130 if it was interrupted, 1 if it crashed."""
     if code in (-signal.SIGINT, -signal.SIGTERM):
         return 130

@@ -1,4 +1,5 @@
-"""``enliven recover``: copies every whole message of a cut or damaged recording into a new one."""
+"""The command ``enliven recover``: copies all complete messages of a truncated or damaged recording to a new
+one."""
 
 from __future__ import annotations
 
@@ -40,10 +41,10 @@ def recover(
 
 
 def _span_in_words(start_ns: int | None, end_ns: int | None, origin_ns: int) -> str:
-    """Returns a span of time as words, counted from the first moment that was kept."""
+    """Describes a time span, with times relative to the first message that was kept."""
     start, end = (None if t is None else f"{max(0, t - origin_ns) * 1e-9:.3f} s" for t in (start_ns, end_ns))
     if start is None and end is None:
         return "everything"
     if start is None:
-        return f"what came before {end}"
-    return f"whatever came after {start}" if end is None else f"between {start} and {end}"
+        return f"everything before {end}"
+    return f"everything after {start}" if end is None else f"between {start} and {end}"

@@ -1,4 +1,5 @@
-"""enliven retarget: a motion from a file onto a model from another, without a window."""
+"""The command ``enliven retarget``: transfers a motion from a file to a model from another file, without a
+window."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from enliven.commands.example_files import sheet_maker
+from enliven.commands.example_files import find_sheet_function
 from enliven.commands.terminal import say
 from enliven.files import require_folder
 
@@ -99,7 +100,7 @@ def retarget(
 
     exporter = exporter_of(output)
     require_folder(sheet, write_map)
-    draw = sheet_maker("motion") if sheet else None
+    draw = find_sheet_function("motion") if sheet else None
     clip, notes = read_take(take, animation, start, end)
     rig = read_gltf(model, height=height)
     is_own = (
@@ -130,7 +131,7 @@ def retarget(
         play_own_take(rig.shape, clip) if is_own else retarget_shape(rig.shape, clip, plan, clips=rig.clips)
     )
     keyed = is_own and exporter.keyed and rate is None
-    rate = min(1.0 / clip.step, _FAST_ENOUGH) if rate is None else rate
+    rate = min(1.0 / clip.step, _MAX_DEFAULT_RATE_HZ) if rate is None else rate
     if is_looping(clip) and retargeted.duration > 0.0:
         # A loop must end exactly on a frame, so adjust the rate until the duration is a whole number of
         # frames.
@@ -155,63 +156,69 @@ def retarget(
         f"enliven: {len(retargeted.plan.chains)} chains, {how.get(frozenset(modes), 'posed and moved')}, "
         f"{retargeted.duration:.2f} s are in {output}"
     )
-    _tell_quality(retargeted, rig, write_map)
+    _print_quality(retargeted, rig, write_map)
 
 
-def _tell_quality(made: RetargetedShape, rig: Rig, write_map: Path | None) -> None:
-    """Prints how good the motion is, and warns with a better mapping where it has faults that are seen."""
-    from enliven.mapping import idle_limbs, limb_of, next_best, quality_of, write_plan
+def _print_quality(retargeted: RetargetedShape, rig: Rig, write_map: Path | None) -> None:
+    """Prints the quality of the motion. If it has visible faults, warns and suggests a better mapping."""
+    from enliven.mapping import idle_limbs, limb_name, next_best, quality_of, write_plan
 
-    for limb in idle_limbs(made.clip, made.plan):
+    for limb in idle_limbs(retargeted.clip, retargeted.plan):
         mend = "Give it a chain: --write-map writes the mapping to begin with."
         say(f"enliven: the performer's {limb} drives nothing. {mend}", err=True)
-    quality = quality_of(made.project, made.shape_id, made.clip, made.duration, made.plan)
+    quality = quality_of(
+        retargeted.project, retargeted.shape_id, retargeted.clip, retargeted.duration, retargeted.plan
+    )
     say(f"enliven: {quality}")
-    less = {limb_of(c): c.weight for c in made.plan.chains if c.weight < 1.0 and "whole" not in c.role}
-    if less:
-        message = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
+    weight_by_limb = {
+        limb_name(c): c.weight for c in retargeted.plan.chains if c.weight < 1.0 and "whole" not in c.role
+    }
+    if weight_by_limb:
+        message = ", ".join(f"{limb} {weight:.0%}" for limb, weight in weight_by_limb.items())
         say(f"enliven: moved less by the mapping: {message}")
-    if made.limited:
-        count = f"{len(made.limited)} joint{'s' * (len(made.limited) != 1)}"
-        message = f"{count} kept within limits (--no-limits frees them): {', '.join(made.limited)}"
+    if retargeted.limited:
+        count = f"{len(retargeted.limited)} joint{'s' * (len(retargeted.limited) != 1)}"
+        message = f"{count} kept within limits (--no-limits frees them): {', '.join(retargeted.limited)}"
         say(f"enliven: {message}")
-    faults = _exceeded_bounds(quality, made.plan.pin)
+    faults = _exceeded_bounds(quality, retargeted.plan.pin)
     for message in faults:
         say(f"enliven: {message}", err=True)
     if not faults:
         return
-    alternative = next_best(made, rig.shape, quality)
+    alternative = next_best(retargeted, rig.shape, quality)
     if alternative is None:
         message = "no other mapping does better: give those joints less weight (--write-map)"
         say(f"enliven: {message}", err=True)
         return
     message = f"the next best mapping, {alternative.how}: {alternative.quality}"
     if write_map:
-        beside = write_map.with_suffix(f".next{write_map.suffix}")
-        write_plan(alternative.plan, beside)
-        message += f": --map {beside}"
+        alternative_path = write_map.with_suffix(f".next{write_map.suffix}")
+        write_plan(alternative.plan, alternative_path)
+        message += f": --map {alternative_path}"
     say(f"enliven: {message}", err=True)
 
 
 def _exceeded_bounds(quality: MotionQuality, pinned: bool) -> list[str]:
-    """What is beyond its bound, with the joints where it is; ``pinned``: whether feet are held already."""
-    from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH
+    """Returns a sentence for each exceeded bound, with the affected joints. ``pinned`` is True if feet are
+    locked."""
+    from enliven.mapping import MAX_FLOOR_DISTANCE, MAX_INTERSECTION, MAX_SLIDE_CM_S, MAX_STRETCH
 
     sunk, afloat, feet = quality.sunk or 0.0, quality.afloat or 0.0, ", ".join(quality.feet)
     limbs = ", ".join(f"{limb.limb} {limb.median:.0f}\u00b0" for limb in quality.worst_limbs[:4])
     faults = {
         f"limbs point away from the performer's: {limbs}": bool(limbs),
         f"the surface stretches at {', '.join(quality.joints)} (--soften moves limbs less)": quality.stretch
-        > BOUND,
-        f"it goes below the floor at {feet}": sunk > LEVEL,
-        f"it is above the floor at {feet} while the performer stands": afloat > max(LEVEL, sunk),
-        f"feet slide at {feet}{'' if pinned else ' (--pin holds them)'}": (quality.slide or 0.0) > SLIDE,
-        f"parts go through one another: {', '.join(quality.parts)}": quality.through > THROUGH,
+        > MAX_STRETCH,
+        f"it goes below the floor at {feet}": sunk > MAX_FLOOR_DISTANCE,
+        f"it is above the floor at {feet} while the performer stands": afloat > max(MAX_FLOOR_DISTANCE, sunk),
+        f"feet slide at {feet}{'' if pinned else ' (--pin holds them)'}": (quality.slide or 0.0)
+        > MAX_SLIDE_CM_S,
+        f"parts go through one another: {', '.join(quality.parts)}": quality.through > MAX_INTERSECTION,
     }
     return [words for words, is_present in faults.items() if is_present]
 
 
-_FAST_ENOUGH = 60.0
+_MAX_DEFAULT_RATE_HZ = 60.0
 """Maximum frame rate of a GLB if no rate is chosen, in frames per second: the rate of common displays."""
 
 
@@ -234,7 +241,7 @@ def _retarget_plan(
     line."""
     from dataclasses import replace
 
-    from enliven.mapping import Plan, automatic, softened
+    from enliven.mapping import Plan, automatic, soften_plan
     from enliven.settings import load_settings
 
     plan = automatic(clip, rig.shape) if plan is None else plan
@@ -247,7 +254,7 @@ def _retarget_plan(
     if mode != "auto":
         changes["chains"] = tuple(replace(chain, mode=mode) for chain in plan.chains)
     plan = replace(plan, **changes)
-    return softened(plan, clip, rig.shape) if soften else plan
+    return soften_plan(plan, clip, rig.shape) if soften else plan
 
 
 def _is_number(text: str) -> bool:

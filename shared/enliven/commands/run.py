@@ -1,4 +1,4 @@
-"""enliven run: the edge and the viewer as two processes of their own, started and ended together."""
+"""The command ``enliven run``: starts and ends the edge and the viewer together, as two processes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import typer
 
-from enliven.commands.part_names import known_parts
+from enliven.commands.part_names import check_parts
 from enliven.commands.processes import Process, is_listening, run_together
 from enliven.commands.terminal import say
 from enliven.errors import InputError, ResourceError
@@ -18,11 +18,10 @@ from enliven.files import require_folder
 from enliven.wire import free_ports
 
 _FILM_SECONDS = 10.0
-"""Length of a film if no length is given, in seconds. The shipped recording has nine seconds, and this
-includes its end."""
+"""Default length of a film, in seconds. The shipped recording has nine seconds, so its end is included."""
 _COMPILE_TIMEOUT_S = 3600.0
-"""Longest wait for an edge to compile everything, in seconds. On a small machine with much other work, over
-600 s were measured at a load of 10. An edge that fails ends the run at once."""
+"""Maximum wait for an edge to compile all kernels, in seconds. On a small machine with a load of 10, more
+than 600 s were measured. An edge that fails ends the run at once."""
 
 
 def run(
@@ -37,7 +36,7 @@ def run(
     parts: list[str] | None = typer.Option(
         None,
         help="Body parts that possess it: 'legs', 'upper body', ...; by default all.",
-        callback=known_parts,
+        callback=check_parts,
     ),
     out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
     film: bool | None = typer.Option(
@@ -79,7 +78,7 @@ def run(
       enliven run --mesh chair --mesh lamp
       enliven run --mesh CACTUS.toml --recording TAKE.mcap
     """
-    _need_both_programs()
+    _check_programs()
     for label, path in (("recording", recording), ("settings file", settings)):
         if path is not None and not path.exists():
             raise InputError(f"this {label} does not exist", where=str(path), mend="Check the path.")
@@ -94,11 +93,15 @@ def run(
     if as_film:
         out.mkdir(exist_ok=True)
     ports = free_ports()
-    where = {"port": ports[0], "control_port": ports[1]}
-    moves: dict[str, Any] = {"mesh": mesh, "parts": parts, "drive": drive, "physics": physics}
-    moves |= {"possess_at": possess_at, "up": up}
-    source: dict[str, Any] = {"sensor": sensor, "set": option, "recording": None if sensor else recording}
-    source |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
+    port_options = {"port": ports[0], "control_port": ports[1]}
+    mesh_options: dict[str, Any] = {"mesh": mesh, "parts": parts, "drive": drive, "physics": physics}
+    mesh_options |= {"possess_at": possess_at, "up": up}
+    source_options: dict[str, Any] = {
+        "sensor": sensor,
+        "set": option,
+        "recording": None if sensor else recording,
+    }
+    source_options |= {"seconds": seconds, "loop": seconds is None and sensor is None and not as_film}
     # For a film, the edge waits for the viewer before it starts, so that no frame is lost.
     edge_options = {
         "record": record,
@@ -107,22 +110,28 @@ def run(
         "name": f"run-{os.getpid()}",
         "wait_for_viewer": 60,
     }
-    edge = _command_words("edge", **source, **moves, **edge_options, **where)
-    edge_restart = _command_words(
-        "edge", **source, **moves, **{**edge_options, "record": _record_again(record)}, **where
+    edge_command = _command_line("edge", **source_options, **mesh_options, **edge_options, **port_options)
+    edge_restart = _command_line(
+        "edge",
+        **source_options,
+        **mesh_options,
+        **{**edge_options, "record": _restart_take_path(record)},
+        **port_options,
     )
     film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_COMPILE_TIMEOUT_S:g}"}
-    view = _command_words("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
+    view_command = _command_line(
+        "view", edge=["127.0.0.1"], **(film_to if as_film else {}), **port_options, size=size
+    )
     # Before the edge listens, it compiles its kernels and prepares the mesh. The very first time this takes a
     # minute.
     processes = [
         Process(
             "edge",
-            edge,
+            edge_command,
             again=None if as_film else edge_restart,
             ready=lambda: as_film or is_listening("127.0.0.1", ports[0]),
         ),
-        Process("viewer", view, leads=True),
+        Process("viewer", view_command, leads=True),
     ]
     code = run_together(processes)
     if code:
@@ -131,21 +140,21 @@ def run(
         say(f"enliven: the film is {out / 'enliven.mp4'}, the contact sheet {out / 'enliven.png'}")
 
 
-def _record_again(record: Path | None) -> Path | None:
-    """Returns where an edge that is started again keeps its take: the take before stays."""
+def _restart_take_path(record: Path | None) -> Path | None:
+    """Returns the path for the take of a restarted edge. The take before the restart is kept."""
     if record is None or "{number}" in record.name or "{time}" in record.name:
         return record
     return record.with_stem(f"{record.stem}-restart{{number}}")
 
 
 def has_display() -> bool:
-    """Returns whether a window can be opened on this machine."""
+    """Returns True if a window can be opened on this machine."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _need_both_programs() -> None:
+def _check_programs() -> None:
     for package, name in (("enliven_edge", "enliven-edge"), ("enliven_viewer", "enliven-viewer")):
         if importlib.util.find_spec(package) is None:
             raise ResourceError(
@@ -154,8 +163,9 @@ def _need_both_programs() -> None:
             )
 
 
-def _command_words(program: str, /, **options: Any) -> list[str]:
-    """Returns a command line: None and False are left out, True is an option alone, a list several of one."""
+def _command_line(program: str, /, **options: Any) -> list[str]:
+    """Returns a command line. None and False are left out, True gives an option without a value, and a list
+    repeats it."""
     words = [program]
     for option, value in options.items():
         for item in value if isinstance(value, list) else [value]:

@@ -1,7 +1,7 @@
-"""Output of commands: lines, tables and progress in which text from outside stays text.
+"""Output of commands: lines, tables and progress bars in which foreign text is escaped.
 
-File names, names of devices and of characters, and words of other programs may hold terminal escapes, line
-ends or the markup of rich. Every command prints by this module, so none of them has an effect.
+File names, names of devices and characters, and output of other programs may contain terminal escapes, line
+ends or the markup of rich. Every command prints through this module, so that none of these has an effect.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
 
 
 def say(line: str, *, err: bool = False) -> None:
-    """Prints one line; whatever is not shown as itself is written as an escape sequence.
+    """Prints one line. Characters that are not printable are written as escape sequences.
 
     Args:
-        err: to standard error.
+        err: True to print to standard error.
     """
     typer.echo(escape_text(line), err=err)
 
 
 def plain_console(*, err: bool = False) -> Console:
-    """Returns a console that takes no markup or emoji codes from strings.
+    """Returns a console that does not interpret markup or emoji codes in strings.
 
     Args:
-        err: it writes to standard error.
+        err: True to write to standard error.
     """
     from rich.console import Console
 
@@ -41,14 +41,14 @@ def plain_console(*, err: bool = False) -> Console:
 
 
 def plain_text(line: str, style: str = "") -> Text:
-    """Returns text of one line for a table, with whatever is not shown as itself escaped."""
+    """Returns one line of text for a table, with unprintable characters escaped."""
     from rich.text import Text
 
     return Text(escape_text(line), style)
 
 
 def facts_table(facts: Iterable[tuple[str, ...]]) -> Table:
-    """Returns facts, each with its name, as a table without lines."""
+    """Returns rows of text as a table without lines."""
     from rich.table import Table
 
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
@@ -58,16 +58,17 @@ def facts_table(facts: Iterable[tuple[str, ...]]) -> Table:
 
 
 def progress_lines(*formats: str, console: Console | None = None, bar: bool = False) -> Progress:
-    """Returns a display of work on standard error, or on ``console``; it vanishes at the end.
+    """Returns a progress display on standard error, or on ``console``. It disappears at the end.
 
     Args:
-        formats: texts with a task's values, such as "{task.description}"; the values are escaped.
-        bar: whether it shows the share that is done.
+        formats: texts with placeholders for a task's values, such as "{task.description}". The values are
+            escaped.
+        bar: True to show a progress bar.
     """
     from rich.progress import BarColumn, Progress, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
 
     class PlainColumn(TextColumn):
-        """A text column that takes no markup, and escapes the values of its task."""
+        """A text column that does not interpret markup, and escapes the values of its task."""
 
         def render(self, task: Task) -> Text:
             return plain_text(super().render(task).plain)

@@ -1,7 +1,8 @@
-"""Deformation of meshes: skinning, and sphere proxies of a moving mesh for a physics engine.
+"""Deformation of meshes: solvers, skinning, and sphere proxies of a moving mesh for a physics engine.
 
-The solvers are subpackages: ``graph`` (shared by both), ``embedded`` (KinÊtre), ``arap`` (squash and stretch)
-and ``constraints``. :mod:`enliven.possession` attaches performers to them.
+The two solvers are the subpackages ``embedded`` (KinÊtre) and ``arap`` (squash and stretch). Both use
+``graph``, and ``embedded`` also uses ``constraints``. :mod:`enliven.possession` attaches performers to the
+meshes.
 """
 
 import lazy_loader

@@ -1,11 +1,10 @@
 """Skinning on the CPU: the deformation map of KinÊtre, eq. 2, for vertices.
 
-The viewer does the same in its vertex shader; this module is for export, tests and collision. It uses one
-thread, because numba's parallel loops end the process if two threads enter them at once and OpenMP is
-missing.
+The viewer does the same in its vertex shader. This module is for export, tests and collision. It uses one
+thread: without OpenMP, Numba's parallel loops abort the process if two threads enter them at once.
 
-Tried without success: blending the four matrices before applying them to the vertex, rows padded to four
-floats, and sums of a fixed array. All were slower than the plain loop (by a quarter to a half).
+Three variants were slower than the plain loop by a quarter to a half: blending the four matrices before
+applying them to the vertex, rows padded to four floats, and sums over a fixed array.
 """
 
 from __future__ import annotations

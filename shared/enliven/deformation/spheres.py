@@ -25,7 +25,7 @@ _RADIUS_GROWTH_FACTOR = 1.12
 """Growth factor of the radius if there are too many spheres."""
 _COVERED_RADIUS_FACTOR = 1.0 + 1e-9
 """Factor on the radius within which a point counts as covered, to tolerate rounding errors."""
-_MOST_SAMPLES = 4_000_000
+_MAX_SAMPLES = 4_000_000
 """Maximum number of samples of large faces. It bounds the memory for a mesh with faces far larger than the
 spheres."""
 
@@ -124,7 +124,7 @@ def pack_spheres(
             break
         radius *= _RADIUS_GROWTH_FACTOR
     of, share = character.skin.indices.astype(np.int64), character.skin.weights.astype(np.float64)
-    indices, weights = _four_nodes(of, share, rows[chosen], shares[chosen])
+    indices, weights = _strongest_nodes(of, share, rows[chosen], shares[chosen])
     pivots = np.ascontiguousarray(character.pivots, np.float64)
     return SphereProxies(radius, np.ascontiguousarray(inner[chosen]), indices, weights, pivots)
 
@@ -153,7 +153,7 @@ def surface_samples(vertices: Float, faces: Int32, spacing: float) -> tuple[Int,
     longest = edge_lengths(vertices, faces).max(1)
     parts = np.ceil(longest / spacing).astype(np.int64)
     large = np.flatnonzero(parts > 1)
-    share = min(1.0, np.sqrt(_MOST_SAMPLES / max(1.0, float((parts[large].astype(float) ** 2).sum() / 2))))
+    share = min(1.0, np.sqrt(_MAX_SAMPLES / max(1.0, float((parts[large].astype(float) ** 2).sum() / 2))))
     rows, shares = [at], [whole]
     for count in np.unique(parts[large]):
         grid = _barycentric_grid(max(2, int(count * share)))
@@ -178,7 +178,7 @@ def _interpolated_values(values: Float, rows: Int, shares: Float) -> Float:
     return np.asarray(sum(shares[:, c, None] * values[rows[:, c]] for c in range(3)))
 
 
-def _four_nodes(nodes: Int, weights: Float, rows: Int, shares: Float) -> tuple[UInt16, Float]:
+def _strongest_nodes(nodes: Int, weights: Float, rows: Int, shares: Float) -> tuple[UInt16, Float]:
     """Returns (S, 4) nodes and weights of points between vertices: the strongest four of up to twelve."""
     indices = np.zeros((len(rows), 4), np.uint16)
     kept = np.zeros((len(rows), 4))

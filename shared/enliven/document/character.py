@@ -15,7 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, Int32, UInt8, UInt16
 from enliven.errors import InputError
-from enliven.meshes import MeshMaterials, wrong_stiffness
+from enliven.meshes import MeshMaterials, stiffness_error
 
 if TYPE_CHECKING:
     from enliven.document.surface_settings import ArapSettings
@@ -92,7 +92,7 @@ def _problem_of(character: Character) -> str:
         return f"{len(character.materials.of)} faces have materials, expected {len(character.faces)}"
     if character.colours is not None and character.colours.shape != (vertices, 3):
         return f"the colours are {character.colours.shape}, expected ({vertices}, 3)"
-    if character.stiffness is not None and (wrong := wrong_stiffness(character.stiffness, vertices)):
+    if character.stiffness is not None and (wrong := stiffness_error(character.stiffness, vertices)):
         return wrong
     if (character.kind == "points") != (character.held is not None):
         return f"its kind is {character.kind!r}, and the vertices that are held are {character.held}"

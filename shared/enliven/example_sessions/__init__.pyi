@@ -1,4 +1,4 @@
-from .mesh import fitted as fitted
+from .mesh import fit_mesh as fit_mesh
 from .session import Session as Session, read_session as read_session
 from .tables import MeshTable as MeshTable, TakeTable as TakeTable
 from .take import write_puppet_take as write_puppet_take

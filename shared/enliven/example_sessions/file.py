@@ -38,36 +38,38 @@ class SessionFile:
             raise InputError("it has no [mesh]", where=str(path), mend='Add [mesh] file = "...".')
 
     def has(self, name: str) -> bool:
-        """Returns whether the file has a table of that name."""
+        """Returns True if the file has a table of that name."""
         return name in self._found
 
-    def one(self, name: str, kind: type[T]) -> T:
-        """Returns a table that may occur at most once; its default values if it is missing."""
+    def read_table(self, name: str, kind: type[T]) -> T:
+        """Returns a table that may occur at most once. If it is missing, returns its default values."""
         value = self._found.get(name, {})
         if not isinstance(value, Mapping):
             mend = f"Write [{name}], once."
             raise InputError(f"{name} must be one table", where=str(self._path), mend=mend)
-        return self.table(f"[{name}]", kind, value)
+        return self.parse_table(f"[{name}]", kind, value)
 
-    def many(self, name: str) -> list[tuple[str, Mapping[str, Any]]]:
+    def read_tables(self, name: str) -> list[tuple[str, Mapping[str, Any]]]:
         """Returns tables that may occur several times, each with its name for error messages."""
         return [
             (f"[[{name}]] {n}", table) for n, table in enumerate(self._table_list(self._found, name, ""), 1)
         ]
 
-    def inner(self, where: str, table: Mapping[str, Any], name: str, kind: type[T]) -> list[T]:
+    def read_inner_tables(self, where: str, table: Mapping[str, Any], name: str, kind: type[T]) -> list[T]:
         """Returns the tables of a kind inside another table."""
         inner_tables = enumerate(self._table_list(table, name, f", {where}"), 1)
         return [
-            self.table(f"{where}, {name} {number}", kind, inner_table) for number, inner_table in inner_tables
+            self.parse_table(f"{where}, {name} {number}", kind, inner_table)
+            for number, inner_table in inner_tables
         ]
 
-    def table(self, where: str, kind: type[T], value: Mapping[str, Any]) -> T:
+    def parse_table(self, where: str, kind: type[T], value: Mapping[str, Any]) -> T:
         """Returns a table's values as an instance of the settings class ``kind``."""
         return load_settings(kind, value, where=f"{self._path}, {where}")
 
-    def said(self, where: str, step: Callable[P, None], *values: P.args, **named: P.kwargs) -> None:
-        """Runs a step. If it raises an InputError, reports the error as one in this table."""
+    def locate_errors(self, where: str, step: Callable[P, None], *values: P.args, **named: P.kwargs) -> None:
+        """Runs a step, and adds the name of the table to the location of an InputError that the step
+        raises."""
         try:
             step(*values, **named)
         except InputError as error:
@@ -89,7 +91,7 @@ class SessionFile:
         return self._path.parent / Path(text).expanduser()
 
     def _table_list(self, found: Mapping[str, Any], name: str, where: str) -> list[Mapping[str, Any]]:
-        """Returns the tables of an array of tables; an empty list if it is missing."""
+        """Returns the tables of an array of tables, or an empty list if it is missing."""
         value = found.get(name, [])
         if not isinstance(value, list) or not all(isinstance(item, Mapping) for item in value):
             mend = f"Write [[{name}]] for each."

@@ -23,7 +23,7 @@ class SessionMesh(NamedTuple):
     notes: list[str]
 
 
-def mesh_of(table: MeshTable, path: Path) -> SessionMesh:
+def load_session_mesh(table: MeshTable, path: Path) -> SessionMesh:
     """Loads the mesh that a table describes from the file at ``path``.
 
     Raises:
@@ -32,13 +32,13 @@ def mesh_of(table: MeshTable, path: Path) -> SessionMesh:
     if path.suffix.lower() == ".enliven":
         project = read_project(path)
         puppet = project.puppet(table.puppet or next(iter(project.puppets), ""))
-        return SessionMesh(fitted(puppet.mesh, table), puppet.id, [])
+        return SessionMesh(fit_mesh(puppet.mesh, table), puppet.id, [])
     mesh, notes = load_mesh(path)
-    return SessionMesh(fitted(mesh, table), path.stem, notes)
+    return SessionMesh(fit_mesh(mesh, table), path.stem, notes)
 
 
-def fitted(mesh: Mesh, table: MeshTable) -> Mesh:
-    """Returns the mesh upright, scaled to the table's height, and standing on the floor. The mesh of a
+def fit_mesh(mesh: Mesh, table: MeshTable) -> Mesh:
+    """Returns the mesh upright, scaled to the table's height, and standing on the floor. A mesh from a
     project is returned unchanged."""
     if Path(table.file).suffix.lower() != ".enliven" or table.height is not None or table.up != "y":
         axis = "xyz".index(table.up)

@@ -43,10 +43,10 @@ import numpy as np
 from enliven.document import Plane, Project, Puppet, RootLayer, keyed_clip, unused
 from enliven.errors import InputError
 from enliven.example_sessions.file import SessionFile
-from enliven.example_sessions.mesh import mesh_of, nearest_vertex
+from enliven.example_sessions.mesh import load_session_mesh, nearest_vertex
 from enliven.example_sessions.tables import (
-    INSIDE,
-    ROOT_INSIDE,
+    INNER_TABLES,
+    ROOT_INNER_TABLES,
     LayerTable,
     MeshTable,
     PointTable,
@@ -108,32 +108,48 @@ class _Reader:
 
     def session(self) -> Session:
         """Reads the whole session."""
-        file, mesh = self._file, self._file.one("mesh", MeshTable)
-        file.said("[mesh]", self._read_mesh, mesh)
-        for where, take in file.many("take"):
-            file.said(where, self._read_take, file.table(where, TakeTable, take))
-        for where, point in file.many("point"):
-            file.said(where, self._read_point, file.table(where, PointTable, point))
-        for where, pose in file.many("pose"):
-            file.said(where, self._read_pose, file.table(where, PoseTable, pose))
+        file, mesh = self._file, self._file.read_table("mesh", MeshTable)
+        file.locate_errors("[mesh]", self._read_mesh, mesh)
+        for table_name, take in file.read_tables("take"):
+            file.locate_errors(table_name, self._read_take, file.parse_table(table_name, TakeTable, take))
+        for table_name, point in file.read_tables("point"):
+            file.locate_errors(table_name, self._read_point, file.parse_table(table_name, PointTable, point))
+        for table_name, pose in file.read_tables("pose"):
+            file.locate_errors(table_name, self._read_pose, file.parse_table(table_name, PoseTable, pose))
         if file.has("symmetry"):
-            file.said("[symmetry]", self._read_symmetry, file.one("symmetry", SymmetryTable))
+            file.locate_errors("[symmetry]", self._read_symmetry, file.read_table("symmetry", SymmetryTable))
         self._read_settings()
-        for where, layer in file.many("layer"):
-            layer_table = file.table(where, LayerTable, {k: v for k, v in layer.items() if k not in INSIDE})
-            file.said(where, self._read_layer, layer_table, self._layer_contents(where, layer, INSIDE))
-        for where, root in file.many("root"):
-            root_table = file.table(where, RootTable, {k: v for k, v in root.items() if k not in ROOT_INSIDE})
-            file.said(where, self._read_root, root_table, self._layer_contents(where, root, ROOT_INSIDE))
+        for table_name, layer in file.read_tables("layer"):
+            layer_table = file.parse_table(
+                table_name, LayerTable, {k: v for k, v in layer.items() if k not in INNER_TABLES}
+            )
+            file.locate_errors(
+                table_name,
+                self._read_layer,
+                layer_table,
+                self._layer_contents(table_name, layer, INNER_TABLES),
+            )
+        for table_name, root in file.read_tables("root"):
+            root_table = file.parse_table(
+                table_name, RootTable, {k: v for k, v in root.items() if k not in ROOT_INNER_TABLES}
+            )
+            file.locate_errors(
+                table_name,
+                self._read_root,
+                root_table,
+                self._layer_contents(table_name, root, ROOT_INNER_TABLES),
+            )
         return Session(self._project, self._name, tuple(self._notes), mesh, self._takes)
 
     def _read_mesh(self, table: MeshTable) -> None:
-        own = self._file.one("puppet", PuppetTable)
-        mesh, name, notes = mesh_of(table, self._file.beside(table.file))
+        puppet_table = self._file.read_table("puppet", PuppetTable)
+        mesh, name, notes = load_session_mesh(table, self._file.beside(table.file))
         self._notes += notes
-        self._name = own.name or name
+        self._name = puppet_table.name or name
         self._project = make_puppet(self._project, mesh, self._name)
-        self._store_puppet(self._puppet.with_changes(place=np.array(own.place), turn=np.array(own.turn)))
+        self._store_puppet(
+            self._puppet.with_changes(place=np.array(puppet_table.place), turn=np.array(puppet_table.turn))
+        )
 
     def _read_take(self, table: TakeTable) -> None:
         path = self._file.beside(table.file)
@@ -181,7 +197,7 @@ class _Reader:
         self._project = set_symmetry(self._project, self._name, plane)
 
     def _read_settings(self) -> None:
-        settings = self._file.one("settings", SettingsTable)
+        settings = self._file.read_table("settings", SettingsTable)
         self._store_puppet(
             self._puppet.with_changes(
                 surface=settings.surface, examples=settings.examples, locomotion=settings.locomotion
@@ -212,13 +228,13 @@ class _Reader:
         self._store_puppet(self._puppet.with_changes(root_layers=(*self._puppet.root_layers, layer)))
 
     def _layer_contents(
-        self, where: str, layer: Mapping[str, Any], inside: Mapping[str, tuple[str, type]]
+        self, table_name: str, layer: Mapping[str, Any], inside: Mapping[str, tuple[str, type]]
     ) -> dict[str, Any]:
         """Returns the clips, keys, constraints and switches in a layer's table."""
         attributes = {}
         for name, (attribute, kind) in inside.items():
             if name in layer:
-                attributes[attribute] = tuple(self._file.inner(where, layer, name, kind))
+                attributes[attribute] = tuple(self._file.read_inner_tables(table_name, layer, name, kind))
         return attributes
 
     def _take_named(self, name: str) -> str:

@@ -20,7 +20,7 @@ from enliven.document import (
 )
 from enliven.settings import setting
 
-Three = tuple[float, float, float]
+Vector3 = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class PuppetTable:
     """[puppet]"""
 
     name: str = setting("", "Name of the puppet. Empty: the mesh's name.")
-    place: Three = setting((0.0, 0.0, 0.0), "Position of the puppet in the world.", unit="m")
+    place: Vector3 = setting((0.0, 0.0, 0.0), "Position of the puppet in the world.", unit="m")
     turn: tuple[float, float, float, float] = setting(
         (1.0, 0.0, 0.0, 0.0), "Rotation of the puppet as a quaternion w, x, y, z."
     )
@@ -68,7 +68,7 @@ class PointTable:
 
     name: str = setting("", "Name of the control point.")
     vertex: int | None = setting(None, "Vertex number of the control point in the mesh.", low=0)
-    at: Three | None = setting(
+    at: Vector3 | None = setting(
         None, "Position instead of a vertex number: the nearest vertex is used.", unit="m"
     )
     joint: str = setting("", "Joint of the performer that the control point follows.")
@@ -83,10 +83,10 @@ class PoseTable:
     take: str = setting("", "Take with the performer's pose. Empty: the first take.")
     time: float | None = setting(None, "Time of the performer's pose.", unit="s")
     frame: int | None = setting(None, "Frame of the performer's pose, instead of a time.")
-    places: dict[str, Three] | None = setting(
+    places: dict[str, Vector3] | None = setting(
         None, "Positions of control points by name. Others stay at rest."
     )
-    moves: dict[str, Three] | None = setting(
+    moves: dict[str, Vector3] | None = setting(
         None, "Displacements of control points from rest by name, instead of positions."
     )
 
@@ -96,8 +96,8 @@ class SymmetryTable:
     """[symmetry]"""
 
     find: bool = setting(False, "Detects the mesh's own symmetry plane.")
-    point: Three = setting((0.0, 0.0, 0.0), "Point on the symmetry plane.", unit="m")
-    normal: Three = setting((1.0, 0.0, 0.0), "Normal of the symmetry plane.")
+    point: Vector3 = setting((0.0, 0.0, 0.0), "Point on the symmetry plane.", unit="m")
+    normal: Vector3 = setting((1.0, 0.0, 0.0), "Normal of the symmetry plane.")
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class LayerTable:
     )
 
 
-INSIDE: dict[str, tuple[str, type]] = {
+INNER_TABLES: dict[str, tuple[str, type]] = {
     "clip": ("segments", Segment),
     "position": ("positions", Position),
     "velocity": ("velocities", Velocity),
@@ -141,9 +141,9 @@ INSIDE: dict[str, tuple[str, type]] = {
 """[[layer.clip]] and the other tables inside a layer: the attribute that each one sets, and its type."""
 
 
-ROOT_INSIDE: dict[str, tuple[str, type]] = {
+ROOT_INNER_TABLES: dict[str, tuple[str, type]] = {
     "key": ("keys", MotionKey),
-    **{name: INSIDE[name] for name in ("clip", "weight_key", "speed_key")},
+    **{name: INNER_TABLES[name] for name in ("clip", "weight_key", "speed_key")},
 }
 """[[root.key]] and the other tables inside a root layer. The keys belong to the layer's take."""
 
@@ -155,7 +155,7 @@ class RootTable:
     take: str = setting(
         "", "Name of the take with the root's keys. Without keys: the take that moves the root."
     )
-    about: Three = setting((0.0, 0.0, 0.0), "World position about which the root turns.", unit="m")
+    about: Vector3 = setting((0.0, 0.0, 0.0), "World position about which the root turns.", unit="m")
     basis: tuple[float, float, float, float] = setting(
         (1.0, 0.0, 0.0, 0.0), "Rotation of the puppet after its keys were made, as a quaternion w, x, y, z."
     )

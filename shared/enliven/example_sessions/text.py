@@ -20,8 +20,8 @@ import numpy as np
 from enliven.document import KeyPose, MotionKey, Project, Puppet, PuppetLayer, RootLayer
 from enliven.errors import InputError
 from enliven.example_sessions.tables import (
-    INSIDE,
-    ROOT_INSIDE,
+    INNER_TABLES,
+    ROOT_INNER_TABLES,
     LayerTable,
     MeshTable,
     RootTable,
@@ -63,7 +63,9 @@ def write_session(
     refuse_later_toml(path)
     puppet = project.puppet(puppet_id)
     roots = {layer.take: project.takes[layer.take] for layer in puppet.root_layers}
-    used = list(dict.fromkeys([*takes_of(puppet), *(name for name, clip in roots.items() if not clip.keys)]))
+    used = list(
+        dict.fromkeys([*used_takes(puppet), *(name for name, clip in roots.items() if not clip.keys)])
+    )
     beside = path.with_suffix(".enliven")
     if mesh is None or not set(used) <= set(takes):
         kept = {name: project.takes[name] for name in used}
@@ -109,7 +111,7 @@ def session_text(
     return "\n".join(lines) + "\n"
 
 
-def takes_of(puppet: Puppet) -> list[str]:
+def used_takes(puppet: Puppet) -> list[str]:
     """Returns the IDs of the takes of key poses and layers, each once."""
     return list(
         dict.fromkeys([*(pose.take for pose in puppet.poses), *(layer.take for layer in puppet.layers)])
@@ -131,7 +133,7 @@ def _pose_lines(pose: KeyPose, puppet: Puppet) -> list[str]:
 def _layer_lines(layer: PuppetLayer) -> list[str]:
     """Returns the lines of a layer and of the tables inside it. Arrays of tables come last."""
     lines = ["[[layer]]", *_changed_value_lines(layer, LayerTable)]
-    inner = {name: getattr(layer, attribute) for name, (attribute, _) in INSIDE.items()}
+    inner = {name: getattr(layer, attribute) for name, (attribute, _) in INNER_TABLES.items()}
     # An empty list of switches is written explicitly. If the entry is missing, the switches are detected.
     lines += ["switch = []"] if inner["switch"] == () else []
     return lines + _inner_table_lines("layer", inner)
@@ -139,7 +141,9 @@ def _layer_lines(layer: PuppetLayer) -> list[str]:
 
 def _root_layer_lines(layer: RootLayer, keys: Sequence[MotionKey]) -> list[str]:
     """Returns the lines of a root layer. If several layers play the same keys, these are written once."""
-    inner = {name: getattr(layer, attribute) for name, (attribute, _) in ROOT_INSIDE.items() if name != "key"}
+    inner = {
+        name: getattr(layer, attribute) for name, (attribute, _) in ROOT_INNER_TABLES.items() if name != "key"
+    }
     return [
         "[[root]]",
         *_changed_value_lines(layer, RootTable),
@@ -179,14 +183,14 @@ def _changed_lines(values: Any) -> list[str]:
 
 def _settings_lines(title: str, values: Any, usual: Any) -> list[str]:
     """Returns the lines of settings that differ from their defaults, including nested groups."""
-    groups, own = list[str](), list[str]()
+    groups, own_lines = list[str](), list[str]()
     for field in dataclasses.fields(values):
         value, default = getattr(values, field.name), getattr(usual, field.name)
         if dataclasses.is_dataclass(value):
             groups += _settings_lines(f"{title}.{field.name}", value, default)
         elif value != default:
-            own.append(f"{field.name} = {_as_toml(value)}")
-    return (["", f"[{title}]", *own] if own else []) + groups
+            own_lines.append(f"{field.name} = {_as_toml(value)}")
+    return (["", f"[{title}]", *own_lines] if own_lines else []) + groups
 
 
 def _as_toml(value: Any) -> str:

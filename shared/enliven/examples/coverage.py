@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.document import Project, Puppet
-from enliven.examples.puppet_examples import material_of
-from enliven.examples.puppet_solve import seen_by
+from enliven.examples.puppet_examples import collect_material
+from enliven.examples.puppet_solve import convert_to_reference
 from enliven.examples.suggest import distance_to
 
 _SAME_POSE_DISTANCE = 1e-3
@@ -21,9 +21,9 @@ class Coverage:
 
     Attributes:
         take: id of the take.
-        gap: metres, a root mean square over the joints: the largest distance of a pose from its nearest
-            example.
-        frame, time: frame and seconds of that pose, in the take.
+        gap: the largest distance of a pose from its nearest example, in metres (root mean square over the
+            joints).
+        frame, time: frame and time in seconds of that pose in the take.
         share: the gap divided by the largest distance between two examples.
     """
 
@@ -40,14 +40,14 @@ class Coverage:
         )
 
 
-def coverage_of(project: Project, puppet: Puppet, layer: int) -> Coverage:
+def measure_coverage(project: Project, puppet: Puppet, layer: int) -> Coverage:
     """Computes how well the examples cover the take of a layer.
 
     Raises:
         InputError: if data is missing.
     """
-    material = material_of(project, puppet, puppet.layers[layer])
-    examples, took = seen_by(material)
+    material = collect_material(project, puppet, puppet.layers[layer])
+    examples, took = convert_to_reference(material)
     away = distance_to(took.poses, examples.sources)
     frame = int(away.argmax())
     apart = max(float(distance_to(examples.sources, pose[None]).max()) for pose in examples.sources)
@@ -55,9 +55,9 @@ def coverage_of(project: Project, puppet: Puppet, layer: int) -> Coverage:
     return Coverage(puppet.layers[layer].take, gap, frame, frame * took.step, gap / apart)
 
 
-def unposed(puppet: Puppet) -> tuple[str, ...]:
-    """Returns a sentence if all key poses are equal because none has been posed yet. Otherwise returns
-    nothing."""
+def describe_unposed(puppet: Puppet) -> tuple[str, ...]:
+    """Returns a sentence if all key poses are equal, because none has been posed yet. Otherwise the result is
+    empty."""
     if len(puppet.poses) < 2:
         return ()
     near = _SAME_POSE_DISTANCE * float(np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0)))

@@ -1,9 +1,9 @@
 """Example-based retargeting during a live performance: frame by frame, with a fixed small lag.
 
 Each new pose is solved together with the frames that are not shown yet. Shown frames are held fixed, so that
-the motion never jumps back. The control points of a frame are returned ``lag`` frames after its pose; later
-poses hardly change them by then. If a motion ends within the lag, its frames are exactly those of the batch
-solution.
+the motion never jumps back. The control points of a frame are returned ``lag`` frames after its pose, because
+still later poses hardly change them. If a motion ends within the lag, its frames are exactly those of the
+batch solution.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ _AFFECTED_FRAMES = 2
 
 
 class LiveExamples:
-    """The control points while the performer moves.
+    """A solver that returns the control points while the performer moves.
 
     Args:
         mapping: the retargeting by the examples.
         step: seconds between frames.
-        lag: frames from a pose to its control points; 0 answers at once.
+        lag: number of frames from a pose to the return of its control points. 0 returns them at once.
     """
 
     def __init__(self, mapping: ExampleMap, step: float, lag: int = 3) -> None:
@@ -59,7 +59,7 @@ class LiveExamples:
         return np.asarray(self.mapping.in_metres(places[:, held : held + 1])[0])
 
     def finish(self) -> Float:
-        """Returns (L, P, 3) metres, the control points that are still due, and resets the state."""
+        """Returns (L, P, 3) metres, the control points of the remaining frames, and resets the state."""
         held = self._out.shape[1]
         due = (
             self.mapping.in_metres(self._solve_points(self._poses)[:, held:])

@@ -16,7 +16,7 @@ from enliven.arrays import Float
 from enliven.document import Constraint, ExampleSettings, names_in
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
-from enliven.examples.spacetime import Conditions, Nearest, Nodes, Solution, conditions_of, solve
+from enliven.examples.spacetime import Conditions, Nearest, Nodes, Solution, convert_constraints, solve
 
 _ERROR_PLACE = "poses"
 
@@ -54,7 +54,7 @@ class ExampleMap:
                 and for constraints that contradict one another.
         """
         poses = self.checked(poses)
-        conditions = conditions_of(constraints, self.examples, len(poses), step)
+        conditions = convert_constraints(constraints, self.examples, len(poses), step)
         if known is None:
             return self.in_metres(self.solution(poses, conditions, step, workers).places)
         named = sorted(

@@ -21,11 +21,12 @@ import scipy
 from enliven.arrays import Float, Int
 from enliven.document import Clip, Skeleton
 from enliven.examples.performer import performed
-from enliven.examples.puppet_examples import Weak
-from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, turned_about_y
+from enliven.examples.puppet_examples import IdentityKey
+from enliven.mapping import Anatomy, SkeletonLimb, anatomy_of, rotate_about_y
 
 _LIMB_MIDDLE_COST = 0.65
-"""Cost, in widths and heights, of following the middle of a limb. The end of a limb costs nothing."""
+"""Cost of a joint in the middle of a limb. Costs are distances, in widths and heights of the body. The end of
+a limb costs nothing."""
 _TRUNK_COST = 0.5
 """Cost of following the trunk, which moves less than a limb."""
 _OTHER_JOINT_COST = 0.9
@@ -41,7 +42,8 @@ _WRONG_SIDE_COST = 0.3
 """Cost of following a side joint from the middle, or a middle joint from a side. The opposite side costs
 twice that."""
 _MAX_POST_HALF_WIDTH = 0.1
-"""Maximum half width, in heights, of a mesh that counts as a post without sides."""
+"""Maximum half width of a mesh that counts as a post without left and right side, as a fraction of its
+height."""
 _BASE_HEIGHT_FRACTION = 0.1
 """Fraction of the height below which a control point is at the base of a mesh."""
 _MIN_DEPTH_RATIO = 1.5
@@ -49,16 +51,16 @@ _MIN_DEPTH_RATIO = 1.5
 _MIN_JOINT_MOTION = 0.01
 """A joint is still if it moves less than this fraction of body height relative to the hips."""
 _MIN_UPRIGHT_RATIO = 0.6
-"""Minimum ratio of height to length for a mesh without two feet to stand on one. A fish is longer."""
+"""Minimum ratio of height to length of a mesh that stands on a single foot. A fish is longer."""
 _LAST_RESORT_COST = 1000.0
 """Cost of a joint that is chosen only if no other joint is left."""
 _SIDE_WIDTH_FRACTION = 0.15
-"""Fraction of half the width beyond which a position is on a side."""
+"""Minimum distance of a position on a side from the middle, as a fraction of half the width."""
 _WRONG_GROUND_COST = 0.3
 """Cost of a foot joint for a point above the ground, and of another joint for a point on it, if the feet
 move."""
 _STILL_JOINT_COST = 0.8
-"""Cost, in widths and heights, of a joint that hardly moves. The joint that moves most costs nothing."""
+"""Cost of a joint that hardly moves. The joint that moves most costs nothing."""
 _SAME_END_COST = 5.0
 """Cost of a wrist or a finger relative to the end of the hand, which moves in the same way."""
 _CROSSED_SIDES_COST = 100.0
@@ -95,11 +97,11 @@ class JointMotion:
 
 def joint_motion(clip: Clip) -> JointMotion:
     """Returns how much each joint moves in a take, from a cache if possible."""
-    return _take_motion(Weak(clip))
+    return _take_motion(IdentityKey(clip))
 
 
 @lru_cache(maxsize=_CACHED_TAKES)
-def _take_motion(take: Weak[Clip]) -> JointMotion:
+def _take_motion(take: IdentityKey[Clip]) -> JointMotion:
     clip = take()
     skeleton = clip.skeleton
     poses = performed(clip, skeleton.names).poses
@@ -143,11 +145,11 @@ def guess_joints(
     # Mirror images define left and right, even for a fish, which is longer than wide. Without them, the
     # longer horizontal side of the mesh is its side-to-side axis.
     if partners is None and deep[2] > _MIN_DEPTH_RATIO * deep[0]:
-        rest = turned_about_y(rest, -np.pi / 2)
+        rest = rotate_about_y(rest, -np.pi / 2)
     anatomy = anatomy_of(skeleton)
     root = skeleton.names[anatomy.trunk[0]]
-    level = turned_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
-    level = _with_arms_out(level, anatomy)
+    level = rotate_about_y(skeleton.positions - skeleton.positions[0], -anatomy.facing)
+    level = _extend_arms(level, anatomy)
     candidates = [
         candidate
         for candidate in _joint_costs(anatomy, skeleton)
@@ -210,10 +212,10 @@ def foot_joints(skeleton: Skeleton) -> frozenset[str]:
     return frozenset(skeleton.names[joint] for limb in limbs for joint in _hand_joints(skeleton, limb))
 
 
-def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> list[int]:
-    """Returns control points such that each hand or foot follows one joint only.
+def keep_one_point_per_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int]) -> list[int]:
+    """Selects control points such that only one joint of each hand or foot is followed.
 
-    Points that share a joint for lack of others are kept.
+    Points that share a joint because there are not enough joints are kept.
 
     Args:
         joints: (P,) the joint of each point, the most important first.
@@ -222,13 +224,13 @@ def one_a_hand(skeleton: Skeleton, joints: Sequence[str], partners: Sequence[int
     anatomy = anatomy_of(skeleton)
     parts = {joint: limb.chain[-1] for limb in _all_limbs(anatomy) for joint in _hand_joints(skeleton, limb)}
     taken, dropped = dict[int, str](), set[int]()
-    for own, joint in enumerate(joints):
+    for number, joint in enumerate(joints):
         part = parts.get(skeleton.index(joint))
         if part is not None and taken.get(part, joint) != joint:
-            dropped |= {own, partners[own]}
-        elif part is not None and own not in dropped:
+            dropped |= {number, partners[number]}
+        elif part is not None and number not in dropped:
             taken[part] = joint
-    return [own for own in range(len(joints)) if own not in dropped]
+    return [number for number in range(len(joints)) if number not in dropped]
 
 
 def _assign_units(cost: Float, rows: Sequence[_Unit], columns: Sequence[_Unit]) -> dict[int, int]:
@@ -275,7 +277,7 @@ def _joint_units(joints: Sequence[int], anatomy: Anatomy, skeleton: Skeleton) ->
     """Returns the columns of middle joints one by one, and those of the sides in pairs."""
     column = {joint: number for number, joint in enumerate(joints)}
     images = _mirror_images(anatomy, len(skeleton))
-    aside = {joint for limb in _all_limbs(anatomy) for joint in skeleton.below(_own_joints(limb)[0])}
+    aside = {joint for limb in _all_limbs(anatomy) for joint in skeleton.below(_limb_joints(limb)[0])}
     units = list[_Unit]()
     for joint, number in column.items():
         other = int(images[joint])
@@ -291,7 +293,7 @@ def _mirror_images(anatomy: Anatomy, count: int) -> Int:
     themselves."""
     images = np.arange(count)
     for left, right in anatomy.pairs:
-        for left_joint, right_joint in zip(_own_joints(left)[::-1], _own_joints(right)[::-1], strict=False):
+        for left_joint, right_joint in zip(_limb_joints(left)[::-1], _limb_joints(right)[::-1], strict=False):
             images[left_joint], images[right_joint] = right_joint, left_joint
     return images
 
@@ -310,7 +312,7 @@ def _hand_joints(skeleton: Skeleton, limb: SkeletonLimb) -> set[int]:
     return set(skeleton.below(first)) if first is not None else {limb.chain[-1]}
 
 
-def _own_joints(limb: SkeletonLimb) -> tuple[int, ...]:
+def _limb_joints(limb: SkeletonLimb) -> tuple[int, ...]:
     """Returns the joints of a limb without the junction that it starts from."""
     return limb.chain[max(limb.start, 1) :]
 
@@ -332,7 +334,7 @@ def _upper_body_candidates(found: list[_Candidate], anatomy: Anatomy, skeleton: 
     ]
 
 
-def _with_arms_out(level: Float, anatomy: Anatomy) -> Float:
+def _extend_arms(level: Float, anatomy: Anatomy) -> Float:
     """Returns (N, 3) joints with the arms held out to the sides. In a hanging arm, the hand would be below
     its elbow."""
     out = level.copy()
@@ -345,7 +347,7 @@ def _with_arms_out(level: Float, anatomy: Anatomy) -> Float:
 
 
 def _joint_costs(anatomy: Anatomy, skeleton: Skeleton) -> list[_Candidate]:
-    """Returns every joint once, with the cost of its kind: end of a limb, middle of a limb, trunk, or other.
+    """Returns each joint once, with the cost of its kind: end of a limb, middle of a limb, trunk, or other.
 
     Joints near the end, such as a wrist before fingers, have a high cost, since the end moves in the same
     way.

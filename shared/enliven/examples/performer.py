@@ -1,4 +1,5 @@
-"""The performer's body frame: joints relative to the root, without its yaw (section 5, law 1).
+"""Converts a performer's joints to the body frame: relative to the root, without the root's yaw (section 5,
+law 1).
 
 The pose does not depend on the performer's position and heading. Leaning and tumbling are part of it.
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, joint_places
-from enliven.mapping import turned_about_y
+from enliven.mapping import rotate_about_y
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ def performed(clip: Clip, joints: Sequence[str]) -> PerformerClip:
     numbers = [clip.skeleton.index(name) for name in joints]
     world = joint_places(clip, numbers)[:, numbers]
     yaw = np.unwrap(yaw_of(clip.turns[:, 0]))
-    return PerformerClip(in_body(world, clip.root, yaw), world, clip.root, yaw, clip.step)
+    return PerformerClip(to_body_frame(world, clip.root, yaw), world, clip.root, yaw, clip.step)
 
 
 def yaw_of(turns: Float) -> Float:
@@ -53,6 +54,6 @@ def yaw_of(turns: Float) -> Float:
     return np.asarray(2.0 * np.arctan2(turns[..., 2], turns[..., 0]))
 
 
-def in_body(places: Float, root: Float, yaw: Float) -> Float:
+def to_body_frame(places: Float, root: Float, yaw: Float) -> Float:
     """Converts world positions (F, P, 3) to the body frame of the root (F, 3), without the yaw (F,)."""
-    return turned_about_y(places - root[:, None], -np.asarray(yaw)[:, None])
+    return rotate_about_y(places - root[:, None], -np.asarray(yaw)[:, None])

@@ -1,13 +1,13 @@
-"""Converts one performer's poses to another performer: the same joints, size and facing direction.
+"""Converts the poses of one performer to another performer's joints, size and facing direction.
 
-One performer may show the key poses while another plays the take: an adult may pose, and a child perform.
-Poses are compared by joints in the body frame, so every performer is converted to the reference:
+The key poses and the take may be from different performers, such as an adult and a child. Poses are compared
+by joints in the body frame, so every performer is converted to the reference:
 
 - joints are found by name, or else by their part of the body (:mod:`enliven.mapping.anatomy`),
 - positions are scaled joint by joint, by the joint's distance from the root along the bones,
 - the facing direction is turned to that of the reference.
 
-    role = cast(reference, clip.skeleton, ("LeftHand", "Head"), "walk")
+    role = match_performer(reference, clip.skeleton, ("LeftHand", "Head"), "walk")
     poses = role.seen(performed(clip, role.joints).poses)
 """
 
@@ -21,7 +21,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
-from enliven.mapping import Anatomy, anatomy_of, turned_about_y
+from enliven.mapping import Anatomy, anatomy_of, rotate_about_y
 
 _SAME_SKELETON_TOLERANCE = 1e-9
 """Maximum difference between the joints of equal skeletons, as a fraction of the skeleton's size."""
@@ -32,10 +32,10 @@ class Role:
     """The conversion from a performer to the reference.
 
     Attributes:
-        joints: (P,) names of the performer's own joints.
+        joints: (P,) names of the corresponding joints of this performer.
         factors: (P,) ratio of the reference's size to the performer's, per joint.
         turn: radians about +Y from the performer's facing direction to the reference's.
-        notes: which joints were found by their part of the body.
+        notes: sentences about the joints that were found by their part of the body.
         size: the length of the reference's legs over the performer's; without legs, the ratio of overall
             sizes.
     """
@@ -50,17 +50,20 @@ class Role:
         """Converts (..., P, 3) poses in the body frame to those of the reference."""
         if self.turn == 0.0 and (self.factors == 1.0).all():
             return poses
-        return turned_about_y(poses * self.factors[:, None], np.asarray(self.turn))
+        return rotate_about_y(poses * self.factors[:, None], np.asarray(self.turn))
 
 
-def cast(reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: str = "performer") -> Role:
+def match_performer(
+    reference: Skeleton, skeleton: Skeleton, joints: Sequence[str], who: str = "performer"
+) -> Role:
     """Finds the joints of a skeleton that correspond to the reference's joints, and their scale.
 
     Args:
         who: the take's name, for messages.
 
     Raises:
-        InputError: if the skeleton lacks a joint and has none like it; the message lists its joints.
+        InputError: if the skeleton has neither the joint nor a corresponding one. The message lists its
+            joints.
     """
     if reference is skeleton or _is_same_performer(reference, skeleton):
         for name in joints:
@@ -142,14 +145,14 @@ def _counterpart_joint(
     it."""
     if joint == 0:
         return 0
-    parts, own = _body_chains(theirs), _body_chains(ours)
+    parts, own_chains = _body_chains(theirs), _body_chains(ours)
     at = joint
     while at >= 0:
         for name, chain in parts.items():
-            if at in chain[1:] and name in own:
-                shares = _chain_positions(skeleton, own[name])
-                wanted = _chain_positions(reference, chain)[chain.index(at)]
-                return own[name][int(np.abs(shares - wanted).argmin())]
+            if at in chain[1:] and name in own_chains:
+                shares = _chain_positions(skeleton, own_chains[name])
+                arc_position = _chain_positions(reference, chain)[chain.index(at)]
+                return own_chains[name][int(np.abs(shares - arc_position).argmin())]
         at = int(reference.parents[at])
     return None
 
@@ -169,5 +172,5 @@ def _body_chains(anatomy: Anatomy) -> dict[tuple[str, int, int], tuple[int, ...]
 
 def _chain_positions(skeleton: Skeleton, chain: tuple[int, ...]) -> Float:
     """Returns (K,) 0 to 1: the position of each joint along a chain, by length."""
-    ways = np.concatenate([[0.0], np.cumsum(skeleton.lengths[list(chain[1:])])])
-    return np.asarray(ways / max(float(ways[-1]), 1e-12))
+    arc_lengths = np.concatenate([[0.0], np.cumsum(skeleton.lengths[list(chain[1:])])])
+    return np.asarray(arc_lengths / max(float(arc_lengths[-1]), 1e-12))

@@ -106,7 +106,7 @@ class Examples:
                 )
 
 
-def distinct(sources: Float) -> list[int]:
+def drop_repeated_poses(sources: Float) -> list[int]:
     """Returns the poses (n, P, 3) that do not repeat an earlier one."""
     kept: list[int] = []
     least = _SAME_POSE_TOLERANCE * max(_pose_size(sources), 1e-12)

@@ -28,22 +28,22 @@ from enliven.document import (
 )
 from enliven.errors import InputError
 from enliven.examples.performer import performed
-from enliven.examples.performers import cast
-from enliven.examples.poses import Examples, distinct
-from enliven.examples.symmetric import doubled, partners_of
+from enliven.examples.performers import match_performer
+from enliven.examples.poses import Examples, drop_repeated_poses
+from enliven.examples.symmetric import add_mirror_images, find_partners
 from enliven.meshes import Mesh
 
 T = TypeVar("T")
 
 
-class Weak(Generic[T]):
-    """A key by identity that does not keep its object alive, for a cache of results about the object."""
+class IdentityKey(Generic[T]):
+    """A cache key that compares its object by identity, and does not keep the object alive."""
 
     def __init__(self, value: T) -> None:
         self._value, self._id = weakref.ref(value), id(value)
 
     def __call__(self) -> T:
-        """Returns the referenced value. The creator of the key must keep it alive."""
+        """Returns the referenced object. The creator of the key must keep the object alive."""
         value = self._value()
         assert value is not None
         return value
@@ -54,7 +54,9 @@ class Weak(Generic[T]):
     def __eq__(self, other: object) -> bool:
         if self is other:
             return True
-        return isinstance(other, Weak) and self._value() is not None and self._value() is other._value()
+        return (
+            isinstance(other, IdentityKey) and self._value() is not None and self._value() is other._value()
+        )
 
 
 @dataclass(frozen=True)
@@ -62,33 +64,33 @@ class Material:
     """The inputs of a layer's motion, by value or by identity: the key of its cache.
 
     Attributes:
-        points, poses, symmetry: of the puppet.
-        mesh: of the puppet.
-        shown: the takes of the poses.
+        points, poses, symmetry: attributes of the puppet.
+        mesh: the puppet's mesh.
+        shown: the takes of the key poses.
         take: the take that the layer plays.
         layer: the layer without attributes that only affect its timing.
         examples, locomotion: the settings.
-        puppet: its name, for messages.
+        puppet: the puppet's name, for messages.
     """
 
     points: tuple[ControlPoint, ...]
     poses: tuple[KeyPose, ...]
     symmetry: Plane | None
-    mesh: Weak[Mesh]
-    shown: tuple[Weak[Clip], ...]
-    take: Weak[Clip]
+    mesh: IdentityKey[Mesh]
+    shown: tuple[IdentityKey[Clip], ...]
+    take: IdentityKey[Clip]
     layer: PuppetLayer
     examples: ExampleSettings
     locomotion: LocomotionSettings
     puppet: str = field(compare=False)
 
 
-def material_of(project: Project, puppet: Puppet, layer: PuppetLayer) -> Material:
+def collect_material(project: Project, puppet: Puppet, layer: PuppetLayer) -> Material:
     """Returns the inputs that the motion of a layer depends on."""
-    shown = tuple(Weak(project.takes[pose.take]) for pose in puppet.poses)
+    shown = tuple(IdentityKey(project.takes[pose.take]) for pose in puppet.poses)
     timeless = replace(layer.timeless(), muted=False)
-    values = (puppet.points, puppet.poses, puppet.symmetry, Weak(puppet.mesh), shown)
-    take = Weak(smoothed(project.takes[layer.take], layer.smooth))
+    values = (puppet.points, puppet.poses, puppet.symmetry, IdentityKey(puppet.mesh), shown)
+    take = IdentityKey(smoothed(project.takes[layer.take], layer.smooth))
     return Material(*values, take, timeless, puppet.examples, puppet.locomotion, puppet.id)
 
 
@@ -111,8 +113,8 @@ def examples_with(
     takes: Sequence[Clip],
     symmetry: Plane | None,
 ) -> Examples:
-    """Returns the examples of some control points, from key poses in these takes."""
-    lacking = lacks(mesh, points, [take.skeleton for take in takes], symmetry)
+    """Returns the examples of these control points, from key poses in these takes."""
+    lacking = find_missing(mesh, points, [take.skeleton for take in takes], symmetry)
     if lacking:
         raise InputError(lacking[0], where=f"puppet {name!r}", mend=" ".join(lacking[1:]))
     joints = tuple(point.joint for point in points)
@@ -124,15 +126,15 @@ def examples_with(
         return examples
     at, across = np.array(symmetry.point), np.array(symmetry.normal)
     rest = mesh.vertices[[point.vertex for point in points]]
-    partners = partners_of(rest, at, across, names=names)
-    return doubled(examples, partners, rest, across, _left_right_axis(reference, joints, partners))
+    partners = find_partners(rest, at, across, names=names)
+    return add_mirror_images(examples, partners, rest, across, _left_right_axis(reference, joints, partners))
 
 
-def some_of(examples: Examples, pairs: Sequence[int]) -> Examples:
+def select_pairs(examples: Examples, pairs: Sequence[int]) -> Examples:
     """Returns the examples of a subset of the pairs. Of examples with equal joints, the first is kept."""
     joints, points = (tuple(names[k] for k in pairs) for names in (examples.joints, examples.points))
     sources, targets = examples.sources[:, pairs], examples.targets[:, pairs]
-    kept = distinct(sources)
+    kept = drop_repeated_poses(sources)
     return Examples(joints, points, sources[kept], targets[kept])
 
 
@@ -146,9 +148,9 @@ def _left_right_axis(reference: Skeleton, joints: Sequence[str], partners: Seque
     return apart / length if length > 1e-6 else None
 
 
-def reference_of(project: Project, puppet: Puppet) -> Skeleton:
-    """Returns the performer that defines size and joints of a puppet's examples; see
-    :mod:`enliven.examples.performers`.
+def reference_performer(project: Project, puppet: Puppet) -> Skeleton:
+    """Returns the skeleton of the reference performer, which defines size and joints of a puppet's examples;
+    see :mod:`enliven.examples.performers`.
 
     Raises:
         InputError: if the puppet has no key poses.
@@ -160,17 +162,17 @@ def reference_of(project: Project, puppet: Puppet) -> Skeleton:
 
 
 def reference_among(skeletons: Sequence[Skeleton], joints: Sequence[str]) -> Skeleton:
-    """Returns the first skeleton that has all of the joints, or else the first one."""
+    """Returns the first skeleton that has all of the joints, or the first skeleton if none has."""
     return next((skeleton for skeleton in skeletons if set(joints) <= set(skeleton.names)), skeletons[0])
 
 
 def missing(project: Project, puppet: Puppet) -> tuple[str, ...]:
     """Returns sentences about the data that a puppet still lacks, or none if it is ready to move."""
     skeletons = [project.takes[pose.take].skeleton for pose in puppet.poses]
-    return lacks(puppet.mesh, puppet.points, skeletons, puppet.symmetry)
+    return find_missing(puppet.mesh, puppet.points, skeletons, puppet.symmetry)
 
 
-def lacks(
+def find_missing(
     mesh: Mesh, points: Sequence[ControlPoint], skeletons: Sequence[Skeleton], symmetry: Plane | None
 ) -> tuple[str, ...]:
     """Returns sentences about missing parts of control points and key poses, for performers with these
@@ -192,7 +194,7 @@ def lacks(
         rest = mesh.vertices[[point.vertex for point in points]]
         names = [point.name for point in points]
         try:
-            partners_of(rest, np.array(symmetry.point), np.array(symmetry.normal), names=names)
+            find_partners(rest, np.array(symmetry.point), np.array(symmetry.normal), names=names)
         except InputError as error:
             sentence = error.what[0].upper() + error.what[1:]
             sentences.append(f"{sentence}: add one there, or leave symmetry out.")
@@ -228,7 +230,7 @@ def _shown_poses(
     for take in dict.fromkeys(takes):
         mine = [n for n, other in enumerate(takes) if other is take]
         frames = [frame_at(take, poses[n].time) for n in mine]
-        role = cast(reference, take.skeleton, joints, take.id)
+        role = match_performer(reference, take.skeleton, joints, take.id)
         some = take.mapped(itemgetter(frames))
         out[mine] = role.seen(performed(some, role.joints).poses)
     return out

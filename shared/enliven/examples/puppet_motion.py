@@ -5,7 +5,7 @@
     motion_of(project, puppet, layer)         # a whole take, solved once (section 5)
 
 The puppet's frame is that of the mesh. The motion starts at the modeled position and facing direction,
-independent of the performer's. A layer that travels adds a yaw and a root position from then on
+independent of the performer's. A layer that travels adds a yaw and a root position to this start
 (:mod:`enliven.examples.spacetime.locomotion`).
 """
 
@@ -19,10 +19,10 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Pose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.puppet_examples import Material, material_of
-from enliven.examples.puppet_solve import solved
+from enliven.examples.puppet_examples import Material, collect_material
+from enliven.examples.puppet_solve import solve_motion
 from enliven.examples.puppet_trajectory import PuppetMotion
-from enliven.mapping import turned_about_y
+from enliven.mapping import rotate_about_y
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 
 _CACHED_MOTIONS = 64
@@ -53,7 +53,7 @@ def motion_of(project: Project, puppet: Puppet, layer: int) -> PuppetMotion:
     Raises:
         InputError: if the puppet or the layer lacks data, or constraints contradict one another.
     """
-    return _cached_motion(material_of(project, puppet, _layer_numbered(puppet, layer)))
+    return _cached_motion(collect_material(project, puppet, _layer_numbered(puppet, layer)))
 
 
 def state_of(project: Project, puppet: Puppet, time: float) -> State:
@@ -70,21 +70,22 @@ def state_of(project: Project, puppet: Puppet, time: float) -> State:
         length = (motion.frames - 1) * motion.step
         at, ends = layer.moment(time, length), layer.ends(length)
         moved, frames = list(motion.points), [motion.frame_of(at.second)]
-        shares = [1.0]
+        weights = [1.0]
         if at.share > 0.0:
-            frames, shares = [*frames, motion.frame_of(at.other)], [1.0 - at.share, at.share]
-        played = sum(share * motion.places_at(frame) for share, frame in zip(shares, frames, strict=True))
+            frames, weights = [*frames, motion.frame_of(at.other)], [1.0 - at.share, at.share]
+        played = sum(weight * motion.places_at(frame) for weight, frame in zip(weights, frames, strict=True))
         places[moved] += layer.weight * at.weight * (np.asarray(played)[moved] - places[moved])
         if motion.travels:
-            # The path comes from the layers that travel. The first one decides, in proportion to its weight.
-            for share, frame in zip(shares, frames, strict=True):
-                turned, way = motion.way_at(frame, at.rounds, ends)
-                yaw, root = yaw + free * at.weight * share * turned, root + free * at.weight * share * way
+            # The path comes from the layers that travel. The first one determines it, in proportion to its
+            # weight.
+            for weight, frame in zip(weights, frames, strict=True):
+                turned, way = motion.root_at(frame, at.rounds, ends)
+                yaw, root = yaw + free * at.weight * weight * turned, root + free * at.weight * weight * way
             free *= 1.0 - at.weight
     return State(places, yaw, root)
 
 
-def clock(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
+def loop_position(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float, int]:
     """Returns the (fractional) frame of its take that a layer plays, and the number of completed loops."""
     second, rounds = layer.played(time, (motion.frames - 1) * motion.step)
     return motion.frame_of(second), rounds
@@ -92,7 +93,7 @@ def clock(layer: PuppetLayer, motion: PuppetMotion, time: float) -> tuple[float,
 
 def in_world(puppet: Puppet, state: State, points: AnyArray) -> Float:
     """Converts points (..., 3) in the mesh's frame to (..., 3) metres in the world."""
-    local = turned_about_y(np.asarray(points, np.float64), np.asarray(state.yaw)) + state.root
+    local = rotate_about_y(np.asarray(points, np.float64), np.asarray(state.yaw)) + state.root
     return np.asarray(rotate(puppet.turn, local) + puppet.place)
 
 
@@ -117,4 +118,4 @@ def _layer_numbered(puppet: Puppet, number: int) -> PuppetLayer:
 
 @lru_cache(maxsize=_CACHED_MOTIONS)
 def _cached_motion(material: Material) -> PuppetMotion:
-    return solved(material)
+    return solve_motion(material)

@@ -1,5 +1,5 @@
-"""Solves a layer's whole take through a puppet's examples: trajectories, and the path in the world (section
-5)."""
+"""Solves the motion of a layer's whole take by a puppet's examples: trajectories, and the path in the world
+(section 5)."""
 
 from __future__ import annotations
 
@@ -13,24 +13,30 @@ from enliven.document import Constraint, Coupling, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import PerformerClip
-from enliven.examples.performers import cast
+from enliven.examples.performers import match_performer
 from enliven.examples.poses import Examples
-from enliven.examples.puppet_examples import Material, examples_with, material_of, reference_among, some_of
+from enliven.examples.puppet_examples import (
+    Material,
+    collect_material,
+    examples_with,
+    reference_among,
+    select_pairs,
+)
 from enliven.examples.puppet_trajectory import PuppetMotion
 from enliven.examples.spacetime import (
     PathFollower,
     PlacedMotion,
     check_switches,
-    conditions_of,
-    from_floor,
-    on_floor,
-    planted,
+    convert_constraints,
+    floor_numbers,
+    floor_positions,
+    lock_feet,
 )
-from enliven.examples.travel import PerformerFeet, seen_as, stepping, travel_with
-from enliven.mapping import facing_of, turned_about_y
+from enliven.examples.travel import PerformerFeet, convert_take, layer_travel, performer_feet
+from enliven.mapping import facing_of, rotate_about_y
 
 
-def solved(material: Material) -> PuppetMotion:
+def solve_motion(material: Material) -> PuppetMotion:
     """Solves the motion of a layer.
 
     Raises:
@@ -41,25 +47,25 @@ def solved(material: Material) -> PuppetMotion:
     if not solve.travels:
         return solve.motion(places, None, np.zeros(len(places)))
     sense = -1.0 if material.layer.mirrored else 1.0
-    yaw = sense * material.layer.weight * (solve.took.yaw - solve.took.yaw[0])
-    placed = solve.located(places, yaw)
-    level = solve.level(placed)
+    yaw = sense * material.layer.weight * (solve.converted_take.yaw - solve.converted_take.yaw[0])
+    placed = solve.locate(places, yaw)
+    level = solve.level_constraints(placed)
     if level:
         places = solve.places(level, places)
-        placed = solve.located(places, yaw)
-    placed, held = solve.followed(placed)
-    places = solve.planted(solve.moved(places, held, yaw), placed, yaw)
+        placed = solve.locate(places, yaw)
+    placed, held = solve.follow_path(placed)
+    places = solve.plant_feet(solve.displace_feet(places, held, yaw), placed, yaw)
     return solve.motion(places, placed, yaw)
 
 
-def seen_by(material: Material) -> tuple[Examples, PerformerClip]:
+def convert_to_reference(material: Material) -> tuple[Examples, PerformerClip]:
     """Returns the examples of a layer, and its take converted to the reference performer.
 
     Raises:
         InputError: if data is missing.
     """
     solve = _Solve(material)
-    return solve.examples, solve.took
+    return solve.examples, solve.converted_take
 
 
 def check_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> None:
@@ -68,7 +74,7 @@ def check_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> None:
     Raises:
         InputError: if data is missing, constraints contradict one another, or switches are out of order.
     """
-    _Solve(material_of(project, puppet, layer)).check()
+    _Solve(collect_material(project, puppet, layer)).check()
 
 
 class _Solve:
@@ -81,18 +87,18 @@ class _Solve:
         self._feet = [k for k in self._moved if points[k].foot]
         mesh = material.mesh()
         self._rest = mesh.vertices[[point.vertex for point in points]]
-        travel = travel_with(material)
+        travel = layer_travel(material)
         steps = tuple(k for k in travel.feet if k in self._moved)
         self._travel = travel if steps == travel.feet else replace(travel, feet=())
         footed = bool(self._feet) or not any(point.foot for point in points)
         self.travels = self._layer.travel and footed and self._layer.weight > 0.0
         shown = [load_clip() for load_clip in material.shown]
         how = material.puppet, mesh, points, material.poses, shown, material.symmetry
-        self.examples = some_of(examples_with(*how), self._moved)
+        self.examples = select_pairs(examples_with(*how), self._moved)
         self._mapping = ExampleMap(self.examples, material.examples)
         take, joints = material.take(), self.examples.joints
         reference = reference_among([clip.skeleton for clip in shown], [point.joint for point in points])
-        self._take, self._role = take, cast(reference, take.skeleton, joints, take.id)
+        self._take, self._role = take, match_performer(reference, take.skeleton, joints, take.id)
         self._asked: tuple[Constraint, ...] = (
             *self._layer.positions,
             *self._layer.velocities,
@@ -100,31 +106,31 @@ class _Solve:
         )
 
     @cached_property
-    def took(self) -> PerformerClip:
+    def converted_take(self) -> PerformerClip:
         """The layer's take, converted to the reference performer."""
-        return seen_as(self._take, self._role)
+        return convert_take(self._take, self._role)
 
     def check(self) -> None:
         """Checks that constraints and switches can be met."""
-        conditions_of(self._asked, self.examples, len(self._take.turns), self._take.step)
+        convert_constraints(self._asked, self.examples, len(self._take.turns), self._take.step)
         if self._layer.switches is not None:
             check_switches(self._layer.switches, len(self._take.turns))
 
     def places(self, level: tuple[Coupling, ...] = (), known: Float | None = None) -> Float:
         """Solves (F, P, 3) metres in the mesh's frame. With coupled feet, other points come from the
         ``known`` solution."""
-        out = np.tile(self._rest, (len(self.took.poses), 1, 1))
-        how = self.took.poses, self.took.step, (*self._asked, *level)
+        out = np.tile(self._rest, (len(self.converted_take.poses), 1, 1))
+        how = self.converted_take.poses, self.converted_take.step, (*self._asked, *level)
         before = None if known is None else known[:, self._moved]
         out[:, self._moved] = self._mapping.solve(*how, known=before)
         return out
 
-    def located(self, places: Float, yaw: Float) -> PlacedMotion:
+    def locate(self, places: Float, yaw: Float) -> PlacedMotion:
         """Returns the motion of control points (F, P, 3) in the world, moved only by the mesh's own feet."""
         mixed = self._rest + self._layer.weight * (places - self._rest)
         if self._performer_feet is None:
             still = np.zeros((len(places), 3))
-            return PlacedMotion(turned_about_y(mixed, yaw[:, None]), still, _no_anchors(places), ())
+            return PlacedMotion(rotate_about_y(mixed, yaw[:, None]), still, _no_anchors(places), ())
         placed = self._performer_feet.locate(mixed, yaw, self._alternating_stance, self._layer.switches)
         # Keep the control points of the feet as high above the soles as in the rest pose.
         placed.root[:, 1] += self._rest[self._feet, 1].min()
@@ -138,50 +144,56 @@ class _Solve:
 
     @cached_property
     def path(self) -> Complex:
-        """Returns (F,) metres on the floor, the path that the mesh follows."""
+        """The path on the floor that the mesh follows, (F,) metres as x + iz."""
         facing, mirrored = facing_of(self._take.skeleton), self._layer.mirrored
-        return self._layer.weight * self._travel.path_of(self.took, facing, self._role.size, mirrored)
+        return self._layer.weight * self._travel.path_of(
+            self.converted_take, facing, self._role.size, mirrored
+        )
 
-    def followed(self, placed: PlacedMotion) -> tuple[PlacedMotion, Complex]:
+    def follow_path(self, placed: PlacedMotion) -> tuple[PlacedMotion, Complex]:
         """Returns the motion kept near the performer's path, and (F, K) metres by which feet are
         displaced."""
         # The layer's weight scales the whole motion, including the drift limit: half the weight gives half
         # the motion.
         size = self._layer.weight * float(np.linalg.norm(np.ptp(self._rest, axis=0)))
         feet = self._held_feet
-        following = PathFollower(size, self._material.locomotion, self.took.step, len(feet))
+        following = PathFollower(size, self._material.locomotion, self.converted_take.step, len(feet))
         how, down = self._material.locomotion.contact, np.zeros((len(placed.root), 0), np.bool_)
         if feet:
             down = self._alternating_stance | (placed.anchors[:, None] == feet)
             down &= (placed.anchors >= 0)[:, None]
         pulls, held, pull = np.empty(len(down), np.complex128), np.empty(down.shape, np.complex128), 0j
-        off = self.path - (on_floor(placed.root) - on_floor(placed.root[0]))
+        off = self.path - (floor_numbers(placed.root) - floor_numbers(placed.root[0]))
         for frame, (wanted, stands) in enumerate(zip(off.tolist(), down.tolist(), strict=True)):
             pull += following.next(wanted - pull, stands)
             pulls[frame], held[frame] = pull, following.held
-        if self.took.step < how.blend:
+        if self.converted_take.step < how.blend:
             # Fade the feet's displacements to zero at the end. They begin at zero too, so the take can loop.
-            held *= np.minimum(np.arange(len(held))[::-1] * self.took.step / how.blend, 1.0)[:, None]
-        by = from_floor(pulls)
+            held *= np.minimum(np.arange(len(held))[::-1] * self.converted_take.step / how.blend, 1.0)[
+                :, None
+            ]
+        by = floor_positions(pulls)
         placed = replace(placed, root=placed.root + by, world=placed.world + by[:, None])
-        placed.world[:, feet] += from_floor(held)
+        placed.world[:, feet] += floor_positions(held)
         return placed, held
 
-    def moved(self, places: Float, held: Complex, yaw: Float) -> Float:
+    def displace_feet(self, places: Float, held: Complex, yaw: Float) -> Float:
         """Returns control points (F, P, 3) in the mesh's frame, with feet displaced by (F, K) metres."""
         if held.shape[1] == 0 or not held.any():
             return places
         out = places.copy()
-        out[:, self._held_feet] += turned_about_y(from_floor(held), -yaw[:, None]) / self._layer.weight
+        out[:, self._held_feet] += rotate_about_y(floor_positions(held), -yaw[:, None]) / self._layer.weight
         return out
 
-    def planted(self, places: Float, placed: PlacedMotion, yaw: Float) -> Float:
+    def plant_feet(self, places: Float, placed: PlacedMotion, yaw: Float) -> Float:
         """Returns the control points (F, P, 3) with feet locked while they stand."""
         how, weight = self._material.locomotion, self._layer.weight
         if how.plant <= 0.0 or not self._travel.feet:
             return places
         mixed = self._rest + weight * (places - self._rest)
-        still = planted(mixed, yaw, placed, self._feet, self._alternating_stance, self.took.step, how)
+        still = lock_feet(
+            mixed, yaw, placed, self._feet, self._alternating_stance, self.converted_take.step, how
+        )
         return places + (still - mixed) / weight
 
     @property
@@ -195,38 +207,38 @@ class _Solve:
         if not self._feet:
             return None
         rows = [self._moved.index(k) for k in self._feet]
-        return stepping(
-            self._take.skeleton, self._role, self.took, self._feet, self._material.locomotion, rows
+        return performer_feet(
+            self._take.skeleton, self._role, self.converted_take, self._feet, self._material.locomotion, rows
         )
 
     @cached_property
     def _alternating_stance(self) -> Bool:
-        """(F, K) true for alternating feet that stand."""
+        """(F, K) True for alternating feet while they stand."""
         assert self._performer_feet is not None
         return self._performer_feet.stands() & np.isin(self._feet, self._travel.feet)
 
-    def level(self, placed: PlacedMotion) -> tuple[Coupling, ...]:
+    def level_constraints(self, placed: PlacedMotion) -> tuple[Coupling, ...]:
         """Returns constraints for equal heights of feet when the anchor changes, unless they contradict the
         user's constraints."""
         if not self._layer.level_feet or not self._travel.feet:
             return ()
-        wanted = placed.couplings([point.name for point in self._material.points])
-        room = self.examples, len(self.took.poses), self.took.step
-        if _constraints_agree((*self._asked, *wanted), *room):
-            return wanted
+        couplings = placed.couplings([point.name for point in self._material.points])
+        room = self.examples, len(self.converted_take.poses), self.converted_take.step
+        if _constraints_agree((*self._asked, *couplings), *room):
+            return couplings
         kept: tuple[Coupling, ...] = ()
-        for coupling in wanted:
+        for coupling in couplings:
             if _constraints_agree((*self._asked, *kept, coupling), *room):
                 kept = (*kept, coupling)
         return kept
 
     def motion(self, places: Float, placed: PlacedMotion | None, yaw: Float) -> PuppetMotion:
         """Returns the solved motion, with read-only arrays, since all callers share it."""
-        still, path = np.zeros((len(places), 3)), from_floor(self.path)
+        still, path = np.zeros((len(places), 3)), floor_positions(self.path)
         way = (still, still, _no_anchors(places), ())
         if placed:
             way = (placed.root, path, placed.anchors, placed.switches)
-        kept = (self.took.step, tuple(self._moved), places, self._rest, self._layer.weight, yaw)
+        kept = (self.converted_take.step, tuple(self._moved), places, self._rest, self._layer.weight, yaw)
         for array in (places, self._rest, yaw, *way[:3]):
             array.setflags(write=False)
         return PuppetMotion(*kept, *way, self.travels, self._role.notes)
@@ -241,7 +253,7 @@ def _constraints_agree(
     constraints: tuple[Constraint, ...], examples: Examples, frames: int, step: float
 ) -> bool:
     try:
-        conditions_of(constraints, examples, frames, step)
+        convert_constraints(constraints, examples, frames, step)
     except InputError:
         return False
     return True

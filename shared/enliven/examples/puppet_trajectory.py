@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int
 from enliven.document import Switch
-from enliven.mapping import turned_about_y
+from enliven.mapping import rotate_about_y
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,12 +20,12 @@ class PuppetMotion:
         points: numbers of the control points that it moves.
         places: (F, P, 3) metres in the mesh's own frame; points that it does not move are at rest.
         rest: (P, 3) metres, the control points at rest.
-        weight: of the layer.
+        weight: weight of the layer.
         yaw: (F,) radians since the first frame; 0 if it does not travel.
         root: (F, 3) metres; 0 if it does not travel.
         path: (F, 3) metres on the floor, the performer's path scaled to the puppet's stride. The root stays
             near it.
-        anchors: (F,) the control point that stands; -1 in flight and if it does not step.
+        anchors: (F,) the control point that stands. -1 in flight, and if the puppet does not step.
         switches: the times at which contact and flight begin, as used; empty if it does not travel.
         travels: whether it moves through the world.
         notes: assumptions, as sentences for the user.
@@ -53,7 +53,7 @@ class PuppetMotion:
         """Returns control points (P, 3), yaw and root (3,) at a time of the take, clamped to its first and
         last frame."""
         frame = float(np.clip(seconds / self.step, 0.0, self.frames - 1))
-        return self.places_at(frame), *self.way_at(frame)
+        return self.places_at(frame), *self.root_at(frame)
 
     def places_at(self, frame: float) -> Float:
         """Returns (P, 3) metres, interpolated at a fractional frame."""
@@ -64,14 +64,14 @@ class PuppetMotion:
         """Returns the fractional frame at a second of the take."""
         return min(second / self.step, self.frames - 1.0)
 
-    def way_at(
+    def root_at(
         self, frame: float, rounds: int = 0, ends: tuple[float, float] | None = None
     ) -> tuple[float, Float]:
-        """Returns yaw and root (3,) at a fractional frame, after ``rounds`` loops from the first end to the
-        last.
+        """Returns yaw and root (3,) at a fractional frame, after ``rounds`` loops from the first of ``ends``
+        to the last.
 
-        The ends are seconds of the take; None uses its own ends. The anchor stays in place between frames as
-        well as at them.
+        The ends are seconds of the take. None uses the start and end of the take. The anchor stays in place
+        at frames and between frames.
         """
         before, after, part = self._frames_around(frame)
         yaw = float((1.0 - part) * self.yaw[before] + part * self.yaw[after])
@@ -111,7 +111,8 @@ class PuppetMotion:
         return yaw + rounds * turn, _turn_about_y(root, rounds * turn) + gone + off
 
     def _round_offset(self, a: int, b: int, turn: float) -> Float:
-        """Returns (3,) the offset of a round that begins at frame ``a`` where the last one ended at ``b``.
+        """Returns (3,) the offset of a round that begins at frame ``a``, after the previous round ended at
+        frame ``b``.
 
         The anchor of the last frame stays in place, or the root in flight. Heights stay.
         """
@@ -132,7 +133,7 @@ class PuppetMotion:
 
 
 def _turn_about_y(vector: Float, angle: float) -> Float:
-    return np.asarray(turned_about_y(vector, np.asarray(angle)))
+    return np.asarray(rotate_about_y(vector, np.asarray(angle)))
 
 
 def _ease_in_out(part: float) -> float:

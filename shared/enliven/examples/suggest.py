@@ -1,4 +1,4 @@
-"""Suggests which frames of a motion to pose: those farthest from one another, and how many are enough.
+"""Suggests the frames of a motion to pose (those farthest from one another), and how many of them are enough.
 
 suggested = suggest_poses(performed(clip, joints).poses)      # frames, and remaining distances
 """
@@ -40,8 +40,9 @@ class SuggestedPoses:
     """Suggested key poses, the most important first.
 
     Attributes:
-        frames: (K,) of the motion; the first is the pose nearest to the median pose.
-        gaps: (K,) metres: root-mean-square distance of the farthest pose from the first k + 1 key poses.
+        frames: (K,) frames of the motion. The first is the one nearest to the median pose.
+        gaps: (K,) metres. Entry k is the root-mean-square distance of the farthest pose from the first k + 1
+            key poses.
         count: number of key poses that are enough.
     """
 
@@ -83,8 +84,8 @@ def further_poses(poses: Float, known: Float, settings: SuggestSettings | None =
     """Suggests key poses in addition to existing examples (n, P, 3), all in the body frame.
 
     Returns:
-        The frames, the most important first. ``gaps[k]`` is the remaining distance with the first k of them,
-        so it has one more entry. ``count`` of them are enough, 0 if none is needed.
+        The frames, the most important first. ``gaps[k]`` is the remaining distance with the first k frames,
+        so ``gaps`` has one entry more than ``frames``. ``count`` frames are enough, 0 if none is needed.
 
     Raises:
         InputError: as :func:`suggest_poses`.
@@ -114,7 +115,7 @@ def distance_to(poses: Float, known: Float) -> Float:
 def _is_outlier(poses: Float, far: float) -> Bool:
     """Returns (F,) true for frames far from both neighbours (tracking outliers).
 
-    If that holds for at least half of the frames, it returns False for all.
+    If at least half of the frames would be outliers, returns False for all.
     """
     steps = np.sqrt((np.diff(poses, axis=0) ** 2).sum(2).mean(1))
     alone = (np.concatenate([[np.inf], steps]) > far) & (np.concatenate([steps, [np.inf]]) > far)

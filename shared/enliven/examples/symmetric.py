@@ -1,7 +1,8 @@
-"""Symmetric control points: examples for the left also apply to the right (section 6.1).
+"""Mirrors examples at the mesh's symmetry plane, so that an example for the left side also applies to the
+right (section 6.1).
 
-partners = partners_of(rest (P, 3), point, normal)         # (P,) each point's mirror image on the mesh
-more = doubled(examples, partners, rest, normal)           # each example, and its mirror image
+partners = find_partners(rest (P, 3), point, normal)         # (P,) each point's mirror image on the mesh
+more = add_mirror_images(examples, partners, rest, normal)           # each example, and its mirror image
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ _SELF_MIRROR_TOLERANCE = 1e-3
 """A pose equals its own mirror image if it differs by less than this fraction of its size."""
 
 
-def partners_of(
+def find_partners(
     rest: Float, point: Float, normal: Float, tolerance: float = 0.1, names: Sequence[str] | None = None
 ) -> tuple[int, ...]:
     """Returns the number of the mirror image of each control point (P, 3) at rest; its own number if it is on
     the plane.
 
     Args:
-        point, normal: (3,) of the mesh's symmetry plane.
+        point, normal: (3,) a point on the mesh's symmetry plane, and its normal.
         tolerance: maximum error of a mirror image, as a fraction of the points' extent.
         names: (P,) of the control points, for messages; None for their numbers.
 
@@ -33,7 +34,7 @@ def partners_of(
         InputError: if a control point has no mirror image; the message names it.
     """
     rest = np.asarray(rest, np.float64)
-    away = np.linalg.norm(reflected(rest, point, normal)[:, None] - rest[None], axis=2)
+    away = np.linalg.norm(reflect_points(rest, point, normal)[:, None] - rest[None], axis=2)
     nearest = away.argmin(1)
     extent = float(np.linalg.norm(np.ptp(rest, axis=0)))
     for p, other in enumerate(nearest):
@@ -44,23 +45,23 @@ def partners_of(
     return tuple(int(other) for other in nearest)
 
 
-def reflected(places: Float, point: Float, normal: Float) -> Float:
+def reflect_points(places: Float, point: Float, normal: Float) -> Float:
     """Mirrors positions (..., 3) in a plane."""
     across = np.asarray(normal, np.float64) / np.linalg.norm(normal)
     return np.asarray(places - 2.0 * ((places - point) @ across)[..., None] * across)
 
 
-def mirrored_places(places: Float, rest: Float, partners: Sequence[int], normal: Float) -> Float:
+def mirror_places(places: Float, rest: Float, partners: Sequence[int], normal: Float) -> Float:
     """Mirrors positions (..., P, 3) of control points.
 
     Each point moves from its own rest position (P, 3) by the reflected displacement of its partner. So the
     rest pose is its own mirror image even if the mesh is not quite symmetric.
     """
     order = list(partners)
-    return np.asarray(rest + reflected(places[..., order, :] - rest[order], np.zeros(3), normal))
+    return np.asarray(rest + reflect_points(places[..., order, :] - rest[order], np.zeros(3), normal))
 
 
-def doubled(
+def add_mirror_images(
     examples: Examples,
     partners: Sequence[int],
     rest: Float,
@@ -82,8 +83,8 @@ def doubled(
     if sorted(order) != list(range(len(examples.points))) or (order[order] != np.arange(len(order))).any():
         raise InputError(f"partners {tuple(partners)} are not each other's", where="symmetry")
     axis = _left_right_axis(examples, order) if across is None else np.asarray(across, np.float64)
-    sources = reflected(examples.sources[:, order], np.zeros(3), axis)
-    targets = mirrored_places(examples.targets, np.asarray(rest, np.float64), list(order), normal)
+    sources = reflect_points(examples.sources[:, order], np.zeros(3), axis)
+    targets = mirror_places(examples.targets, np.asarray(rest, np.float64), list(order), normal)
     all_sources, all_targets = list(examples.sources), list(examples.targets)
     for source, target in zip(sources, targets, strict=True):
         distances = [np.sqrt(((source - earlier) ** 2).sum(1).mean()) for earlier in all_sources]

@@ -1,4 +1,5 @@
-"""The locomotion of a puppet: the feet with which it steps, and its distance per metre of the performer.
+"""The locomotion of a puppet: the feet with which it steps, and its travel per metre that the performer
+walks.
 
     travel = travel_of(project, puppet)                # for all takes that it plays, and on the stage
     path = travel.path_of(took, facing, size)          # (F,) target path of the puppet on the floor
@@ -21,17 +22,17 @@ from enliven.document import Clip, LocomotionSettings, Project, Puppet, PuppetLa
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import PerformerClip, performed
-from enliven.examples.performers import Role, cast
+from enliven.examples.performers import Role, match_performer
 from enliven.examples.poses import Examples
 from enliven.examples.puppet_examples import (
     Material,
+    collect_material,
     examples_with,
-    material_of,
     missing,
     reference_among,
 )
-from enliven.examples.spacetime import PlacedMotion, find_switches, locate, on_floor, standing_feet
-from enliven.mapping import facing_of, turned_about_y
+from enliven.examples.spacetime import PlacedMotion, find_switches, floor_numbers, place_motion, standing_feet
+from enliven.mapping import facing_of, rotate_about_y
 
 _CACHED_TRAVELS = 64
 """Number of puppets and edits in the least-recently-used cache."""
@@ -45,9 +46,9 @@ _COMPARED_PATH_S = 1.0
 """Seconds over which the paths of puppet and performer are compared. They contain a stride, so steps average
 out."""
 _EXPLAINED_VARIANCE_RANGE = (0.7, 0.9)
-"""Range of explained variance of the puppet's path. Below it only the sizes determine the stride, and above
-it only the steps. The performer's path explains over 0.9 in walks, and below 0.7 if the performer stays in
-place."""
+"""Range of the explained variance of the puppet's path by the performer's path. Below the range, only the
+sizes determine the stride, and above it only the steps. The value is above 0.9 in walks, and below 0.7 if the
+performer stays in place."""
 
 
 @dataclass(frozen=True)
@@ -69,14 +70,14 @@ class PuppetTravel:
         Args:
             facing: radians from +Z to the facing direction of the performer's skeleton at rest.
             size: size of the performer of the key poses over the size of this performer.
-            mirrored: whether the puppet moves as in a mirror.
+            mirrored: True if the puppet moves as in a mirror.
         """
-        return self.stride * size * way_of(took, facing, mirrored)
+        return self.stride * size * floor_path(took, facing, mirrored)
 
 
-def way_of(took: PerformerClip, facing: float, mirrored: bool = False) -> Complex:
+def floor_path(took: PerformerClip, facing: float, mirrored: bool = False) -> Complex:
     """Returns (F,) metres, the path of a performer on the floor, rotated so that they face +Z at first."""
-    way = on_floor(turned_about_y(took.root - took.root[0], -(took.yaw[0] + facing)))
+    way = floor_numbers(rotate_about_y(took.root - took.root[0], -(took.yaw[0] + facing)))
     return -way.conj() if mirrored else way
 
 
@@ -89,11 +90,12 @@ def travel_of(project: Project, puppet: Puppet) -> PuppetTravel:
     lacking = missing(project, puppet)
     if lacking:
         raise InputError("it cannot move yet", where=f"puppet {puppet.id!r}", mend=" ".join(lacking))
-    return travel_with(material_of(project, puppet, PuppetLayer(puppet.poses[0].take)))
+    return layer_travel(collect_material(project, puppet, PuppetLayer(puppet.poses[0].take)))
 
 
-def travel_with(material: Material) -> PuppetTravel:
-    """Returns the feet and the stride of the puppet of a layer. Of the layer, only its mirroring matters.
+def layer_travel(material: Material) -> PuppetTravel:
+    """Returns the feet and the stride of the puppet of a layer. The only attribute of the layer that matters
+    is its mirroring.
 
     Raises:
         InputError: if the puppet lacks data.
@@ -124,7 +126,7 @@ def alternating_feet(targets: Float, feet: Sequence[int]) -> tuple[int, ...]:
     return tuple(sorted(alternating))
 
 
-def seen_as(clip: Clip, role: Role) -> PerformerClip:
+def convert_take(clip: Clip, role: Role) -> PerformerClip:
     """Returns a take converted to the performer of the key poses, in their size."""
     took = performed(clip, role.joints)
     return replace(took, poses=role.seen(took.poses))
@@ -139,7 +141,7 @@ class PerformerFeet:
         feet: (K,) numbers of the control points.
         legs: mean length of the bones from the root to the feet, metres.
         step: seconds between frames.
-        how: the settings.
+        how: the locomotion settings.
     """
 
     seen: Float
@@ -159,10 +161,10 @@ class PerformerFeet:
         feet."""
         if switches is None:
             switches = find_switches(self.seen, self.step, self.legs, self.how)
-        return locate(places, yaw, self.step, switches, self.feet, self.how, stands)
+        return place_motion(places, yaw, self.step, switches, self.feet, self.how, stands)
 
 
-def stepping(
+def performer_feet(
     skeleton: Skeleton,
     role: Role,
     took: PerformerClip,
@@ -173,14 +175,14 @@ def stepping(
     """Returns the feet of a performer in a take.
 
     Args:
-        skeleton: the performer's.
+        skeleton: the performer's skeleton.
         took: the take, one row per joint of the role.
         feet: numbers of the control points.
         rows: for each foot the row of its joint in the role; None: the same number.
     """
     rows = list(feet if rows is None else rows)
-    ways = [skeleton.path(0, skeleton.index(role.joints[row])) for row in rows]
-    legs = float(np.mean([skeleton.lengths[list(way)].sum() for way in ways])) or 1.0
+    bone_paths = [skeleton.path(0, skeleton.index(role.joints[row])) for row in rows]
+    legs = float(np.mean([skeleton.lengths[list(way)].sum() for way in bone_paths])) or 1.0
     return PerformerFeet(took.world[:, rows], tuple(feet), legs, took.step, how)
 
 
@@ -189,7 +191,7 @@ def _cached_travel(material: Material) -> PuppetTravel:
     mesh, points, shown = material.mesh(), material.points, [load_clip() for load_clip in material.shown]
     examples = examples_with(material.puppet, mesh, points, material.poses, shown, material.symmetry)
     reference = reference_among([clip.skeleton for clip in shown], examples.joints)
-    size = _size_of(mesh.vertices) / max(_size_of(reference.positions), 1e-9)
+    size = _mean_size(mesh.vertices) / max(_mean_size(reference.positions), 1e-9)
     feet = alternating_feet(examples.targets, [k for k, point in enumerate(points) if point.foot])
     if not feet:
         return PuppetTravel((), complex(size))
@@ -215,18 +217,21 @@ def _fitted_stride(
         size: the ratio of sizes.
     """
     mapping, mirrored = ExampleMap(examples, material.examples), material.layer.mirrored
-    shared, own, theirs = 0j, 0.0, 0.0
+    cross_product, puppet_square, performer_square = 0j, 0.0, 0.0
     for clip in takes:
-        role = cast(reference, clip.skeleton, examples.joints, clip.id)
-        took = _resample_take(seen_as(clip, role))
+        role = match_performer(reference, clip.skeleton, examples.joints, clip.id)
+        took = _resample_take(convert_take(clip, role))
         yaw = (-1.0 if mirrored else 1.0) * (took.yaw - took.yaw[0])
-        stepper = stepping(clip.skeleton, role, took, feet, material.locomotion)
+        stepper = performer_feet(clip.skeleton, role, took, feet, material.locomotion)
         placed = stepper.locate(mapping.solve(took.poses, took.step), yaw, stepper.stands())
-        way = role.size * way_of(took, facing_of(clip.skeleton), mirrored)
-        went, gone = (_path_displacements(path, took.step) for path in (on_floor(placed.root), way))
-        shared += complex(np.vdot(gone, went))
-        own, theirs = own + float(np.vdot(went, went).real), theirs + float(np.vdot(gone, gone).real)
-    explained = abs(shared) ** 2 / max(own * theirs, 1e-12)
+        way = role.size * floor_path(took, facing_of(clip.skeleton), mirrored)
+        went, gone = (_path_displacements(path, took.step) for path in (floor_numbers(placed.root), way))
+        cross_product += complex(np.vdot(gone, went))
+        puppet_square, performer_square = (
+            puppet_square + float(np.vdot(went, went).real),
+            performer_square + float(np.vdot(gone, gone).real),
+        )
+    explained = abs(cross_product) ** 2 / max(puppet_square * performer_square, 1e-12)
     sure = float(
         np.clip(
             (explained - _EXPLAINED_VARIANCE_RANGE[0])
@@ -235,7 +240,7 @@ def _fitted_stride(
             1.0,
         )
     )
-    return size + sure * (shared / max(theirs, 1e-12) - size)
+    return size + sure * (cross_product / max(performer_square, 1e-12) - size)
 
 
 def _path_displacements(way: Complex, step: float) -> Complex:
@@ -252,7 +257,7 @@ def _resample_take(took: PerformerClip) -> PerformerClip:
     )
 
 
-def _size_of(places: Float) -> float:
+def _mean_size(places: Float) -> float:
     """Returns the geometric mean of the height and the largest extent of places (N, 3), metres."""
     extents = np.ptp(places, axis=0)
     return float(np.sqrt(extents[1] * extents.max()))

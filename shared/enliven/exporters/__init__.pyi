@@ -3,5 +3,5 @@ from .registry import Exporter as Exporter, exporter_of as exporter_of, suffixes
 from .sampling import (
     performance_of as performance_of,
     performance_of_clip as performance_of_clip,
-    sticks as sticks,
+    stick_mesh as stick_mesh,
 )

@@ -1,12 +1,12 @@
 """Writes the motion of a skeleton as a Biovision hierarchy file (.bvh).
 
 The zero pose is the skeleton at rest. A joint of the file rotates its whole subtree. So a joint with bones
-that rotate differently becomes several joints at one place. The first has its name, the names of the others
-contain their target ("Hips_to_LeftUpLeg"). The last joint of a limb becomes the end site of the previous one.
-The root's position is only in its channels. Its offset is zero, so that it does not matter whether a reader
-adds the two. Two kinds of joints have position channels, too: joints that takes move along their bone, and
-joints at the end of a stretched bone. These channels replace the joint's offset, which contains its rest
-position. The format cannot store the width of a bone.
+that rotate differently becomes several joints at one position. The first of them keeps the joint's name, and
+the names of the others contain their target ("Hips_to_LeftUpLeg"). The last joint of a limb becomes the end
+site of the previous one. The root's position is only in its channels. The root's offset is zero, since some
+readers add offset and position. Two other kinds of joints have position channels: joints that move along
+their bone, and joints at the end of a stretched bone. These channels replace the joint's offset, which
+contains its rest position. The format cannot store the width of a bone.
 """
 
 from __future__ import annotations
@@ -29,12 +29,14 @@ from enliven.rotation import nearest_rotation
 _UNITS_PER_METRE = {"m": 1.0, "cm": 100.0}
 """Units of a file per metre."""
 _SAME_ROTATION_DIFFERENCE = 1e-9
-"""Maximum difference of two bones' rotation matrices that count as equal: rounding of the last digits."""
+"""Maximum difference between the entries of two rotation matrices that count as equal: rounding of the last
+digits."""
 _MIN_BONE_MOTION_FRACTION = 1e-6
 """Minimum motion of a joint along its bone for position channels, as a fraction of the length of all
 bones."""
 _STILL_STEP = 1.0 / 30.0
-"""Frame time of a still pose, in seconds. It has a single frame, because the format cannot mark a still."""
+"""Frame time of a still pose, in seconds. A still pose is written as one frame, because the format has no
+other way."""
 _ROTATION_CHANNELS = "Zrotation Xrotation Yrotation"
 """Rotations in the order of multiplication, which most recorders use."""
 
@@ -47,7 +49,7 @@ class _Joint:
         offset: (3,) metres from the joint above it.
         at: the number of its joint in the skeleton.
         moved: True if its position relative to the joint above changes.
-        bone, above: the bones with the rotations of this joint and of the one above it.
+        bone, above: the bones that define the rotations of this joint and of its parent joint.
         end: (3,) metres, the offset of its end site, or None.
     """
 
@@ -70,7 +72,7 @@ def write_bvh(
     """Writes the skeleton of one character and its motion.
 
     Args:
-        name: the title, which the format cannot store.
+        name: the title. It is ignored, because the format cannot store it.
         unit: unit of offsets and positions, "m" or "cm".
 
     Raises:
@@ -83,7 +85,7 @@ def write_bvh(
     write_file(Path(path), bvh_text(performances[0], unit), "Choose another place.")
 
 
-def units_in_metre(unit: str = "m") -> float:
+def units_per_metre(unit: str = "m") -> float:
     """Returns the number of units per metre.
 
     Raises:
@@ -96,16 +98,16 @@ def units_in_metre(unit: str = "m") -> float:
     return _UNITS_PER_METRE[unit]
 
 
-BVH = Exporter(write_bvh, jointed=True, single=True, check=units_in_metre)
+BVH = Exporter(write_bvh, jointed=True, single=True, check=units_per_metre)
 
 
 def bvh_text(performance: Performance, unit: str = "m") -> str:
     """Returns the text of the file. See :func:`write_bvh`."""
-    skeleton, where = performance.skeleton, f"character {performance.name!r}"
+    skeleton, location = performance.skeleton, f"character {performance.name!r}"
     if skeleton is None:
         mend = "Write a .glb instead: its joints carry any surface."
-        raise InputError("it has no skeleton, and a BVH file holds nothing else", where=where, mend=mend)
-    scale, times = units_in_metre(unit), performance.times
+        raise InputError("it has no skeleton, and a BVH file holds nothing else", where=location, mend=mend)
+    scale, times = units_per_metre(unit), performance.times
     turns = nearest_rotation(performance.linear)
     places = _joint_places(skeleton, turns, performance) if performance.stretches else None
     joints = _file_joints(skeleton, turns, places)
@@ -126,8 +128,8 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
 def _joint_places(skeleton: Skeleton, turns: Float, performance: Performance) -> Float:
     """Returns (T, N, 3) metres, each joint's position in the rotated frame of its bone."""
     assert performance.joints is not None
-    ways = performance.joints - performance.positions
-    return np.asarray(np.einsum("tnba,tnb->tna", turns, ways))
+    offsets = performance.joints - performance.positions
+    return np.asarray(np.einsum("tnba,tnb->tna", turns, offsets))
 
 
 def _file_joints(skeleton: Skeleton, linear: Float, places: Float | None) -> list[_Joint]:

@@ -12,17 +12,18 @@ from enliven.rotation import IDENTITY, conjugate, from_matrix, multiply
 _MAX_CURVE_DEVIATION = 1e-2
 """Maximum deviation of a curve from the sampled motion, in radians or as a fraction of the skeleton's length.
 
-Frames at 120 Hz lose up to this much of a fast rotation between them. If a curve deviates more, something
-else moves the bone, too."""
+Interpolation between frames at 120 Hz has errors of this size during fast rotations. If a curve deviates
+more, something else also moves the bone."""
 _MAX_POSED_CHANGE = 1e-9
-"""Maximum change of a quaternion entry, or of the root in metres, that counts as rounding. More is a pose."""
+"""Maximum change of a quaternion entry, or of the root in metres, that counts as rounding. A larger change
+was posed by an artist."""
 
 
 _MAX_RIGID_STRETCH = 1e-6
 """Maximum stretch of a bone that counts as rigid: rounding of long chains."""
 
 
-def file_keys_of(
+def find_file_keys(
     project: Project, shape: Shape, performance: Performance, start: float
 ) -> tuple[CubicKeys, ...]:
     """Returns the cubic keys that move a shape, in the seconds of its performance.
@@ -38,7 +39,7 @@ def file_keys_of(
     """
     clip, layer = _only_clip(project, shape)
     skeleton = performance.skeleton
-    if clip is None or layer is None or skeleton is None or not _only_turns(performance.linear):
+    if clip is None or layer is None or skeleton is None or not _is_rigid(performance.linear):
         return ()
     (segment,) = layer.lane(clip.duration)
     speed = layer.speed * segment.speed
@@ -56,14 +57,15 @@ def file_keys_of(
     )
 
 
-def _only_turns(linear: Float) -> bool:
+def _is_rigid(linear: Float) -> bool:
     """Returns True if no map (T, N, 3, 3) stretches or mirrors its bone."""
     gram = np.einsum("tnba,tnbc->tnac", linear, linear)
     return bool(np.abs(gram - np.eye(3)).max() <= _MAX_RIGID_STRETCH and (np.linalg.det(linear) > 0).all())
 
 
 def _only_clip(project: Project, shape: Shape) -> tuple[Clip | None, Layer | None]:
-    """Returns the clip that all bones of a shape play alike and one of the layers, or (None, None)."""
+    """Returns the clip that all bones of a shape play in the same way, and one of the layers, or (None,
+    None)."""
     if not shape.layers or shape.root_layers or shape.pins:
         return None, None
     layer = shape.layers[0]

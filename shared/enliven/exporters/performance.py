@@ -15,7 +15,8 @@ from enliven.meshes import Mesh
 from enliven.rotation import from_matrix, remove_sign_jumps, rotate, to_matrix
 
 _RIGID_TOLERANCE = 1e-6
-"""Tolerance of rigid bones, for stretch and as a fraction of all bones' length: rounding of long chains."""
+"""Maximum stretch of a rigid bone, and its maximum motion as a fraction of the length of all bones: rounding
+in long chains."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,7 @@ class Performance:
         name: the character's name.
         times: (T,) seconds, increasing from 0. Evenly spaced, unless they include keys of its clips.
         pivots: (J, 3) metres, positions of the transforms at rest.
-        linear: (T, J, 3, 3) maps. With a skeleton they are rotations, unless its takes stretch bones.
+        linear: (T, J, 3, 3) linear maps. With a skeleton they are rotations, unless its takes stretch bones.
         positions: (T, J, 3) metres, positions of the pivots.
         mesh: at rest, or None for a skeleton without a mesh.
         skin: skin weights: the transforms that each vertex follows. None without a mesh.
@@ -34,12 +35,12 @@ class Performance:
             form no hierarchy, like the nodes of a deformation graph.
         joints: (T, J, 3) metres, the joints of the skeleton. None without one.
         axes: (J, 3, 3) rotations: the stretch axes of each transform. None for those of the mesh.
-        turns, places: (T, 4) and (T, 3) metres, the pose of the coordinate frame of all arrays above: a point
-            x is at turn x + place in the world. None: the frame is the world.
+        turns, places: (T, 4) and (T, 3) metres, the pose of the coordinate frame of the arrays above. A point
+            x of this frame is at turn x + place in the world. If None, the frame is the world.
         morphs: morph targets instead of the skin, or None.
         keys: maximum additional error in metres that an exporter may cause by key reduction.
-        cubic: the cubic keys of bones and of the root's position, in the seconds of ``times``. Nothing else
-            moves a character that has some.
+        cubic: the cubic keys of bones and of the root's position, in the seconds of ``times``. If there are
+            any, nothing else moves the character.
         error: deviation of the baked surface from the displayed one, or None if nothing was baked.
     """
 
@@ -62,7 +63,7 @@ class Performance:
 
     @property
     def character(self) -> Character:
-        """The character as viewers use it: its vertices follow transforms in the world.
+        """The character in the format of viewers: its vertices follow transforms in the world.
 
         Raises:
             InputError: if it has no mesh.
@@ -91,10 +92,11 @@ class Performance:
         skeleton, gram = self.skeleton, np.einsum("tnba,tnbc->tnac", self.linear, self.linear)
         if np.abs(gram - np.eye(3)).max() > _RIGID_TOLERANCE or (np.linalg.det(self.linear) < 0).any():
             return True
-        ways = self.joints[:, 1:] - self.positions[:, 1:]
-        own = np.einsum("tnba,tnb->tna", self.linear[:, 1:], ways)
+        offsets = self.joints[:, 1:] - self.positions[:, 1:]
+        bone_offsets = np.einsum("tnba,tnb->tna", self.linear[:, 1:], offsets)
         return bool(
-            np.abs(own - skeleton.vectors[1:]).max(initial=0.0) > _RIGID_TOLERANCE * skeleton.lengths.sum()
+            np.abs(bone_offsets - skeleton.vectors[1:]).max(initial=0.0)
+            > _RIGID_TOLERANCE * skeleton.lengths.sum()
         )
 
     @property
@@ -110,7 +112,7 @@ class Performance:
         return self.mesh, self.skin
 
 
-def stretches_of(linear: Float) -> tuple[Float, Float]:
+def split_stretch(linear: Float) -> tuple[Float, Float]:
     """Splits (T, N, 3, 3) maps R S into (T, N, 4) rotations R and (T, N, 3) scales, the diagonal of S.
 
     A mirroring map has negative scales.

@@ -20,14 +20,15 @@ from enliven.errors import InputError
 from enliven.files import require_folder
 
 ENTRY_POINTS = "enliven.exporters"
-"""Other packages add exporters through this group: an entry point names an :class:`Exporter`."""
+"""Entry-point group through which other packages add exporters. An entry point refers to an
+:class:`Exporter`."""
 
 _BUILT_IN = {
     "bvh": "enliven.exporters.bvh:BVH",
     "glb": "enliven.exporters.gltf:GLB",
 }
 _IN_PACKAGES = {"mp4": "enliven-viewer"}
-"""File suffixes of packages that may not be installed, with the name of the package."""
+"""File suffixes of exporters in packages that may not be installed, with the name of the package."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,8 @@ class Exporter:
         write: takes the path, the performances, a title, and options as keywords.
         jointed: True if it supports only characters with a skeleton.
         single: True if it supports only one character.
-        heard: True if it supports sound: ``write`` takes ``sound``, samples from the first pose on.
+        heard: True if it supports sound. ``write`` then takes ``sound``, the audio samples from the first
+            pose on.
         keyed: True if it supports keys at uneven times, such as those of a clip's own file.
         check: takes the options and raises for invalid ones, before any work.
     """
@@ -60,7 +62,7 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
     """Returns the exporter of a file. Unsupported output is refused before any work.
 
     Args:
-        also: suffixes that the caller writes itself, to be named in an error.
+        also: suffixes that the caller writes itself, for the list of known suffixes in an error.
         options: options for its ``write``.
 
     Raises:
@@ -82,7 +84,8 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
 def _load_exporter(name: str, where: str, also: tuple[str, ...]) -> Exporter:
     """Returns the exporter of that name.
 
-    It is imported only now, so that the missing library of one exporter does not disable the others.
+    The exporter is imported on request, so that a missing library of one exporter does not disable the
+    others.
     """
     if name in _BUILT_IN:
         module, _, attribute = _BUILT_IN[name].partition(":")

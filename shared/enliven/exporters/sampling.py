@@ -29,10 +29,10 @@ from enliven.examples.baking import (
     SurfaceFrames,
     bake_morphs,
     bake_surface,
-    states_of,
+    evaluate_states,
     stretch_axes,
 )
-from enliven.exporters.file_keys import file_keys_of
+from enliven.exporters.file_keys import find_file_keys
 from enliven.exporters.performance import Performance
 from enliven.meshes import Mesh
 from enliven.modeling.edits import rig_of, root_motions
@@ -42,11 +42,12 @@ from enliven.rotation import multiply, to_matrix
 
 _BONE_WIDTH_RATIO = 0.08
 """Width of a drawn bone as a fraction of its length, as in animation programs."""
-_SAME_TIME = 1e-4
+_MAX_EQUAL_TIME_S = 1e-4
 """Maximum difference of two times that count as equal, in seconds. It is shorter than a jump in a glTF
 file."""
-_MOST_ROUNDS = 1000
-"""Maximum rounds of a looped clip with keys at their own times. Later ones are sampled evenly."""
+_MAX_KEYED_ROUNDS = 1000
+"""Maximum number of repetitions of a looped clip that are sampled at its keys. Later repetitions are sampled
+evenly."""
 
 
 def performance_of(
@@ -65,28 +66,31 @@ def performance_of(
     Args:
         character: a rigged shape, a possessed mesh or a puppet of the project, or the id of one.
         end: end time in seconds. If None, it is the end of the character's last layer. Loops repeat until all
-            characters of the project have ended, and then complete their round.
-        how: a puppet is baked as transforms with skin weights, or as morph targets.
+            characters of the project have ended, and then finish the current repetition.
+        how: bakes a puppet as transforms with skin weights, or as morph targets.
         settings: accuracy of baking a puppet.
         keyed: True to also sample at the key times of its clips' files, so that no jump becomes a ramp. Their
             cubic keys are kept if nothing else moves the character, instead of sampled frames.
 
     Raises:
-        InputError: if the character does not exist, the times are invalid, or it lacks something to move.
+        InputError: if the character does not exist, lacks data that it needs to move, or the times are
+            invalid.
     """
     rig = project.character(character) if isinstance(character, str) else character
     if end is None:
-        end, rate = _closing_time(project, rig, start, rate)
+        end, rate = _loop_end_time(project, rig, start, rate)
     times = frame_times(start, end, rate, rig.id)
     if keyed and isinstance(rig, Shape):
-        times = _with_keys(project, rig, times)
-    performance = _BY_RIG.get(rig.kind, _of_graph)(project, rig, times, how, settings or BakeSettings())
+        times = _add_key_times(project, rig, times)
+    performance = _BY_RIG.get(rig.kind, _performance_of_graph)(
+        project, rig, times, how, settings or BakeSettings()
+    )
     if keyed and isinstance(rig, Shape):
-        performance = replace(performance, cubic=file_keys_of(project, rig, performance, start))
+        performance = replace(performance, cubic=find_file_keys(project, rig, performance, start))
     return performance
 
 
-def _closing_time(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:
+def _loop_end_time(project: Project, character: RigBase, start: float, rate: float) -> tuple[float, float]:
     """Returns the time in seconds at which a character has played all layers, and a rate (Hz) that fits a
     loop's end."""
     heard = [layer for layer in character.playing if not layer.muted]
@@ -99,7 +103,7 @@ def _closing_time(project: Project, character: RigBase, start: float, rate: floa
     return end, (max(round((end - start) * rate), 1) / (end - start) if end > start else rate)
 
 
-def _with_keys(project: Project, character: Shape, times: Float) -> Float:
+def _add_key_times(project: Project, character: Shape, times: Float) -> Float:
     """Returns (T,) even times in seconds, plus the times at which keys of a character's clips are played.
 
     Even times next to a key are left out, so that a jump keeps its two times.
@@ -114,15 +118,15 @@ def _with_keys(project: Project, character: Shape, times: Float) -> Float:
             moments = segment.begin + (seconds - segment.first) / segment.speed
             moments = moments[(moments >= segment.begin) & (moments <= segment.end)]
             rounds = int((times[-1] - layer.offset) / lasts) + 1 if layer.loop and lasts > 0.0 else 1
-            key_times += [moments + number * lasts for number in range(min(rounds, _MOST_ROUNDS))]
+            key_times += [moments + number * lasts for number in range(min(rounds, _MAX_KEYED_ROUNDS))]
     keys = np.unique(np.concatenate([np.zeros(0), *key_times]))
     keys = keys[(keys > times[0]) & (keys < times[-1])]
-    keys = keys[np.diff(keys, prepend=-np.inf) > _SAME_TIME]
+    keys = keys[np.diff(keys, prepend=-np.inf) > _MAX_EQUAL_TIME_S]
     if not len(keys):
         return times
     after = np.clip(np.searchsorted(keys, times), 1, max(len(keys) - 1, 1))
     near = np.minimum(np.abs(times - keys[after - 1]), np.abs(times - keys[np.minimum(after, len(keys) - 1)]))
-    free = near > _SAME_TIME
+    free = near > _MAX_EQUAL_TIME_S
     free[[0, -1]] = True
     return np.union1d(times[free], keys)
 
@@ -133,10 +137,12 @@ def performance_of_clip(clip: Clip) -> Performance:
     skeleton = clip.skeleton
     linear = to_matrix(clip.turns)
     linear = linear if clip.stretch is None else linear @ clip.stretch
-    return _of_bones(clip.id, skeleton, times, linear, joint_places(clip), *sticks(skeleton))
+    return _performance_of_skeleton(
+        clip.id, skeleton, times, linear, joint_places(clip), *stick_mesh(skeleton)
+    )
 
 
-def _of_bones(
+def _performance_of_skeleton(
     name: str,
     skeleton: Skeleton,
     times: Float,
@@ -151,17 +157,17 @@ def _of_bones(
     return Performance(name, times - times[0], *placed, mesh, skin, skeleton=skeleton, joints=joints)
 
 
-def _of_shape(project: Project, shape: Shape, times: Float, *_: object) -> Performance:
+def _performance_of_shape(project: Project, shape: Shape, times: Float, *_: object) -> Performance:
     player = Player(project, shape.id)
     turns, joints = player.sample(times)
     linear = player.linear(times, turns)
     if shape.root_layers:
         whole = root_motions(project, shape, times)
         linear, joints = to_matrix(whole.turn)[:, None] @ linear, whole(joints)
-    return _of_bones(shape.id, shape.skeleton, times, linear, joints, shape.mesh, shape.skin)
+    return _performance_of_skeleton(shape.id, shape.skeleton, times, linear, joints, shape.mesh, shape.skin)
 
 
-def _of_graph(project: Project, character: RigBase, times: Float, *_: object) -> Performance:
+def _performance_of_graph(project: Project, character: RigBase, times: Float, *_: object) -> Performance:
     """Returns the performance of any rig, as nodes with skin weights."""
     even = times if len(times) > 1 else np.append(times, times[0] + 1.0)
     graph, stream = rig_of(character).as_graph(project, character, even, character.id)[:2]
@@ -172,11 +178,11 @@ def _of_graph(project: Project, character: RigBase, times: Float, *_: object) ->
     )
 
 
-def _of_puppet(
+def _performance_of_puppet(
     project: Project, puppet: Puppet, times: Float, how: str, settings: BakeSettings
 ) -> Performance:
     """Returns the performance of a puppet, baked in its own frame."""
-    states, turns, places = states_of(project, puppet, times)
+    states, turns, places = evaluate_states(project, puppet, times)
     if puppet.root_layers:
         whole = root_motions(project, puppet, times)
         turns, places = multiply(whole.turn, turns), whole(places[:, None])[:, 0]
@@ -201,12 +207,16 @@ def _of_puppet(
     return replace(performance, turns=turns, places=places, error=error, keys=settings.keys * error.size)
 
 
-_BY_RIG: dict[str, Callable[..., Performance]] = {Shape.kind: _of_shape, Puppet.kind: _of_puppet}
+_BY_RIG: dict[str, Callable[..., Performance]] = {
+    Shape.kind: _performance_of_shape,
+    Puppet.kind: _performance_of_puppet,
+}
 """Rigs with more than transforms in their performance: a skeleton, or morph targets."""
 
 
-def sticks(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
-    """Returns an octahedron for each bone with skin weights. None if no bone has a length."""
+def stick_mesh(skeleton: Skeleton) -> tuple[Mesh | None, SkinWeights | None]:
+    """Returns a mesh with an octahedron for each bone, and its skin weights. Returns None if no bone has a
+    length."""
     bones = np.flatnonzero(skeleton.lengths > 0)
     if not len(bones):
         return None, None

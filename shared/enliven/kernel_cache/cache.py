@@ -48,9 +48,10 @@ class KernelCache(_Cache):  # type: ignore[misc]
 
     @functools.cached_property
     def _stem(self) -> str:
-        """The readable part of the file names, and a hash of all but the argument types.
+        """The kernel's name, and a hash of everything that its code depends on except the argument types.
 
-        It is computed at the first call, because globals below the kernel in its file do not exist earlier.
+        It is computed at the first call, because globals that are defined after the kernel in its file do not
+        exist earlier.
         """
         function = self._kernel.py_func
         parts = fingerprint(function), describe_options(self._kernel), repr(_VERSIONS)

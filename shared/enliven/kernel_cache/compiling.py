@@ -21,8 +21,8 @@ class _Compilations(event.Listener):  # type: ignore[misc]
     """Counts compiled functions of this process. Numba compiles in one thread at a time, under a lock.
 
     Compilation makes many objects that live until its end. Garbage collection among them takes a tenth of the
-    time and frees nothing. So it is delayed until the outermost function is compiled, which takes at most
-    80 MB more.
+    time and frees nothing. So it is delayed until the outermost function is compiled. This needs at most 80
+    MB more memory.
     """
 
     def __init__(self) -> None:

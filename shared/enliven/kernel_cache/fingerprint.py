@@ -21,11 +21,12 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 
 _CONSTANTS = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice, np.generic)
-"""Types with a ``repr`` that is the whole value."""
+"""Types with a ``repr`` that represents the whole value."""
 _LIBRARIES = ("numba", "numpy", "scipy", "llvmlite", "builtins", "math")
 """Packages with functions that count by name: their versions are part of every file name."""
 _FUNCTION = 0x3
-"""Flags of the code of a function, ``CO_OPTIMIZED | CO_NEWLOCALS``: modules and classes lack them."""
+"""Flags ``CO_OPTIMIZED | CO_NEWLOCALS`` of a code object. Functions have both, modules and classes have
+neither."""
 _HAS_DOCSTRING = 0x4000000
 """Flag of code with a docstring as its first constant, from Python 3.13 on."""
 _GENERATORS = ("kernels.py", "lanes.py", "lane_blocks.py")

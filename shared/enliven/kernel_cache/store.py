@@ -19,7 +19,8 @@ _LEVEL = 9
 _MAX_UNUSED_S = 60 * 86400.0
 """Seconds after which an unused file in the user's folder is deleted: two months."""
 _SHIPPED = "enliven_kernels"
-"""Package with the compiled kernels of a release. Its folder ``kernels`` has the user folder's format."""
+"""Name of the package with the compiled kernels of a release. Its folder ``kernels`` has the user folder's
+format."""
 
 
 @functools.cache
@@ -47,8 +48,8 @@ def user_folder() -> Path | None:
 
 def load_kernel(name: str) -> Any:
     """Returns the data that was saved under a name, or None if no folder has a readable file with it."""
-    own = user_folder()
-    for folder in (*shipped_folders(), *(() if own is None else (own,))):
+    writable_folder = user_folder()
+    for folder in (*shipped_folders(), *(() if writable_folder is None else (writable_folder,))):
         path = folder / name
         # Unpickling a damaged file may raise any exception. It counts as missing, and is written again.
         with contextlib.suppress(Exception):

@@ -6,30 +6,30 @@ from .automatic_mapping import (
     idle_limbs as idle_limbs,
     play_own_take as play_own_take,
     retarget as retarget,
-    with_feet_pinned as with_feet_pinned,
+    pin_all_feet as pin_all_feet,
 )
-from .facing import facing_of as facing_of, turned_about_y as turned_about_y
+from .facing import facing_of as facing_of, rotate_about_y as rotate_about_y
 from .alternatives import NextBest as NextBest, next_best as next_best
 from .model_clips import (
     clip_to_open as clip_to_open,
     is_looping as is_looping,
     is_own_take as is_own_take,
-    looped as looped,
+    loop_takes as loop_takes,
     own_clips as own_clips,
     play_own_clip as play_own_clip,
     played_clip as played_clip,
-    stilled as stilled,
+    mute_takes as mute_takes,
 )
 from .plan import Mode as Mode, Plan as Plan
 from .plan_file import read_plan as read_plan, write_plan as write_plan
 from .pose_error import LimbError as LimbError
 from .quality import (
-    BOUND as BOUND,
-    LEVEL as LEVEL,
-    POSE as POSE,
-    SLIDE as SLIDE,
-    THROUGH as THROUGH,
+    MAX_STRETCH as MAX_STRETCH,
+    MAX_FLOOR_DISTANCE as MAX_FLOOR_DISTANCE,
+    MAX_POSE_DEGREES as MAX_POSE_DEGREES,
+    MAX_SLIDE_CM_S as MAX_SLIDE_CM_S,
+    MAX_INTERSECTION as MAX_INTERSECTION,
     MotionQuality as MotionQuality,
     quality_of as quality_of,
 )
-from .softening import limb_of as limb_of, softened as softened
+from .softening import limb_name as limb_name, soften_plan as soften_plan

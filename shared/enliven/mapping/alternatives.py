@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 from enliven.document import Shape
 from enliven.mapping.automatic_mapping import RetargetedShape, retarget
-from enliven.mapping.ground import stands
+from enliven.mapping.ground import stands_on_floor
 from enliven.mapping.plan import Plan
 from enliven.mapping.quality import MotionQuality, quality_of
-from enliven.mapping.softening import softened
+from enliven.mapping.softening import soften_plan
 
 _MAX_FAULT_RATIO = 0.8
 """Another mapping is offered only if its faults are at most this fraction of the current mapping's."""
@@ -23,7 +23,7 @@ class NextBest:
     """An alternative mapping of a take to a shape.
 
     Attributes:
-        how: how it differs from the current mapping, with the options of the command line.
+        how: the difference from the current mapping, in words or as options of the command line.
         plan: the mapping.
         quality: its measures.
     """
@@ -59,21 +59,22 @@ def _measured_quality(retargeted: RetargetedShape, shape: Shape, plan: Plan) -> 
 
 
 def _other_mappings(retargeted: RetargetedShape, shape: Shape) -> Iterator[tuple[str, Plan]]:
-    """Yields each mapping that differs from the current one in one choice, after a description of how."""
+    """Yields each mapping that differs from the current one in one choice, with a description of the
+    difference."""
     plan, clip = retargeted.plan, retargeted.clip
-    soft = softened(plan, clip, shape)
+    soft = soften_plan(plan, clip, shape)
     if soft != plan:
         yield "moved less where it stretches", soft
     for mode in ("move", "pose"):
         chains = tuple(replace(chain, mode=mode) for chain in plan.chains)
         if chains != plan.chains:
-            yield f"with --mode {mode}", softened(replace(plan, chains=chains), clip, shape)
+            yield f"with --mode {mode}", soften_plan(replace(plan, chains=chains), clip, shape)
     chains = tuple(
         chain if "whole" in chain.role else replace(chain, weight=_GENTLE_WEIGHT * chain.weight)
         for chain in plan.chains
     )
     yield f"with limbs moved by {_GENTLE_WEIGHT:.0%}", replace(plan, chains=chains)
-    if stands(shape):
+    if stands_on_floor(shape):
         yield ("with --no-steps" if plan.steps else "with --steps"), replace(plan, steps=not plan.steps)
         if not plan.floor:
             yield "with --floor", replace(plan, floor=True)

@@ -19,7 +19,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float
 from enliven.document import Skeleton
-from enliven.mapping.facing import facing_of, side_of, spaced, turned_about_y
+from enliven.mapping.facing import facing_of, rotate_about_y, separate_words, side_of
 from enliven.mapping.human_names import HumanJoints, HumanLimb, human_joints, longest_branch
 
 _TWIG_WORDS = re.compile(
@@ -34,18 +34,17 @@ skeleton's size."""
 _MIN_BRANCH_FRACTION = 0.15
 """A branch shorter than this fraction of the longest branch is a twig, not a limb."""
 _MIN_FORK_FRACTION = 0.5
-"""A branch shorter than this fraction of the path from the root to its fork is a twig.
+"""A branch shorter than this fraction of the path from the root to its fork is a twig, not a limb.
 
-A branch leads off the middle plane if its end is farther from it than its fork, by more than this fraction of
-its length."""
+A branch leads away from the middle plane if its end is farther from that plane than its fork, by more than
+this fraction of the branch's length."""
 _MIN_SIDE_FORK_FRACTION = 0.6
-"""The first limit of ``_MIN_FORK_FRACTION`` for a branch that leads off the middle plane. Big ears are
-longer than other twigs."""
+"""Replaces ``_MIN_FORK_FRACTION`` for a branch that leads away from the middle plane. Big ears are longer
+than other twigs."""
 _MIN_FORK_BRANCHES = 5
-"""Minimum number of branches with which a fork is a face or a hand. The root is exempt."""
+"""Minimum number of branches of a face or a hand. A fork with fewer is neither. The root is exempt."""
 _MIN_PALM_LENGTH = 0.02
-"""Minimum length of the bone to the first joint of a finger, as a fraction of the longest branch, with which
-that bone is a palm."""
+"""Minimum length of a palm's bone (to the first joint of a finger), as a fraction of the longest branch."""
 _MAX_FORK_OFFSET = 0.15
 """A fork farther from the middle plane than this fraction of the longest branch is a hand. The limb continues
 along its longest branch only."""
@@ -54,11 +53,12 @@ _MAX_PAIR_DIFFERENCE = 0.15
 _MIN_PAIR_DISTANCE = 0.1
 """Minimum lateral distance between the two limbs of a pair, as a fraction of their length."""
 _MIN_LIMB_OFFSET = 0.03
-"""A bone of the limb proper begins farther from the middle plane than this fraction of the limb's length."""
+"""Minimum distance from the middle plane at which the limb proper begins, as a fraction of the limb's
+length."""
 _MIN_GIRDLE_SIDEWAYS = 0.8
 """Minimum lateral extent of a girdle bone (collar bone, hip), as a fraction of its length."""
 _MAX_GIRDLE_COSINE = 0.5
-"""The limb bends after a girdle bone if the cosine between it and the rest is below this: 60 degrees."""
+"""Maximum cosine between a girdle bone and the rest of the limb, which bends there by at least 60 degrees."""
 _MAX_GIRDLE_LENGTH = 0.6
 """Maximum length of the girdle as a fraction of the limb's. A longer girdle would leave too little limb."""
 _MIN_LEG_JOINTS = 3
@@ -76,8 +76,8 @@ _MIN_WRIST_POSITION = 0.6
 _MIN_WRIST_BONES = 3
 """Minimum number of bones that begin at a wrist. A joint with two may carry a twist bone."""
 _MIN_UPRIGHT_COSINE = np.cos(np.radians(45.0))
-"""Minimum cosine between the vertical and the line from hips to chest with which joint names of a person
-are trusted. Animals may have them too."""
+"""Minimum cosine between the vertical and the line from hips to chest for joint names of a person to count.
+Animals may have such names too."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class SkeletonLimb:
     Attributes:
         chain: its joints, beginning with the fork.
         start: index in the chain at which the limb proper begins. The girdle (collar bone, hip) is before it.
-        grounded: True if it stands on the floor.
+        grounded: True if the limb stands on the floor.
         end: (3,) metres, the position of its end. The front of the body is at +Z, its left at +X.
         stop: index in the chain at which its hand or foot begins (wrist, ankle). None without a separate one.
         knots: indices in the chain at which segments begin and the last one ends, by joint names. For an arm:
@@ -156,10 +156,10 @@ class Anatomy:
         return tuple(pair for pair in self.pairs if not pair[0].grounded)
 
 
-def begins_tip(skeleton: Skeleton, limb: SkeletonLimb, joint: int) -> bool:
-    """Returns True if a hand or foot begins at a joint, by length.
+def is_tip_start(skeleton: Skeleton, limb: SkeletonLimb, joint: int) -> bool:
+    """Returns True if a hand or foot begins at a joint, judged by length.
 
-    It is False for limbs with a hand or foot that joint names or fingers give.
+    Returns False if joint names or fingers already define the limb's hand or foot.
     """
     if limb.tip or limb.knots or joint not in limb.main[1:-1]:
         return False
@@ -176,21 +176,21 @@ def anatomy_of(skeleton: Skeleton, facing: float | None = None) -> Anatomy:
     """
     facing = facing_of(skeleton) if facing is None else facing
     at = _symmetric_positions(
-        turned_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing)
+        rotate_about_y(skeleton.positions - skeleton.positions[0] * [1.0, 0.0, 1.0], -facing)
     )
     human = human_joints(skeleton)
-    if human is not None and _is_upright(at[human.chest] - at[list(_hip_joints(human))].mean(0)):
-        return _human_anatomy(skeleton, human, facing, at)
+    if human is not None and _points_up(at[human.chest] - at[list(_hip_joints(human))].mean(0)):
+        return _anatomy_from_names(skeleton, human, facing, at)
     below = _major_children(skeleton, at)
     chains = _fork_chains(below)
     limbs = [
-        _with_hand(_limb_from_chain(chain, at), skeleton, at) for chain in chains if not below[chain[-1]]
+        _separate_hand(_limb_from_chain(chain, at), skeleton, at) for chain in chains if not below[chain[-1]]
     ]
     trunk = _trunk_path([chain for chain in chains if below[chain[-1]]], at)
     pairs, single = _paired_limbs(limbs, at, skeleton.names)
     head, tail = _head_and_tail(single, at)
     if not any(limb.chain[0] == trunk[-1] for limb in single):
-        trunk, pairs, split_head = _with_head(trunk, pairs, at)
+        trunk, pairs, split_head = _separate_head(trunk, pairs, at)
         head = split_head or head
     return Anatomy(facing, trunk, tuple(pairs), head, tail)
 
@@ -200,12 +200,12 @@ def _hip_joints(human: HumanJoints) -> tuple[int, ...]:
     return tuple(leg.knots[0] for leg in human.legs)
 
 
-def _is_upright(way: Float) -> bool:
+def _points_up(way: Float) -> bool:
     """Returns True if a vector (3,) points up."""
     return bool(float(way[1]) > _MIN_UPRIGHT_COSINE * float(np.linalg.norm(way)))
 
 
-def _human_anatomy(skeleton: Skeleton, human: HumanJoints, facing: float, at: Float) -> Anatomy:
+def _anatomy_from_names(skeleton: Skeleton, human: HumanJoints, facing: float, at: Float) -> Anatomy:
     """Returns the anatomy of a person from the joint names. The front is at +Z in ``at`` (N, 3)."""
     path = skeleton.path(human.hips, human.chest)
     # The root may lie on the floor or in the belly, so the trunk begins at the joint nearest to the hips.
@@ -218,10 +218,10 @@ def _human_anatomy(skeleton: Skeleton, human: HumanJoints, facing: float, at: Fl
     head = None
     if len(human.head) > 1:
         knots = tuple(human.head.index(joint) for joint in human.head_knots)
-        head = SkeletonLimb(human.head, 0, False, _as_tuple(at[human.head[-1]]), knots=knots)
+        head = SkeletonLimb(human.head, 0, False, _limbs_to_tuples(at[human.head[-1]]), knots=knots)
     tail = None
     if human.tail:
-        tail = SkeletonLimb(human.tail, 0, False, _as_tuple(at[human.tail[-1]]))
+        tail = SkeletonLimb(human.tail, 0, False, _limbs_to_tuples(at[human.tail[-1]]))
     return Anatomy(facing, path[first:], ((arms[0], arms[1]), (legs[0], legs[1])), head, tail)
 
 
@@ -231,10 +231,10 @@ def _human_limb(skeleton: Skeleton, fork: int, limb: HumanLimb, grounded: bool, 
     chain = path if limb.tip < 0 else (*path, *longest_branch(skeleton, limb.tip))
     knots = tuple(path.index(joint) for joint in limb.knots)
     stop = None if limb.tip < 0 else len(path) - 1
-    return SkeletonLimb(chain, knots[0], grounded, _as_tuple(at[chain[-1]]), stop, knots)
+    return SkeletonLimb(chain, knots[0], grounded, _limbs_to_tuples(at[chain[-1]]), stop, knots)
 
 
-def _as_tuple(place: Float) -> tuple[float, float, float]:
+def _limbs_to_tuples(place: Float) -> tuple[float, float, float]:
     return float(place[0]), float(place[1]), float(place[2])
 
 
@@ -255,7 +255,7 @@ def _major_children(skeleton: Skeleton, at: Float) -> list[list[int]]:
     """Returns the children of each joint that are not twigs. A limb ends at the first joint of a finger."""
     count, parents = len(skeleton), np.maximum(skeleton.parents, 0)
     lengths = np.linalg.norm(at - at[parents], axis=1)
-    named = [bool(_TWIG_WORDS.search(spaced(name))) for name in skeleton.names]
+    named = [bool(_TWIG_WORDS.search(separate_words(name))) for name in skeleton.names]
     reach, way, end = np.zeros(count), np.zeros(count), np.arange(count)
     for j in range(count - 1, 0, -1):
         up, long = parents[j], reach[j] + lengths[j]
@@ -318,13 +318,14 @@ def _turns_back(points: Float) -> bool:
     return bool((points[1] - points[0]) @ (points[-1] - points[1]) < 0.0)
 
 
-def _with_head(
+def _separate_head(
     trunk: tuple[int, ...], pairs: list[Pair], at: Float
 ) -> tuple[tuple[int, ...], list[Pair], SkeletonLimb | None]:
-    """Returns the trunk, pairs and head after a head with paired branches (ears) is separated.
+    """Separates a head with paired branches (ears) from the trunk. Returns the trunk, the pairs and the head.
 
-    If the trunk ends in a fork with pairs that are not legs, beyond another such fork (the arms), the part
-    after the arms is the head. Otherwise trunk and pairs are unchanged and the head is None.
+    The trunk has such a head if it ends in a fork with pairs that are not legs, and another such fork (the
+    arms) comes before. The part after the arms is the head. Otherwise trunk and pairs are unchanged and the
+    head is None.
     """
     forks = [
         trunk.index(pair[0].chain[0]) for pair in pairs if pair[0].chain[0] in trunk and not pair[0].grounded
@@ -357,10 +358,10 @@ def _limb_from_chain(chain: tuple[int, ...], at: Float) -> SkeletonLimb:
         or (grounded and len(chain) - start < _MIN_LEG_JOINTS)
     ):
         start -= 1
-    return SkeletonLimb(chain, start, grounded, _as_tuple(end))
+    return SkeletonLimb(chain, start, grounded, _limbs_to_tuples(end))
 
 
-def _with_hand(limb: SkeletonLimb, skeleton: Skeleton, at: Float) -> SkeletonLimb:
+def _separate_hand(limb: SkeletonLimb, skeleton: Skeleton, at: Float) -> SkeletonLimb:
     """Returns the limb with its hand separated: the part beyond a late joint from which fingers spread."""
     proper = limb.proper
     if limb.grounded or len(proper) < _MIN_LEG_JOINTS + 1:
@@ -393,13 +394,18 @@ def _paired_limbs(
     costs = []
     for a, left in enumerate(limbs):
         for b, right in enumerate(limbs):
-            if a == b or not _on_sides(left, right, at, names):
+            if a == b or not _is_left_right(left, right, at, names):
                 continue
             left_length, right_length = _chain_length(left.chain, at), _chain_length(right.chain, at)
             differ = abs(left_length - right_length) / max(left_length, right_length, 1e-9)
             if differ < _MAX_PAIR_DIFFERENCE:
                 costs.append(
-                    (differ + 0.3 * _off_mirror(left, right, at) / max(left_length, right_length, 1e-9), a, b)
+                    (
+                        differ
+                        + 0.3 * _mirror_distance(left, right, at) / max(left_length, right_length, 1e-9),
+                        a,
+                        b,
+                    )
                 )
     pairs, used = list[Pair](), set[int]()
     for _, a, b in sorted(costs):
@@ -410,7 +416,7 @@ def _paired_limbs(
     return pairs, [limb for k, limb in enumerate(limbs) if k not in used]
 
 
-def _on_sides(left: SkeletonLimb, right: SkeletonLimb, at: Float, names: tuple[str, ...]) -> bool:
+def _is_left_right(left: SkeletonLimb, right: SkeletonLimb, at: Float, names: tuple[str, ...]) -> bool:
     """Returns True if the first limb is on the left and the second on the right, by name or position."""
     sides = [side_of(names[limb.chain[-1]]) for limb in (left, right)]
     if sides != [0, 0]:
@@ -421,7 +427,7 @@ def _on_sides(left: SkeletonLimb, right: SkeletonLimb, at: Float, names: tuple[s
     )
 
 
-def _off_mirror(left: SkeletonLimb, right: SkeletonLimb, at: Float) -> float:
+def _mirror_distance(left: SkeletonLimb, right: SkeletonLimb, at: Float) -> float:
     """Returns the sum of distances in metres of both ends of a limb from the other limb's mirror image."""
     mirror = np.array([-1.0, 1.0, 1.0])
     off = np.linalg.norm(at[left.chain[0]] * mirror - at[right.chain[0]])

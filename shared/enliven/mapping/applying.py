@@ -18,15 +18,15 @@ from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
 from enliven.errors import InputError
 from enliven.mapping.anatomy import Anatomy, anatomy_of
-from enliven.mapping.ground import levelled
+from enliven.mapping.ground import level_root
 from enliven.mapping.plan import ChainPlan, Plan, Rest
 from enliven.mapping.resting import (
-    at_moment,
     first_heading,
     hanging_pose,
     mean_pose,
-    posed,
-    rebased,
+    pose_at,
+    pose_skeleton,
+    rebase,
     standing_turns,
 )
 from enliven.motion.layers import arc_lengths, bind_chain, branch, set_travel, travel_scale
@@ -47,7 +47,7 @@ def source_anatomy(clip: Clip) -> Anatomy:
     It is found in the rest pose, or in the mean pose of the take if that gives more pairs of limbs.
     """
     at_rest = anatomy_of(clip.skeleton)
-    amid = anatomy_of(posed(clip.skeleton, mean_pose(clip)))
+    amid = anatomy_of(pose_skeleton(clip.skeleton, mean_pose(clip)))
     if len(amid.pairs) > len(at_rest.pairs):
         return amid
     heading = first_heading(clip)
@@ -63,16 +63,16 @@ def facings(clip: Clip, shape: Shape, plan: Plan) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """A chain of the plan with its joints in the take (``mine``) and in the model (``theirs``)."""
+    """A chain of the plan, with its joints in the take and in the model."""
 
     plan: ChainPlan
-    mine: tuple[int, ...]
-    theirs: tuple[int, ...]
+    source_joints: tuple[int, ...]
+    target_joints: tuple[int, ...]
 
     @property
     def bones(self) -> set[int]:
         """The bones of the take with the rotations that the model's chain plays."""
-        return set(self.mine[1:] or self.mine)
+        return set(self.source_joints[1:] or self.source_joints)
 
 
 class _Turns:
@@ -89,21 +89,23 @@ class _Turns:
 
     def middle(self, source: Skeleton, line: _Line) -> bool:
         """Returns True if a chain of the take lies in the plane between the performer's left and right."""
-        off = (source.positions[list(line.mine)] - source.positions[0]) @ self._side
-        return bool(np.abs(off).max() < _MAX_SPINE_OFFSET * source.lengths[list(line.mine[1:])].sum())
+        off = (source.positions[list(line.source_joints)] - source.positions[0]) @ self._side
+        return bool(
+            np.abs(off).max() < _MAX_SPINE_OFFSET * source.lengths[list(line.source_joints[1:])].sum()
+        )
 
     def of(self, line: _Line) -> Float:
         """Returns the rotation model_from_take (4,) of a chain, to be applied after mirroring."""
         return self.mirrored if line.plan.mirrored else self.plain
 
-    def forth(self, line: _Line, ways: Float) -> Float:
+    def to_model(self, line: _Line, directions: Float) -> Float:
         """Returns directions (..., 3) of the take in the model's axes."""
-        return rotate(self.of(line), ways * _MIRROR_SIGNS if line.plan.mirrored else ways)
+        return rotate(self.of(line), directions * _MIRROR_SIGNS if line.plan.mirrored else directions)
 
-    def back(self, line: _Line, ways: Float) -> Float:
+    def to_take(self, line: _Line, directions: Float) -> Float:
         """Returns directions (..., 3) of the model in the take's axes."""
-        ways = rotate(conjugate(self.of(line)), ways)
-        return ways * _MIRROR_SIGNS if line.plan.mirrored else ways
+        directions = rotate(conjugate(self.of(line)), directions)
+        return directions * _MIRROR_SIGNS if line.plan.mirrored else directions
 
 
 def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[Project, Clip]:
@@ -114,23 +116,23 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
     """
     source, target = clip.skeleton, shape.skeleton
     lines = [
-        _Line(chain, _joint_path(source, chain.source, "the take"), _target_way(target, chain))
+        _Line(chain, _joint_path(source, chain.source, "the take"), _target_joints(target, chain))
         for chain in plan.chains
     ]
     turns = _Turns(*facings(clip, shape, plan))
-    clip = levelled(clip, source_anatomy(clip).trunk[-1]) if plan.level else clip
-    lines = [line for line in lines if plan.turn or line.theirs != (0,)]
+    clip = level_root(clip, source_anatomy(clip).trunk[-1]) if plan.level else clip
+    lines = [line for line in lines if plan.turn or line.target_joints != (0,)]
     project = project.with_characters(shape)
     first: Clip | None = None
     for since, group in _rest_poses(lines, clip, plan.rest, target, turns):
-        take = replace(rebased(clip, since), id=unused(clip.id, project.takes))
+        take = replace(rebase(clip, since), id=unused(clip.id, project.takes))
         first = first or take
         project = project.with_takes(take)
         for line in group:
             basis = _layer_basis(lines, line, take.skeleton, target, turns)
             project = _bind_line(project, shape, take, line, basis, plan.stretch)
     assert first is not None
-    project = carried(project, shape.id, [line.theirs for line in lines if line.plan.carries])
+    project = carried(project, shape.id, [line.target_joints for line in lines if line.plan.carries])
     if plan.travel:
         project = _follow_take_root(project, shape.id, first, turns, plan.stride)
     return project, first
@@ -139,7 +141,7 @@ def apply_plan(project: Project, shape: Shape, clip: Clip, plan: Plan) -> tuple[
 def _rest_poses(
     lines: list[_Line], clip: Clip, rest: Rest | float, target: Skeleton, turns: _Turns
 ) -> list[tuple[Float, list[_Line]]]:
-    """Returns the rest poses (N, 4) of the take, each with the chains that are relative to it.
+    """Returns the rest poses (N, 4) of the take, with the chains of the plan that each serves.
 
     One rest pose is enough unless a bone of the performer needs two: a leg that drives two legs. Then the
     project contains the take again, relative to another rest pose.
@@ -154,38 +156,38 @@ def _rest_poses(
         group.append(line)
         if line.plan.mode == "pose":
             claimed |= line.bones
-            _pose_like(since, clip, line, group, target, turns)
+            _match_pose(since, clip, line, group, target, turns)
     for line in group:
-        arm = _posed_above(group, line, clip.skeleton)
+        arm = _posed_bone_above(group, line, clip.skeleton)
         if line.plan.mode != "move" or arm is None:
             continue
-        if _on_floor(target, line.theirs):
+        if _lies_on_floor(target, line.target_joints):
             # The foot is flat in the rest pose, at any slope of the shin.
-            since[list(line.mine[1:])] = standing_turns(clip, line.mine)
+            since[list(line.source_joints[1:])] = standing_turns(clip, line.source_joints)
         else:
-            # The hand keeps its rotation relative to the forearm from the take's rest pose.
+            # A hand keeps the rotation relative to its forearm that it has in the take's rest pose.
             carried = multiply(since[arm], conjugate(plain[arm]))
             since[list(line.bones)] = multiply(carried, plain[list(line.bones)])
     rests = [(since, [line for line in lines if line in group])]
     for line in conflicting:
         other = since.copy()
         if line.plan.mode == "pose":
-            _pose_like(other, clip, line, [line], target, turns)
+            _match_pose(other, clip, line, [line], target, turns)
         else:
             other[list(line.bones)] = plain[list(line.bones)]
         rests.append((other, [line]))
     return rests
 
 
-def _posed_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | None:
+def _posed_bone_above(lines: list[_Line], line: _Line, source: Skeleton) -> int | None:
     """Returns the last bone of the nearest chain of mode "pose" above a chain in the take, or None."""
-    way = source.path(0, line.mine[0])
+    path = source.path(0, line.source_joints[0])
     above = [
-        candidate.mine[-1]
+        candidate.source_joints[-1]
         for candidate in lines
-        if candidate.plan.mode == "pose" and candidate.mine[-1] in way and candidate is not line
+        if candidate.plan.mode == "pose" and candidate.source_joints[-1] in path and candidate is not line
     ]
-    return max(above, key=way.index, default=None)
+    return max(above, key=path.index, default=None)
 
 
 def carried(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) -> Project:
@@ -204,7 +206,7 @@ def carried(project: Project, shape_id: str, chains: Sequence[Sequence[int]]) ->
     return project.with_characters(shape.with_changes(spans=tuple(spans)))
 
 
-def _on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
+def _lies_on_floor(skeleton: Skeleton, chain: tuple[int, ...]) -> bool:
     """Returns True if a chain lies along the floor at rest, as a foot does."""
     height = skeleton.positions[:, 1]
     return bool(height[list(chain)].max() < height.min() + _MAX_FOOT_HEIGHT * np.ptp(height))
@@ -218,9 +220,9 @@ def _bind_line(
     return bind_chain(
         project,
         shape.id,
-        line.theirs,
+        line.target_joints,
         take.id,
-        line.mine,
+        line.source_joints,
         basis=basis,
         layer_id=unused(f"{take.id}: {chain.role or chain.target[-1]}", project.layer_names),
         weight=chain.weight,
@@ -237,9 +239,9 @@ def _rest_rotations(clip: Clip, rest: Rest | float) -> Float:
     if rest == "zero":
         return np.tile(IDENTITY, (len(clip.skeleton), 1))
     if rest == "first":
-        return at_moment(clip, 0.0).copy()
+        return pose_at(clip, 0.0).copy()
     if isinstance(rest, int | float):
-        return at_moment(clip, float(rest)).copy()
+        return pose_at(clip, float(rest)).copy()
     if rest == "auto":
         body = source_anatomy(clip)
         limbs = [limb.proper for pair in body.pairs for limb in pair]
@@ -248,10 +250,11 @@ def _rest_rotations(clip: Clip, rest: Rest | float) -> Float:
     return mean_pose(clip)
 
 
-def _pose_like(
+def _match_pose(
     since: Float, clip: Clip, line: _Line, lines: list[_Line], target: Skeleton, turns: _Turns
 ) -> None:
-    """Sets rest rotations of a source chain, in ``since`` (N, 4), so that its bones point as the target's.
+    """Sets the rest rotations of a source chain, in ``since`` (N, 4), so that its bones point in the target's
+    directions.
 
     The pose starts from the take's zero pose in its first heading. Each bone gets the smallest rotation that
     makes it point in the target's direction, so the twist about a bone remains the performer's. A limb is
@@ -260,25 +263,28 @@ def _pose_like(
     """
     heading, skeleton = first_heading(clip), clip.skeleton
     since[list(line.bones)] = heading
-    if len(line.mine) == 1:
+    if len(line.source_joints) == 1:
         return
-    arc, ends = arc_lengths(skeleton, line.mine), target.positions[list(line.theirs)]
-    at = np.stack([np.interp(arc, arc_lengths(target, line.theirs), ends[:, k]) for k in range(3)], 1)
-    ways, bones = turns.back(line, np.diff(at, axis=0)), skeleton.vectors[list(line.mine[1:])]
+    arc, ends = arc_lengths(skeleton, line.source_joints), target.positions[list(line.target_joints)]
+    at = np.stack([np.interp(arc, arc_lengths(target, line.target_joints), ends[:, k]) for k in range(3)], 1)
+    directions, bones = (
+        turns.to_take(line, np.diff(at, axis=0)),
+        skeleton.vectors[list(line.source_joints[1:])],
+    )
     middle = turns.middle(skeleton, line)
     if middle:
-        ways[:], bones[:] = ways.sum(0), bones.sum(0)
+        directions[:], bones[:] = directions.sum(0), bones.sum(0)
     goes_on = any(
         other_line.plan.mode == "pose"
         and other_line.plan.role == line.plan.role
         and _is_continuation(other_line, line)
         for other_line in lines
     )
-    before = since[line.mine[0]] if goes_on and not middle else heading
-    for joint, way, bone in zip(line.mine[1:], ways, bones, strict=True):
+    before = since[line.source_joints[0]] if goes_on and not middle else heading
+    for joint, direction, bone in zip(line.source_joints[1:], directions, bones, strict=True):
         bone = rotate(before, bone)
-        if np.linalg.norm(bone) > 1e-6 and np.linalg.norm(way) > 1e-6:
-            bent = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
+        if np.linalg.norm(bone) > 1e-6 and np.linalg.norm(direction) > 1e-6:
+            bent = swing(bone / np.linalg.norm(bone), direction / np.linalg.norm(direction))
             since[joint] = multiply(bent, before)
         else:
             since[joint] = before
@@ -288,17 +294,19 @@ def _pose_like(
 def _layer_basis(lines: list[_Line], line: _Line, source: Skeleton, target: Skeleton, turns: _Turns) -> Float:
     """Returns the rotation target_from_source (4,) of a chain's layer."""
     basis = turns.of(line)
-    if line.plan.mode == "move" and len(line.mine) > 1 < len(line.theirs):
+    if line.plan.mode == "move" and len(line.source_joints) > 1 < len(line.target_joints):
         mine, theirs = _whole_limb_ends(lines, line)
-        way = turns.forth(line, source.positions[mine[1]] - source.positions[mine[0]])
-        wanted = target.positions[theirs[1]] - target.positions[theirs[0]]
+        direction = turns.to_model(line, source.positions[mine[1]] - source.positions[mine[0]])
+        target_direction = target.positions[theirs[1]] - target.positions[theirs[0]]
         # Below a chain that has the performer's pose, this chain rotates about the performer's axes. Other
         # axes would change the pose of the limbs below. A tail that a spine drives points the opposite way,
         # so it gets axes of its own.
-        carries = _leads_to_posed(lines, line) or float(way @ wanted) > 0.0
-        same = carries and _posed_above(lines, line, source) is not None
-        basis = basis if same else multiply(_smallest_rotation(way, wanted, turns.across), basis)
-    return multiply(_half_turn(target, line.theirs), basis) if line.plan.flip else basis
+        carries = _leads_to_posed(lines, line) or float(direction @ target_direction) > 0.0
+        same = carries and _posed_bone_above(lines, line, source) is not None
+        basis = (
+            basis if same else multiply(_smallest_rotation(direction, target_direction, turns.across), basis)
+        )
+    return multiply(_half_turn(target, line.target_joints), basis) if line.plan.flip else basis
 
 
 def _leads_to_posed(lines: list[_Line], line: _Line) -> bool:
@@ -320,24 +328,24 @@ def _whole_limb_ends(lines: list[_Line], line: _Line) -> tuple[tuple[int, int], 
         first = before[0]
     while role and (after := [piece for piece in same_limb if _is_continuation(last, piece)]):
         last = after[0]
-    return (first.mine[0], last.mine[-1]), (first.theirs[0], last.theirs[-1])
+    return (first.source_joints[0], last.source_joints[-1]), (first.target_joints[0], last.target_joints[-1])
 
 
 def _is_continuation(one: _Line, other: _Line) -> bool:
     """Returns True if the second chain begins where the first ends, in the take and in the model."""
-    return one.mine[-1] == other.mine[0] and one.theirs[-1] == other.theirs[0]
+    return one.source_joints[-1] == other.source_joints[0] and one.target_joints[-1] == other.target_joints[0]
 
 
-def _smallest_rotation(way: Float, wanted: Float, across: Float) -> Float:
+def _smallest_rotation(direction: Float, target_direction: Float, across: Float) -> Float:
     """Returns the smallest rotation (4,) from one direction (3,) to another.
 
     Between opposite directions, the rotation begins with half a turn about the lateral axis of the body, as
     from a hanging limb to a raised one. For limbs that lie along that axis it is the vertical one.
     """
-    lengths = float(np.linalg.norm(way)), float(np.linalg.norm(wanted))
+    lengths = float(np.linalg.norm(direction)), float(np.linalg.norm(target_direction))
     if min(lengths) < 1e-6:
         return IDENTITY
-    a, b = way / lengths[0], wanted / lengths[1]
+    a, b = direction / lengths[0], target_direction / lengths[1]
     if a @ b >= _MAX_OPPOSITE_COSINE:
         return swing(a, b)
     axis = across if abs(a @ across) < 0.7 else np.array([0.0, 1.0, 0.0])
@@ -357,7 +365,7 @@ def _yaw_rotation(angle: float) -> Float:
 
 
 def _follow_take_root(project: Project, shape_id: str, take: Clip, turns: _Turns, stride: float) -> Project:
-    """Returns the project with the shape's root following the path of the take's root."""
+    """Returns the project in which the shape's root follows the path of the take's root."""
     shape, name = project.shape(shape_id), unused(f"{take.id}: way", project.layer_names)
     layers = (*shape.layers, Layer(name, take.id, (0,), turns.plain))
     project = project.with_characters(shape.with_changes(layers=layers, travel=name))
@@ -366,7 +374,7 @@ def _follow_take_root(project: Project, shape_id: str, take: Clip, turns: _Turns
 
 
 def _joint_path(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple[int, ...]:
-    """Returns the joints of a chain that is given by its ends or by all of its joints."""
+    """Returns the joints of a chain, given the names of its two ends or of all of its joints."""
     if not names:
         raise InputError(
             f"a chain of {owner} names no joint", where="mapping", mend=_describe_joints(skeleton)
@@ -377,15 +385,15 @@ def _joint_path(skeleton: Skeleton, names: tuple[str, ...], owner: str) -> tuple
             f"{owner} has no joint {unknown[0]!r}", where="mapping", mend=_describe_joints(skeleton)
         )
     joints = [skeleton.names.index(name) for name in names]
-    way = [joints[0]]
+    path = [joints[0]]
     for joint in joints[1:]:
-        way.extend(skeleton.path(way[-1], joint)[1:])
-    return tuple(way)
+        path.extend(skeleton.path(path[-1], joint)[1:])
+    return tuple(path)
 
 
-def _target_way(skeleton: Skeleton, chain: ChainPlan) -> tuple[int, ...]:
-    way = _joint_path(skeleton, chain.target, "the model")
-    return branch(skeleton, way[0], way[-1]) if chain.extend else way
+def _target_joints(skeleton: Skeleton, chain: ChainPlan) -> tuple[int, ...]:
+    path = _joint_path(skeleton, chain.target, "the model")
+    return branch(skeleton, path[0], path[-1]) if chain.extend else path
 
 
 def _describe_joints(skeleton: Skeleton) -> str:

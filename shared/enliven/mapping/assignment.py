@@ -10,7 +10,8 @@ Each limb is driven by a source limb of its kind, in the order from front and to
 - A tail is driven by the tail, or by the spine if the source has none. The tail of a target without limbs (a
   snake) is driven by a leg.
 
-Left drives left. If one source pair drives several target pairs, sides alternate from pair to pair.
+Left limbs drive left limbs. If one source pair drives several target pairs, the sides alternate from pair to
+pair.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from itertools import pairwise
 from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb
 
 _MAX_ARC_DIFFERENCE = 0.21
-"""Maximum difference in arc length (0 to 1) of two joints that correspond, if limbs differ in segments."""
+"""Maximum difference in relative arc length (0 to 1) of corresponding joints, if limbs have different numbers
+of segments."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Drive:
     Attributes:
         source, target: joints, beginning with the one that stays in place.
         role: the limb's name in the mapping file, for the reader only.
-        lead: joints of the source before ``source``. The target's first piece plays their rotations too.
+        lead: source joints before the chain ``source``. The target's first piece also plays their rotations.
         mirrored: True if the source is a limb of the other side and its motion is mirrored.
         knots: pairs (source joint, target joint) inside the two chains that correspond by their names.
     """
@@ -45,10 +47,10 @@ class Drive:
     knots: tuple[tuple[int, int], ...] = ()
 
 
-def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
-    """Returns the drives of a whole body, without the one that rotates the body as a whole."""
+def assign_limbs(source: Anatomy, target: Anatomy) -> list[Drive]:
+    """Returns the drives of all parts of a body, without the drive that rotates the whole body."""
     drives: list[Drive] = []
-    lent = _lent_legs(source, target)
+    lent = _replacement_legs(source, target)
     for (left, right), (from_left, from_right), role in _pair_matches(source, target, lent):
         crossed = any(from_left is pair[1] for pair in source.pairs)
         for limb, by, side in ((left, from_left, "left"), (right, from_right, "right")):
@@ -59,7 +61,7 @@ def assigned(source: Anatomy, target: Anatomy) -> list[Drive]:
     return [drive for drive in drives if len(drive.source) > 1 and len(drive.target) > 1]
 
 
-def _lent_legs(source: Anatomy, target: Anatomy) -> tuple[Pair, ...]:
+def _replacement_legs(source: Anatomy, target: Anatomy) -> tuple[Pair, ...]:
     """Returns the source's legs that replace missing arms."""
     spare = len(source.legs) - max(len(target.legs), 1)
     return source.legs[: max(spare, 0)] or source.legs[:1]
@@ -72,25 +74,25 @@ def _pair_matches(source: Anatomy, target: Anatomy, lent: tuple[Pair, ...]) -> l
     legs = source.legs or source.arms
     standing = list(target.legs)
     if standing and legs:
-        own = min(len(standing), len(legs))
-        hind = zip(standing[len(standing) - own :], legs[len(legs) - own :], strict=True)
+        own_pairs = min(len(standing), len(legs))
+        hind = zip(standing[len(standing) - own_pairs :], legs[len(legs) - own_pairs :], strict=True)
         for number, (pair, by) in enumerate(hind, 1):
-            driven_pairs.append((pair, by, "leg" if own == 1 else f"leg {number}"))
-        rest = standing[: len(standing) - own]
+            driven_pairs.append((pair, by, "leg" if own_pairs == 1 else f"leg {number}"))
+        rest = standing[: len(standing) - own_pairs]
         if rest and source.arms:
             driven_pairs.append((rest[0], source.arms[0], "foreleg"))
             rest = rest[1:]
         for number, pair in enumerate(reversed(rest), 1):
-            driven_pairs.append((pair, _exchanged_sides(legs[0], number), f"leg {own + number}"))
+            driven_pairs.append((pair, _exchange_sides(legs[0], number), f"leg {own_pairs + number}"))
     for number, pair in enumerate(target.arms):
         if not arms:
             break
-        by = arms[number] if number < len(arms) else _exchanged_sides(arms[-1], number - len(arms) + 1)
+        by = arms[number] if number < len(arms) else _exchange_sides(arms[-1], number - len(arms) + 1)
         driven_pairs.append((pair, by, "arm" if number == 0 else f"arm {number + 1}"))
     return driven_pairs
 
 
-def _exchanged_sides(pair: Pair, times: int) -> Pair:
+def _exchange_sides(pair: Pair, times: int) -> Pair:
     """Returns the pair with its sides exchanged ``times`` times."""
     return (pair[1], pair[0]) if times % 2 else pair
 
@@ -133,7 +135,7 @@ def _middle_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
             ]
         source_chain = head or source.trunk
         return [Drive(source_chain, (*target.trunk, *target.head.chain[1:]), "trunk and head")]
-    upright = _joined_trunk_and_head(source.trunk, head)
+    upright = _join_trunk_and_head(source.trunk, head)
     drives = []
     if len(target.trunk) > 1:
         drives.append(Drive(source.trunk if len(source.trunk) > 1 else upright, target.trunk, "trunk"))
@@ -142,7 +144,7 @@ def _middle_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
     return drives
 
 
-def _joined_trunk_and_head(trunk: tuple[int, ...], head: tuple[int, ...]) -> tuple[int, ...]:
+def _join_trunk_and_head(trunk: tuple[int, ...], head: tuple[int, ...]) -> tuple[int, ...]:
     """Returns trunk and head as one chain if the head continues the trunk. Otherwise one of the two."""
     if head and head[0] == trunk[-1]:
         return (*trunk, *head[1:])
@@ -157,11 +159,11 @@ def _tail_drives(source: Anatomy, target: Anatomy) -> list[Drive]:
     legs = source.legs or source.arms
     if legs and not target.pairs:
         return [Drive(legs[0][0].chain, target.tail.chain, "tail")]
-    upright = _joined_trunk_and_head(source.trunk, source.head.chain if source.head else ())
+    upright = _join_trunk_and_head(source.trunk, source.head.chain if source.head else ())
     return [Drive(upright, target.tail.chain, "tail")]
 
 
-def split(drive: Drive, cuts: Sequence[tuple[int, int]]) -> list[Drive]:
+def split_drive(drive: Drive, cuts: Sequence[tuple[int, int]]) -> list[Drive]:
     """Returns a drive in pieces, cut at corresponding inner joints, so that an elbow drives an elbow.
 
     Within a piece, points correspond by arc length alone, as in AniMesh (section 5.1).

@@ -11,23 +11,23 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, ContactSettings, Project, Shape, Skeleton
 from enliven.errors import InputError
-from enliven.formats.rig import playing
-from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of, begins_tip
+from enliven.formats.rig import play_clip
+from enliven.mapping.anatomy import Anatomy, SkeletonLimb, anatomy_of, is_tip_start
 from enliven.mapping.applying import apply_plan, facings, source_anatomy
-from enliven.mapping.assignment import Drive, assigned, matching_joints, split
-from enliven.mapping.facing import turned_about_y
+from enliven.mapping.assignment import Drive, assign_limbs, matching_joints, split_drive
+from enliven.mapping.facing import rotate_about_y
 from enliven.mapping.gait import (
     bones_that_only_step,
     leg_of,
     legs_that_step,
-    on_feet,
     posed_legs_that_step,
+    standing_on_feet,
     step_scale,
     step_sizes,
 )
-from enliven.mapping.ground import kept_on_floor, stands
+from enliven.mapping.ground import keep_on_floor, stands_on_floor
 from enliven.mapping.human_names import finger_joints
-from enliven.mapping.joint_limits import limited
+from enliven.mapping.joint_limits import limit_joints
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import ChainPlan, Mode, Plan
 from enliven.mapping.resting import mean_turn
@@ -64,11 +64,11 @@ class RetargetedShape:
 
 
 _MAX_TRUNK_ANGLE = np.radians(50.0)
-"""Maximum angle (radians) between the trunks of two bodies with which the model gets the performer's pose."""
+"""Maximum angle (radians) between the trunks of two bodies for the model to get the performer's pose."""
 _MAX_TWIN_DIFFERENCE = 0.02
 """Maximum difference of joint distances in identical skeletons, as a fraction of the size."""
 _MIN_FINGER_BEND = np.radians(5.0)
-"""Minimum rotation (radians) of a finger from its mean with which it counts as moving."""
+"""Minimum rotation (radians) of a moving finger from its mean. Fingers that rotate less count as still."""
 _MAX_UPRIGHT_ANGLE = np.radians(45.0)
 """Maximum angle (radians) between the vertical and the line from root to head of an upright body."""
 
@@ -85,13 +85,13 @@ def automatic(clip: Clip, shape: Shape) -> Plan:
     twins = _is_twin(clip.skeleton, shape.skeleton)
     level = mode == "move" and len(target.legs) > 1
     chains = _body_chains(clip.skeleton, source, shape.skeleton, mode, level)
-    drives = assigned(source, target)
+    drives = assign_limbs(source, target)
     for drive in drives:
         # Girdles keep the model's own directions: pointed like the performer's, a shoulder or hip would
         # leave the trunk. Hands and feet keep their own rest rotation too.
-        own = not twins and drive.role.endswith((" girdle", " end"))
+        keeps_directions = not twins and drive.role.endswith((" girdle", " end"))
         for piece in _limb_pieces(drive, drives, clip.skeleton, shape.skeleton):
-            moved = own or (not twins and _is_end(piece, drive, target, shape.skeleton))
+            moved = keeps_directions or (not twins and _is_end(piece, drive, target, shape.skeleton))
             chains.append(
                 ChainPlan(
                     _end_names(clip.skeleton, piece.source),
@@ -113,7 +113,7 @@ def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy)
     Other fingers follow the hand.
     """
     chains, source = list[ChainPlan](), clip.skeleton
-    for side, by, limb in _named_arms(theirs, ours):
+    for side, by, limb in _matching_arms(theirs, ours):
         wrist, hand = by.main[-1], finger_joints(target, limb.main[-1])
         for finger, chain in finger_joints(source, wrist).items():
             if finger not in hand or not _is_moving_finger(clip, chain):
@@ -127,7 +127,7 @@ def _finger_chains(clip: Clip, theirs: Anatomy, target: Skeleton, ours: Anatomy)
     return chains
 
 
-def _named_arms(theirs: Anatomy, ours: Anatomy) -> Iterator[tuple[str, SkeletonLimb, SkeletonLimb]]:
+def _matching_arms(theirs: Anatomy, ours: Anatomy) -> Iterator[tuple[str, SkeletonLimb, SkeletonLimb]]:
     """Yields (side, arm of the take, arm of the model) for each side on which both are known by name."""
     for by, pair in zip(theirs.arms[:1], ours.arms[:1], strict=False):
         for side, arm, limb in zip(("left", "right"), by, pair, strict=True):
@@ -201,11 +201,11 @@ def _trunk_direction(skeleton: Skeleton, anatomy: Anatomy) -> Float:
     It is zero if both ends coincide.
     """
     end = anatomy.head.chain[-1] if anatomy.head else anatomy.trunk[-1]
-    way = turned_about_y(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
+    way = rotate_about_y(skeleton.positions[end] - skeleton.positions[0], -anatomy.facing)
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
 
-def with_feet_pinned(
+def pin_all_feet(
     project: Project,
     shape: Shape,
     steps: Mapping[SkeletonLimb, float] | None = None,
@@ -224,7 +224,7 @@ def with_feet_pinned(
         steps: the legs that step, each with its step size in metres. The thresholds for a lifted or moving
             foot are relative to this size instead of the leg's length. See :func:`step_sizes`.
         level: True if the shape is kept on the floor. Then feet are locked horizontally only. An ankle sinks
-            as its foot rolls, so locking its height would lift the foot off the floor.
+            while its foot rolls, so locking its height would lift the foot off the floor.
         above: True to raise feet that would go below the floor.
         without: legs with feet that are not locked.
     """
@@ -232,20 +232,20 @@ def with_feet_pinned(
     for limb in (limb for pair in anatomy_of(shape.skeleton).legs for limb in pair if limb not in without):
         leg = leg_of(limb)
         if len(leg) > 2:
-            how = _short_steps(usual, shape.skeleton, leg, steps[limb]) if limb in steps else usual
+            how = _short_step_settings(usual, shape.skeleton, leg, steps[limb]) if limb in steps else usual
             project = pin_feet(project, shape.id, [leg[-1]], start=leg[0], settings=how)
     return project
 
 
-def _short_steps(
+def _short_step_settings(
     usual: ContactSettings, skeleton: Skeleton, leg: Sequence[int], size: float
 ) -> ContactSettings:
     """Returns contact settings for a foot with steps of a leg of ``size`` metres.
 
     The body is not lowered for it.
     """
-    share = min(1.0, size / float(skeleton.lengths[list(leg[1:])].sum()))
-    return replace(usual, drop=0.0, height=share * usual.height, speed=share * usual.speed)
+    length_ratio = min(1.0, size / float(skeleton.lengths[list(leg[1:])].sum()))
+    return replace(usual, drop=0.0, height=length_ratio * usual.height, speed=length_ratio * usual.speed)
 
 
 def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Skeleton) -> list[Drive]:
@@ -259,7 +259,7 @@ def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Sk
     if any(len(a) != len(arcs[0][0]) or len(b) != len(arcs[0][1]) for a, b in arcs):
         arcs = arcs[:1]
     mine, theirs = (np.mean(side, axis=0).tolist() for side in zip(*arcs, strict=True))
-    pieces = split(drive, matching_joints(drive, mine, theirs))
+    pieces = split_drive(drive, matching_joints(drive, mine, theirs))
     if not drive.knots or drive.role == "head":
         return pieces
     # A segment of several bones is straight (Rigify splits bones for twist), so its first bone rotates it.
@@ -269,7 +269,7 @@ def _limb_pieces(drive: Drive, drives: list[Drive], source: Skeleton, target: Sk
 def _is_end(piece: Drive, drive: Drive, body: Anatomy, target: Skeleton) -> bool:
     """Returns True if a piece is the hand or foot of a limb that has no separate one."""
     limb = next((limb for pair in body.pairs for limb in pair if limb.main == drive.target), None)
-    return limb is not None and begins_tip(target, limb, piece.target[0])
+    return limb is not None and is_tip_start(target, limb, piece.target[0])
 
 
 def _end_names(skeleton: Skeleton, chain: tuple[int, ...]) -> tuple[str, ...]:
@@ -282,16 +282,16 @@ def play_own_take(shape: Shape, clip: Clip, project: Project | None = None) -> R
 
     Args:
         shape: the shape.
-        clip: a take of the shape's own skeleton.
+        clip: a take with the shape's own skeleton.
         project: contains the shape. If None, a new project is made.
 
     Raises:
         InputError: if the take was made for another skeleton; see :func:`is_own_take`.
     """
     if not is_own_take(clip, shape):
-        raise InputError("it is of another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
+        raise InputError("it has another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
     plan = replace(automatic(clip, shape), travel=True, floor=False)
-    played, _ = playing(project or Project(), shape, clip)
+    played, _ = play_clip(project or Project(), shape, clip)
     theirs, ours = facings(clip, shape, plan)
     return RetargetedShape(played, shape.id, clip, plan, clip.duration, ours, theirs)
 
@@ -310,7 +310,7 @@ def retarget(
         clip: the take.
         plan: the mapping. If None, it is found automatically.
         project: contains the shape and the takes that move it already. If None, a new project is made.
-        clips: the model's own clips, which show the ranges of its joints.
+        clips: the model's own clips, which define the ranges of its joints.
 
     Raises:
         InputError: see :func:`apply_plan`; also if no part of the shape can be driven.
@@ -322,7 +322,7 @@ def retarget(
     stepping, posed = legs_that_step(shape, clip, plan), posed_legs_that_step(shape, clip, plan)
     # A body with the performer's skeleton moves exactly as the take does, unless its feet are planted.
     itself = plan.travel and not posed and _is_twin(clip.skeleton, shape.skeleton)
-    upright = stands(shape) and not itself
+    upright = stands_on_floor(shape) and not itself
     level = plan.floor and upright
     project, based = apply_plan(project or Project(), shape, clip, plan)
     if posed and plan.travel:
@@ -332,13 +332,13 @@ def retarget(
     layers = [replace(layer, speed=1.0) if layer.loop else layer for layer in project.shape(shape.id).layers]
     duration = max(layer.end(based.duration) for layer in layers)
     stepping_bones = bones_that_only_step(shape, clip, plan) if level else ()
-    project, names = limited(project, shape.id, clip, plan, clips, stepping_bones)
+    project, names = limit_joints(project, shape.id, clip, plan, clips, stepping_bones)
     if level:
         project = stepped(project, shape.id, clip, based, plan)
-        feet = on_feet(clip) if posed and plan.travel else None
-        project = kept_on_floor(project, shape.id, based, duration, not stepping, feet)
+        feet = standing_on_feet(clip) if posed and plan.travel else None
+        project = keep_on_floor(project, shape.id, based, duration, not stepping, feet)
     if plan.pin:
         steps = step_sizes(shape, clip, based, plan)
-        project = with_feet_pinned(project, shape, steps, level, above=upright and not level, without=posed)
+        project = pin_all_feet(project, shape, steps, level, above=upright and not level, without=posed)
     theirs, ours = facings(clip, shape, plan)
     return RetargetedShape(project, shape.id, clip, plan, duration, ours, theirs, tuple(clips), names)

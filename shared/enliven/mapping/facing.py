@@ -27,14 +27,14 @@ def facing_of(skeleton: Skeleton) -> float:
     It is found from pairs of joint names that differ only in left and right. Without such names, it is found
     from the best plane of mirror symmetry and the direction of the toes. Otherwise it is 0 (+Z), as in glTF.
     """
-    left = _named_left(skeleton)
+    left = _left_from_names(skeleton)
     if left is None:
-        left = _mirrored_left(skeleton)
+        left = _left_from_symmetry(skeleton)
     # A body that faces +Z has its left hand at +X.
     return float(np.arctan2(-left[2], left[0]))
 
 
-def turned_about_y(vectors: Float, angles: Float | float) -> Float:
+def rotate_about_y(vectors: Float, angles: Float | float) -> Float:
     """Returns vectors (..., 3) rotated about +Y by angles (...,) in radians that broadcast to them."""
     cos, sin = np.cos(angles), np.sin(angles)
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
@@ -43,28 +43,30 @@ def turned_about_y(vectors: Float, angles: Float | float) -> Float:
 
 def side_of(name: str) -> int:
     """Returns 1 for the name of a left joint, -1 for that of a right joint, and 0 for other names."""
-    plain = spaced(name)
+    plain = separate_words(name)
     left, right = bool(_LEFT_WORDS.search(plain)), bool(_RIGHT_WORDS.search(plain))
     return int(left) - int(right)
 
 
-def spaced(name: str) -> str:
+def separate_words(name: str) -> str:
     """Returns a joint's name with a space between its words."""
     return _WORD_BOUNDARY.sub(" ", name)
 
 
-def _named_left(skeleton: Skeleton) -> Float | None:
-    """Returns the horizontal direction (3,) to the left by joint names, or None if they do not give it.
+def _left_from_names(skeleton: Skeleton) -> Float | None:
+    """Returns the horizontal direction (3,) to the left from joint names, or None if the names do not define
+    it.
 
-    Pairs of joints with the same parent, such as hips and shoulders, decide it. Other pairs, such as hands
-    and feet, count only without those. They may be anywhere in a file with a rest pose in mid-stride.
+    It is computed from pairs of joints with the same parent, such as hips and shoulders. Other pairs, such as
+    hands and feet, count only if there are none of these. Hands and feet are unreliable if the rest pose is
+    in mid-stride.
     """
     parents, total, roots = skeleton.parents, np.zeros(3), np.zeros(3)
     by_plain: dict[str, dict[int, int]] = {}
     for joint, name in enumerate(skeleton.names):
         side = side_of(name)
         if side:
-            plain = spaced(name)
+            plain = separate_words(name)
             by_plain.setdefault((_LEFT_WORDS if side > 0 else _RIGHT_WORDS).sub("*", plain), {})[side] = joint
     for sides in by_plain.values():
         if len(sides) == 2:
@@ -79,14 +81,15 @@ def _named_left(skeleton: Skeleton) -> Float | None:
     return None
 
 
-def _mirrored_left(skeleton: Skeleton) -> Float:
-    """Returns the horizontal direction (3,) to the left by mirror symmetry and by the toes."""
+def _left_from_symmetry(skeleton: Skeleton) -> Float:
+    """Returns the horizontal direction (3,) to the left from mirror symmetry and the direction of the
+    toes."""
     at = skeleton.positions - skeleton.positions[0]
     angles = np.arange(0.0, 180.0, 5.0)
-    costs = [_off_mirror(at, angle) for angle in angles]
+    costs = [_mirror_distance(at, angle) for angle in angles]
     best = angles[int(np.argmin(costs))]
     finer = best + np.arange(-4.0, 4.5, 0.5)
-    angle = finer[int(np.argmin([_off_mirror(at, candidate) for candidate in finer]))]
+    angle = finer[int(np.argmin([_mirror_distance(at, candidate) for candidate in finer]))]
     # In glTF the left is at +X, so another plane must be clearly better.
     if costs[0] <= 1.2 * min(costs) + 1e-3 * _skeleton_size(skeleton):
         angle = 0.0
@@ -97,7 +100,7 @@ def _mirrored_left(skeleton: Skeleton) -> Float:
     return -left if ahead < -_MIN_FOOT_LENGTH * _skeleton_size(skeleton) else left
 
 
-def _off_mirror(at: Float, degrees: float) -> float:
+def _mirror_distance(at: Float, degrees: float) -> float:
     """Returns the mean distance in metres between joints (N, 3) and their mirror images.
 
     The mirror plane is vertical and contains the origin. Its normal is +X rotated by ``degrees`` about +Y.
@@ -109,7 +112,8 @@ def _off_mirror(at: Float, degrees: float) -> float:
 
 
 def _toe_directions(skeleton: Skeleton, left: Float) -> Float:
-    """Returns the sum (3,) of the end bones near the floor on the left and right of the middle, in metres."""
+    """Returns the sum (3,) in metres of the vectors of the end bones near the floor, except those in the
+    middle."""
     height = skeleton.positions[:, 1]
     floor, tall = height.min(), float(np.ptp(height))
     aside = np.abs((skeleton.positions - skeleton.positions[0]) @ left) > _MIN_FOOT_LENGTH * _skeleton_size(

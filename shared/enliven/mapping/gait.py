@@ -1,4 +1,5 @@
-"""The gait of a performer: which of their legs each leg of a model follows, and where their feet are.
+"""The gait of a performer: which leg of the performer each leg of a model follows, and the positions of the
+feet.
 
 steps_of(shape, clip, plan)     # a LegStep for each leg of the model that steps
 performer.foot(leg)             # the joint of the performer's foot that stands
@@ -17,8 +18,8 @@ from enliven.arrays import Float
 from enliven.document import Clip, Shape, Skeleton, joint_places
 from enliven.mapping.anatomy import Anatomy, Pair, SkeletonLimb, anatomy_of
 from enliven.mapping.applying import facings, source_anatomy
-from enliven.mapping.facing import turned_about_y
-from enliven.mapping.ground import floor_of, standing_on_feet
+from enliven.mapping.facing import rotate_about_y
+from enliven.mapping.ground import floor_of, foot_contact_weights
 from enliven.mapping.plan import Mode, Plan
 from enliven.mapping.resting import first_heading, heading_of
 from enliven.motion.layers import travel_scale
@@ -26,20 +27,21 @@ from enliven.rotation import IDENTITY, conjugate, multiply, rotate
 
 STRIDE_S = 1.0
 """Duration of a stride in seconds. The heading of a body is averaged over a stride."""
-_MIN_BELOW_RAISED = 0.0
+_MAX_RAISED_DROP = 0.0
 """The arm is raised if its hand is less than this fraction of the arm's length below the shoulder."""
-_MIN_BELOW_HANGING = 0.4
+_MIN_HANGING_DROP = 0.4
 """The arm hangs if its hand is at least this fraction of the arm's length below the shoulder."""
-_MAX_SHUFFLE = 0.1
+_MAX_STANDING_SPEED = 0.1
 """Maximum speed of the feet relative to each other while the performer stands, in leg lengths a second."""
-_MIN_WALK = 0.4
+_MIN_WALKING_SPEED = 0.4
 """Minimum speed of the feet relative to each other in a full walk, in leg lengths a second."""
 _WALK_BLEND_S = 0.3
 """Duration in seconds of the transition of a foreleg between following the performer's arm and stepping."""
-_FOOT_HEIGHT = 0.15
+_MAX_FOOT_HEIGHT = 0.15
 """Maximum height of the foot's joints above the lowest joint, as a fraction of the performer's height."""
 _STANDING_PERCENT = 25.0
-"""Minimum time that a foot stands, in per cent of a take. Its slowest joint then gives its position."""
+"""Minimum time that a foot stands, in per cent of a take. A foot that stands longer takes its position from
+its slowest joint."""
 _LOWEST_PERCENT = 5.0
 """Percentile of a foot's height over a take that counts as its height while it stands."""
 
@@ -51,8 +53,8 @@ class LegStep:
     Attributes:
         limb: the model's leg.
         by: the performer's leg that it follows.
-        arm: the performer's arm that drives it while they stand or raise that arm, or None.
-        posed: True if it keeps the performer's pose as far as its foot allows.
+        arm: the performer's arm that drives the leg while the performer stands or raises that arm, or None.
+        posed: True if the leg keeps the performer's pose as far as the position of its foot allows.
         leg: the joints of ``limb`` down to where the foot begins.
         by_leg: the joints of ``by`` down to where the foot begins.
     """
@@ -161,7 +163,7 @@ def _performed_leg(
     last = next((by.proper.index(joint) for joint in joints if joint in by.proper), len(leg_of(by)) - 1)
     # A limb without names may be driven by the whole leg down to the toes. It still ends at the ankle.
     height = clip.skeleton.positions[:, 1]
-    low = height[list(by.proper)] < height.min() + _FOOT_HEIGHT * np.ptp(height)
+    low = height[list(by.proper)] < height.min() + _MAX_FOOT_HEIGHT * np.ptp(height)
     ankle = int(np.argmax(low)) if low.any() else last
     return by.proper[: max(min(last, ankle), 2) + 1]
 
@@ -180,11 +182,11 @@ def _driven_bones(skeleton: Skeleton, plan: Plan, mode: Mode) -> set[int]:
 
 def _legs_of(theirs: Anatomy, number: int) -> Pair:
     """Returns the performer's legs for a pair of the model's, counted from behind."""
-    own = len(theirs.legs)
-    if number < own:
-        return theirs.legs[own - 1 - number]
+    leg_pairs = len(theirs.legs)
+    if number < leg_pairs:
+        return theirs.legs[leg_pairs - 1 - number]
     left, right = theirs.legs[0]
-    return (right, left) if (number - own) % 2 == 0 else (left, right)
+    return (right, left) if (number - leg_pairs) % 2 == 0 else (left, right)
 
 
 def leg_of(limb: SkeletonLimb) -> tuple[int, ...]:
@@ -194,10 +196,10 @@ def leg_of(limb: SkeletonLimb) -> tuple[int, ...]:
     return limb.proper[:-1] if len(limb.proper) > 3 else limb.proper
 
 
-def on_feet(clip: Clip) -> Float:
+def standing_on_feet(clip: Clip) -> Float:
     """Returns (F,) 1 while the performer is on their feet, and 0 while on knees, hands or other parts."""
     legs = (limb for pair in source_anatomy(clip).legs for limb in pair)
-    return standing_on_feet(clip, {joint for leg in legs for joint in leg.proper[len(leg_of(leg)) - 1 :]})
+    return foot_contact_weights(clip, {joint for leg in legs for joint in leg.proper[len(leg_of(leg)) - 1 :]})
 
 
 class PerformerGait:
@@ -206,9 +208,9 @@ class PerformerGait:
     Attributes:
         skeleton: the performer's, at rest.
         posed: (N, 3) metres from the root to the joints, in the pose in which bones point as the model's do.
-        beside: (T, N, 3) metres from the root to the joints. If the model does not turn, the turning of the
+        beside: (T, N, 3) metres from the root to the joints. If the model does not turn, the rotation of the
             whole body is left out.
-        tall: (T,) metres from the floor up to the root.
+        root_height: (T,) metres from the floor up to the root.
         scale: distance in metres that the model moves when the performer moves one metre.
         step: seconds between two times.
     """
@@ -216,7 +218,7 @@ class PerformerGait:
     def __init__(self, shape: Shape, clip: Clip, based: Clip, plan: Plan, times: Float, scale: float) -> None:
         theirs, ours = facings(clip, shape, plan)
         rest = based.skeleton.positions
-        self.posed = turned_about_y(rest - rest[0], ours - theirs)
+        self.posed = rotate_about_y(rest - rest[0], ours - theirs)
         self._legs = source_anatomy(clip).legs[0]
         self.rest = plan.rest
         self.skeleton, self.step, self.scale = clip.skeleton, float(times[1]), scale
@@ -229,20 +231,20 @@ class PerformerGait:
         below = np.clip(np.searchsorted(number, times, side="right") - 1, 0, max(len(number) - 2, 0))
         part = np.clip(times / clip.step - below, 0.0, 1.0)[:, None, None]
         between = (1.0 - part) * beside[below] + part * beside[np.minimum(below + 1, len(beside) - 1)]
-        self.beside = turned_about_y(between, ours - theirs)
-        self.tall = np.interp(times, number, clip.root[:, 1]) - low
+        self.beside = rotate_about_y(between, ours - theirs)
+        self.root_height = np.interp(times, number, clip.root[:, 1]) - low
 
     def floor(self, shape: Shape, root: Float) -> Float:
         """Returns the height (T,) in metres of the floor under a posed shape, for heights ``root`` (T,)."""
         standing = shape.skeleton.positions[0, 1] + shape.place[1] - floor_of(shape)
-        return np.asarray(root - standing - self.scale * (self.tall + self.posed[:, 1].min()))
+        return np.asarray(root - standing - self.scale * (self.root_height + self.posed[:, 1].min()))
 
     def foot(self, leg: SkeletonLimb) -> int:
         """Returns the joint of a leg's foot that moves least up and down while the foot stands."""
         height = self.skeleton.positions[:, 1]
-        low = height.min() + _FOOT_HEIGHT * np.ptp(height)
+        low = height.min() + _MAX_FOOT_HEIGHT * np.ptp(height)
         parts = [j for j in leg.chain if height[j] < low] or [leg.chain[-1]]
-        still = np.abs(np.diff(self.beside[:, parts, 1] + self.tall[:, None], axis=0))
+        still = np.abs(np.diff(self.beside[:, parts, 1] + self.root_height[:, None], axis=0))
         return parts[int(np.percentile(still, 100.0 - _STANDING_PERCENT, axis=0).argmin())]
 
     def home(self, foot: int, heading: Float) -> Float:
@@ -259,18 +261,23 @@ class PerformerGait:
             seconds = 0.0 if self.rest == "first" else float(self.rest)
             return np.asarray(beside[int(np.clip(round(seconds / self.step), 0, len(beside) - 1))])
         home = np.median(beside, axis=0)
-        home[1] = np.percentile(beside[:, 1] + self.tall, _LOWEST_PERCENT) - np.median(self.tall)
+        home[1] = np.percentile(beside[:, 1] + self.root_height, _LOWEST_PERCENT) - np.median(
+            self.root_height
+        )
         return np.asarray(home)
 
-    def walks(self, arm: SkeletonLimb) -> Float:
-        """Returns (T,) 1 while the performer walks and an arm hangs, 0 while they stand or raise it."""
+    def walking_weights(self, arm: SkeletonLimb) -> Float:
+        """Returns (T,) 1 while the performer walks with a hanging arm, and 0 while the performer stands or
+        raises the arm."""
         below = self.beside[:, arm.proper[0], 1] - self.beside[:, arm.proper[-1], 1]
         below /= _limb_length(self.skeleton, arm)
         left, right = (self.beside[:, self.foot(leg)] for leg in self._legs)
         passing = np.linalg.norm(np.gradient(left - right, self.step, axis=0), axis=1)
         passing /= _limb_length(self.skeleton, self._legs[0])
         passing = scipy.ndimage.maximum_filter1d(passing, max(round(STRIDE_S / self.step), 1), mode="nearest")
-        hangs = np.clip((below - _MIN_BELOW_RAISED) / (_MIN_BELOW_HANGING - _MIN_BELOW_RAISED), 0.0, 1.0)
-        share = hangs * np.clip((passing - _MAX_SHUFFLE) / (_MIN_WALK - _MAX_SHUFFLE), 0.0, 1.0)
+        hangs = np.clip((below - _MAX_RAISED_DROP) / (_MIN_HANGING_DROP - _MAX_RAISED_DROP), 0.0, 1.0)
+        walking = hangs * np.clip(
+            (passing - _MAX_STANDING_SPEED) / (_MIN_WALKING_SPEED - _MAX_STANDING_SPEED), 0.0, 1.0
+        )
         wide = max(round(_WALK_BLEND_S / self.step), 1)
-        return np.asarray(scipy.ndimage.uniform_filter1d(share, wide, mode="nearest"))
+        return np.asarray(scipy.ndimage.uniform_filter1d(walking, wide, mode="nearest"))

@@ -1,8 +1,8 @@
-"""The floor under a retargeted shape: the shape stands on it whenever its performer stands on theirs.
+"""The floor under a retargeted shape. The shape stands on it whenever its performer stands on the floor.
 
-stands(shape)                        # True for legs, or a lowest point at y = 0
-surfaces(project, shape_id, times)   # yields the vertices at each time
-kept_on_floor(project, shape_id, clip, duration)    # moves the root up and down with the lowest point
+stands_on_floor(shape)                        # True for legs, or a lowest point at y = 0
+posed_surfaces(project, shape_id, times)   # yields the vertices at each time
+keep_on_floor(project, shape_id, clip, duration)    # moves the root up and down with the lowest point
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from enliven.rotation import IDENTITY
 
 _MAX_RATE_HZ = 60.0
 """Maximum number of moments a second at which the lowest point is searched: the rate of common displays."""
-_ON_FLOOR_HEIGHT = 0.02
+_MAX_FLOOR_DISTANCE = 0.02
 """A shape without legs stands on the floor if its lowest point is within this fraction of its height of
 y = 0."""
 _FOOT_ROLL_HEIGHT = 0.04
@@ -39,15 +39,16 @@ _MAX_STRIDE_FACTOR = 1.5
 _MAX_HAND_DISTANCE = 1.5
 """Largest distance of a hand's points from its wrist, in forearm lengths. People have 0.75, toons 1.2."""
 _MIN_TWIST_NORM = 0.2
-"""Norm of the vertical (twist) part of a rotation below which it has no heading: the body is upside down."""
+"""Minimum norm of the twist about the vertical for a rotation to have a heading. It is smaller if the body is
+upside down."""
 
 
 def body_points(shape: Shape) -> Bool:
     """Returns (V,) True for the points of a shape's surface that belong to its body.
 
-    The others belong to an object that a hand carries: its joint is named like one, or the point is too far
-    from the wrist. A weapon that touches the floor carries no weight. The points are joints if the shape has
-    no mesh.
+    All other points belong to an object in a hand: the joint's name contains a word for an object, or the
+    point is too far from the wrist. An object such as a weapon may touch the floor, but the shape does not
+    stand on it. If the shape has no mesh, the points are its joints.
     """
     skeleton, arms = shape.skeleton, [arm for pair in anatomy_of(shape.skeleton).arms for arm in pair]
     named = np.array([bool(arms) and names_object(name) for name in skeleton.names])
@@ -69,11 +70,11 @@ def body_points(shape: Shape) -> Bool:
     return np.asarray(~carried if not carried.all() else np.ones_like(carried))
 
 
-def stands(shape: Shape) -> bool:
+def stands_on_floor(shape: Shape) -> bool:
     """Returns True if a shape at rest stands, or lies, on the floor."""
     rest = _body_at_rest(shape)
     low, tall = float(rest[:, 1].min()), float(np.ptp(rest[:, 1]))
-    return abs(low) < _ON_FLOOR_HEIGHT * tall or bool(anatomy_of(shape.skeleton).legs)
+    return abs(low) < _MAX_FLOOR_DISTANCE * tall or bool(anatomy_of(shape.skeleton).legs)
 
 
 def floor_of(shape: Shape) -> float:
@@ -87,7 +88,7 @@ def _body_at_rest(shape: Shape) -> Float:
     return np.asarray(rest[body_points(shape)])
 
 
-def surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator[Float]:
+def posed_surfaces(project: Project, shape_id: str, times: AnyArray) -> Iterator[Float]:
     """Yields the vertices (V, 3) of a shape in metres at times (T,), or its joints if it has no mesh."""
     player, shape = Player(project, shape_id), project.shape(shape_id)
     character = None if shape.mesh is None else character_of(shape)
@@ -107,7 +108,7 @@ def clearance(clip: Clip) -> Float:
     return np.asarray(np.maximum(low - np.percentile(low, _FLOOR_PERCENTILE) - roll, 0.0))
 
 
-def kept_on_floor(
+def keep_on_floor(
     project: Project,
     shape_id: str,
     clip: Clip,
@@ -130,7 +131,9 @@ def kept_on_floor(
     shape = project.shape(shape_id)
     watched = moments_of(duration, min(_MAX_RATE_HZ, 1.0 / clip.step))
     body = body_points(shape)
-    low, steps = _lowest_point_path((at[body] for at in surfaces(project, shape_id, watched)), len(watched))
+    low, steps = _lowest_point_path(
+        (at[body] for at in posed_surfaces(project, shape_id, watched)), len(watched)
+    )
     # The path has the take's frame rate. With a coarser path standing feet would tremble.
     times = moments_of(duration, max(_MAX_RATE_HZ, 1.0 / clip.step))
     root = Player(project, shape_id).root(times)
@@ -149,10 +152,10 @@ def kept_on_floor(
         up = np.maximum(up, 0.0) + np.minimum(up, 0.0) * (1.0 - np.interp(times, frames, on_feet))
     root[:, 1] += up
     count = len(times)
-    return along_way(project, shape_id, clip.id, root, duration / (count - 1) if count > 1 else clip.step)
+    return follow_path(project, shape_id, clip.id, root, duration / (count - 1) if count > 1 else clip.step)
 
 
-def along_way(project: Project, shape_id: str, name: str, root: Float, step: float) -> Project:
+def follow_path(project: Project, shape_id: str, name: str, root: Float, step: float) -> Project:
     """Returns a project in which the root of a shape follows ``root`` (F, 3), ``step`` seconds apart.
 
     The path becomes a take of its own, of one joint, named after the take ``name``.
@@ -165,7 +168,7 @@ def along_way(project: Project, shape_id: str, name: str, root: Float, step: flo
     return set_travel(project.with_takes(way).with_characters(moved), shape_id, layer.id, 1.0)
 
 
-def standing_on_feet(clip: Clip, feet: Collection[int]) -> Float:
+def foot_contact_weights(clip: Clip, feet: Collection[int]) -> Float:
     """Returns (F,) 1 while the lowest joint is a foot, 0 while it is another, with smooth transitions."""
     height = joint_places(clip)[..., 1]
     others = [j for j in range(height.shape[1]) if j not in feet]
@@ -199,21 +202,21 @@ def _stride_factor(ways: Float, steps: Float, leaping: Bool) -> float:
     factor is the median over the path. Moments at which the lowest part moves ahead of the root are ignored:
     a swinging foot touches the floor.
     """
-    far = np.linalg.norm(ways, axis=1)
-    far[leaping[:-1]] = 0.0
-    if far.sum() < 1e-9:
+    root_distance = np.linalg.norm(ways, axis=1)
+    root_distance[leaping[:-1]] = 0.0
+    if root_distance.sum() < 1e-9:
         return 1.0
-    wanted = 1.0 - np.einsum("fc,fc->f", steps, ways) / np.maximum(far, 1e-12) ** 2
-    used = (far > 1e-3 * far.max()) & (wanted > 0.0)
+    wanted = 1.0 - np.einsum("fc,fc->f", steps, ways) / np.maximum(root_distance, 1e-12) ** 2
+    used = (root_distance > 1e-3 * root_distance.max()) & (wanted > 0.0)
     if not used.any():
         return 1.0
     wanted = wanted[used]
     order = np.argsort(wanted)
-    middle = np.searchsorted(np.cumsum(far[used][order]), far[used].sum() / 2.0)
+    middle = np.searchsorted(np.cumsum(root_distance[used][order]), root_distance[used].sum() / 2.0)
     return float(np.clip(wanted[order][middle], _MIN_STRIDE_FACTOR, _MAX_STRIDE_FACTOR))
 
 
-def levelled(clip: Clip, chest: int) -> Clip:
+def level_root(clip: Clip, chest: int) -> Clip:
     """Returns the take with a level root: it rotates about the vertical only, midway from hips to chest.
 
     Bodies on four legs move like that. The limbs and the spine keep their world rotations.

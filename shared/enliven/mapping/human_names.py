@@ -4,8 +4,8 @@
     joints.arms[0].knots                 # left shoulder, elbow and wrist
 
 Known conventions: Mixamo, VRM and Unity humanoid, Unreal, Rigify (also its split deform bones), Quaternius,
-CMU, Bandai Namco, Biovision, Biped, VRoid, Poser. They disagree on words: a "Leg" is the shin in Mixamo and
-the thigh elsewhere, a "Shoulder" is a collar bone or an upper arm. So each limb is found from its middle
+CMU, Bandai Namco, Biovision, Biped, VRoid, Poser. They use words differently: a "Leg" is the shin in Mixamo
+and the thigh elsewhere, a "Shoulder" is a collar bone or an upper arm. So each limb is found from its middle
 joint, which has the clearest names. The names of the other joints are tried from the clearest to the vaguest.
 """
 
@@ -128,7 +128,8 @@ def human_joints(skeleton: Skeleton) -> HumanJoints | None:
 
 
 def finger_joints(skeleton: Skeleton, wrist: int) -> dict[str, tuple[int, ...]]:
-    """Returns the joints of each named finger of a hand, from the wrist to its end; "little" is "pinky"."""
+    """Returns the joints of each named finger of a hand, from the wrist to the finger's end. The name
+    "little" is returned as "pinky"."""
     fingers = dict[str, tuple[int, ...]]()
     for joint in skeleton.below(wrist)[1:]:
         finger = _finger_name(_words_of(skeleton.names[joint])[1])
@@ -189,7 +190,7 @@ def _limb_of_side(
     middles: Sequence[Sequence[str]],
     ends: Sequence[Sequence[str]],
 ) -> HumanLimb | None:
-    """Returns the limb of a side by the names of its joints, or None if they are not found."""
+    """Returns the limb of one side from the names of its joints, or None if the names do not occur."""
     for names in middles:
         middle = _first_named_joint(range(len(words)), words, side, (names,))
         above = skeleton.path(0, middle)[:-1] if middle >= 0 else ()

@@ -1,6 +1,6 @@
 """Joint limits: keeps the joints of a model that is not a person within their ranges of motion.
 
-limited(project, shape_id, clip, plan, clips)      # limits joints, and returns the names of those beyond
+limit_joints(project, shape_id, clip, plan, clips)      # limits joints, and returns the names of those beyond
 
 A performer's arm swings by half a turn; a horse's foreleg does not. The range of each joint is what the
 model's own clips show, plus a free angle. Without clips it is a wide cone around the rest pose. See
@@ -17,7 +17,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, unused
 from enliven.mapping.anatomy import anatomy_of
-from enliven.mapping.facing import turned_about_y
+from enliven.mapping.facing import rotate_about_y
 from enliven.mapping.ground import moments_of
 from enliven.mapping.model_clips import is_own_take
 from enliven.mapping.plan import Plan
@@ -37,7 +37,7 @@ _MIN_BONE_LENGTH = 1e-6
 """Bones shorter than this fraction of the skeleton's size have no direction."""
 
 
-def limited(
+def limit_joints(
     project: Project,
     shape_id: str,
     clip: Clip,
@@ -58,17 +58,17 @@ def limited(
         without: bones that are not limited.
     """
     shape = project.shape(shape_id)
-    shares = {
-        j: share for j, share in _bone_fractions(project, shape, clip, plan).items() if j not in without
+    fractions = {
+        j: fraction for j, fraction in _bone_fractions(project, shape, clip, plan).items() if j not in without
     }
-    if not shares:
+    if not fractions:
         return project, ()
     times = (
         moments_of(clip.duration, min(_MAX_RATE_HZ, 1.0 / clip.step)) if clip.duration > 0.0 else np.zeros(1)
     )
     turns, joints = Player(project, shape_id).sample(times)
-    own = [candidate for candidate in clips if is_own_take(candidate, shape)]
-    ranges, followers = joint_ranges(shape.skeleton, own, shares), _following_bones(shape, shares)
+    own_clips = [candidate for candidate in clips if is_own_take(candidate, shape)]
+    ranges, followers = joint_ranges(shape.skeleton, own_clips, fractions), _following_bones(shape, fractions)
     limited_turns, beyond = limit_pose(shape.skeleton, turns, ranges, followers)
     if not beyond:
         return project, ()
@@ -77,8 +77,8 @@ def limited(
         unused(f"{clip.id}: limits", project.takes), shape.skeleton, limited_turns, joints[:, 0], step
     )
     project = project.with_takes(take)
-    moved = {*shares, *followers}
-    for chain in _joined_chains(
+    moved = {*fractions, *followers}
+    for chain in _group_chains(
         shape.skeleton, {j for j in moved if _is_different(limited_turns[:, j], turns[:, j])}
     ):
         project = clear_chain(project, shape_id, chain)
@@ -89,7 +89,7 @@ def limited(
 
 
 def joint_ranges(
-    skeleton: Skeleton, clips: Sequence[Clip], shares: Mapping[int, float]
+    skeleton: Skeleton, clips: Sequence[Clip], fractions: Mapping[int, float]
 ) -> dict[int, JointRange]:
     """Returns the range of each bone that has a direction.
 
@@ -98,19 +98,19 @@ def joint_ranges(
     Args:
         skeleton: the skeleton.
         clips: takes of the same skeleton.
-        shares: by bone, its fraction of its chain's free angle. The bones of a spine share one angle.
+        fractions: by bone, its fraction of its chain's free angle. The bones of a spine share one angle.
     """
     sampled = [clip.turns[:: max(1, -(-len(clip.turns) // _CLIP_FRAMES))] for clip in clips]
     local = _local_rotations(skeleton, np.concatenate(sampled)) if sampled else None
     size, partners = float(np.ptp(skeleton.positions, axis=0).max()), _bone_partners(skeleton)
     facing, ranges = anatomy_of(skeleton).facing, dict[int, JointRange]()
-    for j, share in shares.items():
+    for j, fraction in fractions.items():
         if skeleton.lengths[j] <= _MIN_BONE_LENGTH * size:
             continue
         turns = None if local is None else local[:, j]
         if local is not None and j in partners:
             turns = np.concatenate([local[:, j], _mirrored_rotations(local[:, partners[j]], facing)])
-        ranges[j] = fit_joint_range(skeleton.vectors[j], turns, max(share, _MIN_ANGLE_FRACTION))
+        ranges[j] = fit_joint_range(skeleton.vectors[j], turns, max(fraction, _MIN_ANGLE_FRACTION))
     return ranges
 
 
@@ -153,7 +153,7 @@ def _bone_fractions(project: Project, shape: Shape, clip: Clip, plan: Plan) -> d
         return {}
     if _is_person(shape.skeleton) or any(chain.mode == "pose" for chain in plan.chains):
         return {}
-    skeleton, shares = shape.skeleton, dict[int, float]()
+    skeleton, fractions = shape.skeleton, dict[int, float]()
     for chain in plan.chains:
         ends = [skeleton.names.index(name) for name in chain.target if name in skeleton.names]
         if len(ends) < 2:
@@ -161,11 +161,13 @@ def _bone_fractions(project: Project, shape: Shape, clip: Clip, plan: Plan) -> d
         path = skeleton.path(ends[0], ends[-1])[1:]
         chain_length = max(float(skeleton.lengths[list(path)].sum()), 1e-9)
         for j in path:
-            shares[j] = max(shares.get(j, 0.0), float(skeleton.lengths[j]) / chain_length)
+            fractions[j] = max(fractions.get(j, 0.0), float(skeleton.lengths[j]) / chain_length)
     layers = {layer.id: layer for layer in shape.layers}
-    moving = {j: [layers[ref.layer] for span in shape.spans[j] for ref in span.refs] for j in shares}
+    moving = {j: [layers[ref.layer] for span in shape.spans[j] for ref in span.refs] for j in fractions}
     return {
-        j: shares[j] for j in sorted(shares) if j > 0 and moving[j] and all(map(_is_played_once, moving[j]))
+        j: fractions[j]
+        for j in sorted(fractions)
+        if j > 0 and moving[j] and all(map(_is_played_once, moving[j]))
     }
 
 
@@ -204,8 +206,8 @@ def _bone_partners(skeleton: Skeleton) -> dict[int, int]:
 
 def _mirrored_rotations(turns: Float, facing: float) -> Float:
     """Returns rotations (T, 4) mirrored in the plane between left and right of a body with that facing."""
-    ahead = turned_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
-    return np.concatenate([turns[:, :1], turned_about_y(ahead, facing)], axis=1)
+    ahead = rotate_about_y(turns[:, 1:], -facing) * [1.0, -1.0, -1.0]
+    return np.concatenate([turns[:, :1], rotate_about_y(ahead, facing)], axis=1)
 
 
 def _local_rotations(skeleton: Skeleton, turns: Float) -> Float:
@@ -222,8 +224,8 @@ def _is_different(one: Float, other: Float) -> bool:
     return bool(2.0 * np.arccos(min(float(cosine), 1.0)) > _MIN_CHANGE)
 
 
-def _joined_chains(skeleton: Skeleton, bones: set[int]) -> list[tuple[int, ...]]:
-    """Returns bones joined to chains of joints, each beginning with the joint that stays in place."""
+def _group_chains(skeleton: Skeleton, bones: set[int]) -> list[tuple[int, ...]]:
+    """Groups bones into chains of joints. Each chain begins with the joint that stays in place."""
     chains, remaining = list[tuple[int, ...]](), sorted(bones)
     while remaining:
         chain = [int(skeleton.parents[remaining[0]]), remaining[0]]

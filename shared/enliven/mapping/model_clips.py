@@ -1,4 +1,4 @@
-"""The clips that came with a model: finds them among a project's takes, and plays one on a shape.
+"""The clips in a model's own file: finds them among a project's takes, and plays one on a shape.
 
 own_clips(project, shape)                    # the names of the takes that have the shape's own skeleton
 clip_to_open(shape, clips)                   # the clip that a model plays when it is opened
@@ -15,12 +15,13 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, Skeleton, joint_places
 from enliven.errors import InputError
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 
 _MAX_JOINT_DIFFERENCE = 1e-6
 """Maximum distance of equal joints in identical skeletons, as a fraction of the size: rounding of files."""
 _MAX_STILL_MOTION = 1e-3
-"""Maximum motion of joints in a clip that is a still pose, or at a loop's seam, as a fraction of the size."""
+"""Maximum motion of joints in a clip that counts as a still pose, and at the seam of a loop, as a fraction of
+the size."""
 _SEAM_FRAMES = 1.5
 """Maximum step from the last pose of a loop to its first, in median frame steps. Not all files repeat the
 first frame at the end."""
@@ -31,14 +32,14 @@ def is_own_take(clip: Clip, shape: Shape) -> bool:
     return _is_same(clip.skeleton, shape.skeleton)
 
 
-def _is_same(mine: Skeleton, theirs: Skeleton) -> bool:
+def _is_same(first: Skeleton, second: Skeleton) -> bool:
     """Returns True if two skeletons have the same joints at the same positions relative to their roots."""
-    if mine is theirs:
+    if first is second:
         return True
-    if mine.names != theirs.names or not np.array_equal(mine.parents, theirs.parents):
+    if first.names != second.names or not np.array_equal(first.parents, second.parents):
         return False
-    offset = np.abs((mine.positions - mine.positions[0]) - (theirs.positions - theirs.positions[0])).max()
-    return bool(offset < _MAX_JOINT_DIFFERENCE * float(np.ptp(theirs.positions, axis=0).max()))
+    offset = np.abs((first.positions - first.positions[0]) - (second.positions - second.positions[0])).max()
+    return bool(offset < _MAX_JOINT_DIFFERENCE * float(np.ptp(second.positions, axis=0).max()))
 
 
 def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
@@ -57,7 +58,7 @@ def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
 
 
 def played_clip(project: Project, shape: Shape) -> str | None:
-    """Returns the name of the own clip that moves a shape (keys are ignored), or None."""
+    """Returns the name of the model's own clip that the shape plays, or None. Keys are ignored."""
     played = _joint_layers(project, shape)
     return played[0].take if played and not played[0].muted else None
 
@@ -97,16 +98,16 @@ def play_own_clip(project: Project, shape_id: str, name: str | None) -> Project:
         mend = f"Known: {', '.join(clips) or 'none'}."
         raise InputError(f"{name!r} is not a clip of {shape_id!r}", where="project", mend=mend)
     if played:
-        return _with_other_clip(project, shape, played, name)
-    project = stilled(project, shape_id)
+        return _replace_clip(project, shape, played, name)
+    project = mute_takes(project, shape_id)
     shape = project.shape(shape_id).with_changes(pins=())
     if name is None:
         return project.with_characters(shape)
-    project, _ = playing(project.with_characters(shape), shape, project.takes[name])
-    return looped(project, shape_id) if is_looping(project.takes[name]) else project
+    project, _ = play_clip(project.with_characters(shape), shape, project.takes[name])
+    return loop_takes(project, shape_id) if is_looping(project.takes[name]) else project
 
 
-def _with_other_clip(project: Project, shape: Shape, played: Sequence[Layer], name: str | None) -> Project:
+def _replace_clip(project: Project, shape: Shape, played: Sequence[Layer], name: str | None) -> Project:
     """Returns a project in which the layers that play a shape's own clip play another one, or are muted."""
     others = [layer for layer in shape.layers if layer not in played]
     new_layers = [replace(layer, muted=True) for layer in played]
@@ -131,7 +132,7 @@ def _joint_layers(project: Project, shape: Shape) -> tuple[Layer, ...]:
     return layers if theirs.names == shape.skeleton.names else ()
 
 
-def stilled(project: Project, shape_id: str) -> Project:
+def mute_takes(project: Project, shape_id: str) -> Project:
     """Returns a project in which no take moves a shape. Keys are kept."""
     shape = project.shape(shape_id)
     key_layers = {layer.id for layer in shape.layers if project.takes[layer.take].keys}
@@ -143,7 +144,7 @@ def stilled(project: Project, shape_id: str) -> Project:
     return project.with_characters(shape.with_changes(spans=spans, **travel))
 
 
-def looped(project: Project, shape_id: str) -> Project:
+def loop_takes(project: Project, shape_id: str) -> Project:
     """Returns a project in which every take that moves a shape loops. Keys do not loop."""
     shape = project.shape(shape_id)
     layers = (

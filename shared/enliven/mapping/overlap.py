@@ -20,8 +20,8 @@ from enliven.document import Shape
 from enliven.kernels import njit
 
 _TESTED_FACES = 3000
-"""Approximate number of faces that are tested, evenly spaced in the list of faces. The measured fraction of
-the surface is then within half a per cent of that for all faces."""
+"""Approximate number of tested faces, evenly spaced in the list of faces. The result then differs from that
+for all faces by at most half a per cent of the surface."""
 _TEST_POINT_OFFSET = 1e-4
 """Distance of a test point from its face, as a fraction of the size: above rounding, below limb thickness."""
 _FACES_PER_CELL = 4.0
@@ -38,27 +38,28 @@ class Overlap:
     def __init__(self, shape: Shape) -> None:
         assert shape.mesh is not None and shape.skin is not None
         self.faces = shape.mesh.faces
-        self.looked = np.arange(0, len(self.faces), max(len(self.faces) // _TESTED_FACES, 1))
-        self.area = _face_areas(shape.mesh.vertices[self.faces[self.looked]])
+        self.tested_faces = np.arange(0, len(self.faces), max(len(self.faces) // _TESTED_FACES, 1))
+        self.area = _face_areas(shape.mesh.vertices[self.faces[self.tested_faces]])
         self.bone = _face_bones(shape)
-        self._beside = _adjacent_bones(shape)
+        self._adjacent = _adjacent_bones(shape)
         self._rest = self._faces_inside(shape.mesh.vertices)[0]
 
     def at(self, vertices: Float) -> tuple[float, dict[tuple[int, int], float]]:
-        """Returns the fraction of the surface inside other parts, in all and by (bone, bone around it)."""
+        """Returns the total fraction of the surface inside other parts, and this fraction by (inner bone,
+        outer bone)."""
         inside, hit = self._faces_inside(vertices)
         new = np.flatnonzero(inside & ~self._rest)
         total_area = max(float(self.area.sum()), 1e-300)
         parts: dict[tuple[int, int], float] = {}
         for k in new:
-            pair = int(self.bone[self.looked[k]]), int(self.bone[hit[k]])
+            pair = int(self.bone[self.tested_faces[k]]), int(self.bone[hit[k]])
             parts[pair] = parts.get(pair, 0.0) + float(self.area[k]) / total_area
         return sum(parts.values()), parts
 
     def _faces_inside(self, vertices: Float) -> tuple[Bool, Int]:
         """Returns (K,) True for tested faces inside another part, and (K,) the face at which a ray exits."""
         corners = np.ascontiguousarray(vertices[self.faces], np.float64)
-        some = corners[self.looked]
+        some = corners[self.tested_faces]
         normals = np.cross(some[:, 1] - some[:, 0], some[:, 2] - some[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
@@ -69,8 +70,8 @@ class Overlap:
         for axis in range(3):
             wind(points, corners, self.bone, axis, cells, numbers[axis], exits, ways)
         inside = (np.median(numbers, axis=0) >= 1) & (exits >= 0)
-        own, other = self.bone[self.looked], self.bone[np.maximum(exits, 0)]
-        return inside & ~self._beside[own, other], exits
+        own, other = self.bone[self.tested_faces], self.bone[np.maximum(exits, 0)]
+        return inside & ~self._adjacent[own, other], exits
 
 
 def _face_areas(corners: Float) -> Float:
@@ -92,7 +93,8 @@ def _skin_arrays(shape: Shape) -> tuple[Int, Float]:
 
 
 def _adjacent_bones(shape: Shape) -> Bool:
-    """Returns (N, N) True for bones that are the same or share a joint, at which their surfaces fold."""
+    """Returns (N, N) True for pairs of bones that are identical or share a joint. The surface folds at such a
+    joint."""
     skeleton, count = shape.skeleton, len(shape.skeleton)
     ends = np.zeros((count, count), bool)
     ends[np.arange(count), np.arange(count)] = True

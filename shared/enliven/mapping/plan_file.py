@@ -9,8 +9,9 @@
     target = "UpperLeg.L .. LowerLeg.L"
     mode = "pose"
 
-A chain is given by its first and last joint, separated by two points, or by an array of all of its joints. A
-single joint stands for its own rotation. Missing keys have the defaults of :mod:`enliven.mapping.plan`.
+A chain is given by its first and last joint, separated by two dots, or by an array of all of its joints. A
+single joint means only the rotation of that joint. Missing keys have the defaults of
+:mod:`enliven.mapping.plan`.
 """
 
 from __future__ import annotations
@@ -49,14 +50,14 @@ def read_plan(path: Path | str) -> Plan:
     plan = load_settings(Plan, document, where=str(path))
     chains = []
     for number, table in enumerate(listed, 1):
-        where = f"{path}, chain {number}"
+        location = f"{path}, chain {number}"
         values = {k: _parse_joints(v) if k in ("source", "target") else v for k, v in table.items()}
-        chain = load_settings(ChainPlan, values, where=where)
+        chain = load_settings(ChainPlan, values, where=location)
         if not chain.source or not chain.target:
             mend = 'Give "first .. last" for both.'
-            raise InputError("it needs a source and a target", where=where, mend=mend)
+            raise InputError("it needs a source and a target", where=location, mend=mend)
         if chain.speed == 0.0:
-            raise InputError("a speed of 0 never plays", where=where, mend="Give 1, or -1 for backwards.")
+            raise InputError("a speed of 0 never plays", where=location, mend="Give 1, or -1 for backwards.")
         chains.append(chain)
     if not chains:
         mend = "Write one with --write-map to begin with."
@@ -99,7 +100,8 @@ def plan_text(plan: Plan) -> str:
 
 
 def _parse_joints(value: Any) -> Any:
-    """Returns the joints that a text or an array names. Other values are returned for settings to refuse."""
+    """Returns the joint names in a text or an array. Invalid values are returned unchanged, and rejected by
+    the settings class."""
     if not isinstance(value, str):
         return value
     parts = value.split(" .. ") if " .. " in value else value.split("..")

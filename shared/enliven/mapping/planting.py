@@ -1,9 +1,10 @@
-"""Foot planting (foot lock) for a body in its performer's pose: the body moves so that feet do not slide.
+"""Foot planting (foot lock) for a body in its performer's pose: the root's path is corrected so that feet do
+not slide.
 
     spans = standing_spans(foot, root, step, length)     # when a foot of the performer stands
-    turns = unspun(Sole(shape, bones).spin(turns, joints, length), spans, step)   # keeps its heading
+    turns = remove_spin(Sole(shape, bones).spin(turns, joints, length), spans, step)   # keeps its heading
     rolled, low = Sole(shape, bones).rolling(turns, joints, length)   # how the model's own foot rolls
-    planted(legs, root, step, floor)                     # the root's path, and the offset of each foot
+    plant_body(legs, root, step, floor)                     # the root's path, and the offset of each foot
 
 The feet of a model with other proportions would slide in its performer's pose, because its strides have
 another length and its feet roll about other points. So the path of the root is corrected. Horizontally it
@@ -12,8 +13,8 @@ that foot is on the floor. The root's path stays smooth. The legs bend to close 
 if two standing feet need different paths. In the air the root follows the performer's, and rises if a foot
 would be too low.
 
-Feet of captured performers often turn on the spot while they stand. A sole that did so would slide, so each
-foot keeps one heading in a contact.
+Feet of captured performers often rotate on the spot while they stand. The model's sole would slide, so each
+foot keeps one heading during a contact.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ Spans = tuple[tuple[int, int], ...]
 _MAX_STANDING_HEIGHT = 0.1
 """Largest height of a standing foot above its lowest position, in leg lengths. Floors of captures drift."""
 _MAX_STANDING_SPEED = 0.4
-"""Largest speed of a standing foot of a body at rest, in leg lengths a second. Captured feet creep."""
+"""Largest speed of a standing foot of a body at rest, in leg lengths a second. Captured feet drift slowly."""
 _MAX_SPEED_FRACTION = 0.3
 """Largest speed of a standing foot as a fraction of the body's speed: the foot of a runner rolls fast."""
 _SPEED_WINDOW_S = 0.4
@@ -43,7 +44,8 @@ _SPEED_WINDOW_S = 0.4
 _MIN_CONTACT_S = 0.05
 """Shortest contact in seconds. Those of a sprint last 80 ms."""
 _RELEASE_FACTOR = 1.3
-"""Factor on the limits of height and speed beyond which a contact ends (hysteresis)."""
+"""Factor on the limits of height and speed at the end of a contact, relative to its beginning
+(hysteresis)."""
 _STANDING_PERCENTILE = 5.0
 """Percentile of a joint's height over a take that counts as its height while the foot stands."""
 _BLEND_S = 0.1
@@ -59,16 +61,16 @@ _MIN_SWING_HEIGHT = 0.03
 _CONTACT_DECAY = 0.006
 """Decay length of contact weights above a foot's lowest point, in leg lengths: 5 mm on an adult."""
 _FOOT_WEIGHT = 0.5
-"""Minimum total skin weight on the foot's bones with which a vertex belongs to the foot."""
+"""Minimum total skin weight of a vertex on the foot's bones for the vertex to belong to the foot."""
 _SEARCH_DIRECTIONS = 128
 """Number of directions, spread evenly, in which the outermost points of a foot are searched."""
 _FRAMES_PER_BLOCK = 2048
 """Number of frames that are processed at a time, to bound the memory for all points of a foot."""
 _HEIGHT_WEIGHT = 1e-9
 """Weight of the performer's own height, small enough to matter only while no foot stands."""
-_MAX_UNSPIN = np.radians(30.0)
-"""Largest angle (radians) between the headings of a standing foot and the performer's: ankle and hip allow
-it."""
+_MAX_HEADING_DIFFERENCE = np.radians(30.0)
+"""Largest angle (radians) between the headings of a standing foot and the performer's foot: what ankle and
+hip allow."""
 _PATH_WEIGHT = 0.01
 """Weight of the performer's path for the root, compared with a standing foot."""
 
@@ -79,7 +81,7 @@ class PosedLeg:
 
     Attributes:
         rolled: (T, 2) metres along x and z that the touching part of the sole has moved relative to the root;
-            see :func:`rolling`.
+            see :func:`rolling_motion`.
         sole: (T,) metres from the root up to the lowest point of the foot.
         clear: (T,) height in metres of the performer's foot above the floor, scaled to the body's size.
         length: length of the leg in metres.
@@ -93,11 +95,11 @@ class PosedLeg:
     spans: Spans
 
 
-def rolling(points: Float, length: float) -> tuple[Float, Float]:
+def rolling_motion(points: Float, length: float) -> tuple[Float, Float]:
     """Returns how a foot rolls over a floor.
 
-    A foot that rolls without sliding turns about the points that touch the floor, first the heel, last the
-    toes. So their speed has to be zero, not that of a joint in the foot.
+    A foot that rolls without sliding rotates about the points that touch the floor, first the heel and last
+    the toes. So these points must have zero speed, not a joint of the foot.
 
     Args:
         points: (T, P, 3) metres from the root to points of the sole.
@@ -157,11 +159,11 @@ class Sole:
         self._weights = np.ones((len(bones), 1))
         if shape.mesh is None or shape.skin is None:
             return
-        own = np.where(np.isin(shape.skin.indices, bones), shape.skin.weights, 0.0)
-        part = np.flatnonzero(own.sum(1) > _FOOT_WEIGHT)
+        foot_weights = np.where(np.isin(shape.skin.indices, bones), shape.skin.weights, 0.0)
+        part = np.flatnonzero(foot_weights.sum(1) > _FOOT_WEIGHT)
         if not len(part):
             return
-        carrier = shape.skin.indices[part, own[part].argmax(1)]
+        carrier = shape.skin.indices[part, foot_weights[part].argmax(1)]
         groups = [part[carrier == bone] for bone in np.unique(carrier)]
         chosen = np.concatenate([some[_outermost_points(shape.mesh.vertices[some])] for some in groups])
         self._points = shape.mesh.vertices[chosen]
@@ -177,11 +179,12 @@ class Sole:
         return positions
 
     def rolling(self, turns: Float, joints: Float, length: float) -> tuple[Float, Float]:
-        """Returns :func:`rolling` of the points, for joints (T, N, 3) in metres relative to the root."""
+        """Returns :func:`rolling_motion` of the points, for joints (T, N, 3) in metres relative to the
+        root."""
         rolled, low, at = [np.zeros((1, 2))], list[Float](), np.zeros(2)
         for start in range(0, max(len(turns) - 1, 1), _FRAMES_PER_BLOCK):
             part = slice(start, start + _FRAMES_PER_BLOCK + 1)
-            way, height = rolling(self.points(turns[part], joints[part]), length)
+            way, height = rolling_motion(self.points(turns[part], joints[part]), length)
             rolled.append(at + way[1:])
             at, low = at + way[-1], [*low, height if not start else height[1:]]
         return np.concatenate(rolled), np.concatenate(low)
@@ -212,7 +215,8 @@ class Sole:
         return np.concatenate([self.points(turns[part], joints[part])[..., 1].min(1) for part in parts])
 
     def lowest_turned(self, turns: Float, joints: Float, turning: Float, about: int) -> Float:
-        """Returns the metres (T,) from a joint up to the lowest point after all points rotate about it."""
+        """Returns the height (T,) in metres of the lowest point relative to a joint, after all points are
+        rotated about that joint."""
         low = list[Float]()
         for start in range(0, len(turns), _FRAMES_PER_BLOCK):
             part = slice(start, start + _FRAMES_PER_BLOCK)
@@ -232,7 +236,7 @@ def _outermost_points(points: Float) -> Int:
     return np.unique((points @ ways).argmax(0))
 
 
-def unspun(spin: Float, spans: Spans, step: float) -> Float:
+def remove_spin(spin: Float, spans: Spans, step: float) -> Float:
     """Returns the rotations about +Y, (T,) radians, that keep a foot from spinning while it stands.
 
     The foot keeps the median heading of each contact. If the performer's foot rotates farther than ankle and
@@ -244,13 +248,17 @@ def unspun(spin: Float, spans: Spans, step: float) -> Float:
         step: seconds between two moments.
     """
     count, blend = len(spin), max(round(_BLEND_S / step), 1)
-    spans, turns = _joined_spans(spans, blend), np.zeros(count)
+    spans, turns = _join_spans(spans, blend), np.zeros(count)
     ends = [-blend, *(b for _, b in spans)]
     starts = [*(a for a, _ in spans), count + blend]
     for number, (first, last) in enumerate(spans):
         standing_heading = float(np.median(spin[first : last + 1]))
         for t in range(first, last + 1):
-            standing_heading = float(np.clip(standing_heading, spin[t] - _MAX_UNSPIN, spin[t] + _MAX_UNSPIN))
+            standing_heading = float(
+                np.clip(
+                    standing_heading, spin[t] - _MAX_HEADING_DIFFERENCE, spin[t] + _MAX_HEADING_DIFFERENCE
+                )
+            )
             turns[t] = standing_heading - spin[t]
         before, after = min(blend, first - ends[number]), min(blend, starts[number + 1] - last)
         into, out = _fading_weights(before)[::-1] * turns[first], _fading_weights(after) * turns[last]
@@ -259,8 +267,8 @@ def unspun(spin: Float, spans: Spans, step: float) -> Float:
     return turns
 
 
-def _joined_spans(spans: Spans, gap: int) -> Spans:
-    """Returns the spans after joining those that are at most ``gap`` frames apart."""
+def _join_spans(spans: Spans, gap: int) -> Spans:
+    """Joins spans that are at most ``gap`` frames apart, and returns all spans."""
     joined = list[tuple[int, int]]()
     for first, last in spans:
         if joined and first - joined[-1][1] <= gap:
@@ -270,8 +278,9 @@ def _joined_spans(spans: Spans, gap: int) -> Spans:
     return tuple(joined)
 
 
-def clearance_of(heights: Float, spans: Spans) -> Float:
-    """Returns the height (T,) in metres of a foot above its contacts: that of the joint that rose least.
+def contact_clearance(heights: Float, spans: Spans) -> Float:
+    """Returns the height (T,) in metres of a foot above its contacts: the height of the joint that has risen
+    least.
 
     Floors of captures drift, so the reference is interpolated between the contacts before and after.
 
@@ -289,7 +298,7 @@ def clearance_of(heights: Float, spans: Spans) -> Float:
     return np.asarray(np.maximum(heights - standing, 0.0).min(1))
 
 
-def planted(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> tuple[Float, list[Float]]:
+def plant_body(legs: Sequence[PosedLeg], root: Float, step: float, floor: float) -> tuple[Float, list[Float]]:
     """Returns the corrected path of the root, and the remaining offset of each foot.
 
     Args:

@@ -18,7 +18,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Clip, Layer, Project, Shape, joint_places
-from enliven.mapping.anatomy import SkeletonLimb, anatomy_of, begins_tip
+from enliven.mapping.anatomy import SkeletonLimb, anatomy_of, is_tip_start
 from enliven.mapping.applying import apply_plan, source_anatomy
 from enliven.mapping.gait import legs_that_step, posed_legs_that_step
 from enliven.mapping.plan import Plan
@@ -26,7 +26,7 @@ from enliven.motion.layers import Player
 from enliven.rotation import rotate, swing, unit
 
 _MAX_FRAMES = 120
-"""Maximum number of frames that are compared. A dozen of them are then above a limb's 90th percentile."""
+"""Maximum number of compared frames, large enough that a dozen of them are above a limb's 90th percentile."""
 _SEGMENT_NAMES = {(True, 2): ("thigh", "shin"), (False, 2): ("upper arm", "forearm")}
 """Names of a limb's segments, by (stands on the floor, number of segments)."""
 
@@ -91,7 +91,7 @@ def _driven_segments(
         for side, limb in zip(("left", "right"), pair, strict=True):
             if limb.proper in without:
                 continue
-            layers = _layers_along(project, shape, clip, limb.main)
+            layers = _bone_layers(project, shape, clip, limb.main)
             segments = list(dict.fromkeys(layer.id for layer in layers if layer is not None))
             for k, name in enumerate(segments):
                 bones = [
@@ -99,7 +99,7 @@ def _driven_segments(
                 ]
                 layer = shape.layer(name)
                 chain = shape.skeleton.path(int(shape.skeleton.parents[bones[0]]), bones[-1])
-                if begins_tip(shape.skeleton, limb, chain[0]):
+                if is_tip_start(shape.skeleton, limb, chain[0]):
                     continue  # A hand or foot keeps the model's own rest rotation.
                 yield f"{side} {_segment_name(limb, number, k, len(segments))}", layer, chain
 
@@ -113,21 +113,21 @@ def _segment_name(limb: SkeletonLimb, number: int, segment: int, count: int) -> 
     return f"{kind} {number}" if count == 1 else f"{kind} {number}, segment {segment + 1}"
 
 
-def _layers_along(project: Project, shape: Shape, clip: Clip, chain: tuple[int, ...]) -> list[Layer | None]:
-    """Returns for each bone of a chain the layer of the take that alone moves it, or None."""
+def _bone_layers(project: Project, shape: Shape, clip: Clip, chain: tuple[int, ...]) -> list[Layer | None]:
+    """Returns for each bone of a chain the layer of the take if no other layer moves the bone, or None."""
     sole_layers = list[Layer | None]()
     for bone in chain[1:]:
         named = {ref.layer for span in shape.spans[bone] for ref in span.refs}
         layers = [shape.layer(name) for name in named]
-        plain = [layer for layer in layers if _plays_plainly(project, layer, clip)]
+        plain = [layer for layer in layers if _plays_unchanged(project, layer, clip)]
         sole_layers.append(plain[0] if len(layers) == len(plain) == 1 else None)
     return sole_layers
 
 
-def _plays_plainly(project: Project, layer: Layer, clip: Clip) -> bool:
+def _plays_unchanged(project: Project, layer: Layer, clip: Clip) -> bool:
     """Returns True if a layer plays the performer's take at its own speed."""
-    own = (layer.offset, layer.speed, layer.loop) == (0.0, 1.0, False) and len(layer.chain) > 1
-    return own and project.takes[layer.take].skeleton.names == clip.skeleton.names
+    has_default_timing = (layer.offset, layer.speed, layer.loop) == (0.0, 1.0, False) and len(layer.chain) > 1
+    return has_default_timing and project.takes[layer.take].skeleton.names == clip.skeleton.names
 
 
 def _expected_directions(
@@ -147,12 +147,12 @@ def _expected_directions(
     last = layer.chain[-1]
     places, rest = joint_places(take, (first, last)), take.skeleton.positions
     mirror = np.array([-1.0 if layer.mirrored else 1.0, 1.0, 1.0])
-    ways = rotate(layer.basis, mirror * (places[:, last] - places[:, first]))
+    directions = rotate(layer.basis, mirror * (places[:, last] - places[:, first]))
     rest_way = unit(rotate(layer.basis, mirror * (rest[last] - rest[first])))
-    frames = np.arange(len(ways)) * take.step
-    at = np.stack([np.interp(times, frames, ways[:, k]) for k in range(3)], axis=1)
-    own = shape.skeleton.positions[chain[-1]] - shape.skeleton.positions[chain[0]]
-    return np.asarray(rotate(swing(rest_way, unit(at)), own))
+    frames = np.arange(len(directions)) * take.step
+    at = np.stack([np.interp(times, frames, directions[:, k]) for k in range(3)], axis=1)
+    rest_direction = shape.skeleton.positions[chain[-1]] - shape.skeleton.positions[chain[0]]
+    return np.asarray(rotate(swing(rest_way, unit(at)), rest_direction))
 
 
 def _degrees_between(one: Float, other: Float) -> Float:

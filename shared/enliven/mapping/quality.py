@@ -2,9 +2,9 @@
 
 Pose is the angle between the limbs and the performer's (:mod:`enliven.mapping.pose_error`).
 
-Stretch is the length of an edge of the mesh divided by its length at rest. Above ``BOUND`` skin begins to
-look like a sheet. A motion is judged by the 99th percentile over all edges and moments. Edges of slivers and
-of tiny separate parts do not count: their stretch is not visible.
+Stretch is the length of an edge of the mesh divided by its length at rest. Above ``MAX_STRETCH`` skin begins
+to look like a sheet. A motion is judged by the 99th percentile over all edges and moments. Edges of slivers
+and of tiny separate parts do not count: their stretch is not visible.
 
 Floor contact and foot sliding are measured for the body. An object that a hand carries does not count.
 """
@@ -20,28 +20,29 @@ import scipy
 from enliven.arrays import Bool, Float, Int32
 from enliven.document import Clip, Project, Shape
 from enliven.mapping.anatomy import anatomy_of
-from enliven.mapping.ground import body_points, clearance, floor_of, stands, surfaces
+from enliven.mapping.ground import body_points, clearance, floor_of, posed_surfaces, stands_on_floor
 from enliven.mapping.overlap import Overlap
 from enliven.mapping.plan import Plan
 from enliven.mapping.pose_error import LimbError, limb_errors
 from enliven.motion.layers import Player, travel_scale
 
-BOUND = 1.4
-"""Largest stretch at the 99th percentile. Above it hands look like sheets. The runs that come with models
-have 1.1 to 1.5."""
-THROUGH = 0.03
-"""Largest fraction of a surface inside other parts. The clips that come with models reach it."""
-LEVEL = 0.03
+MAX_STRETCH = 1.4
+"""Largest stretch at the 99th percentile. Above it, hands look like sheets. The running clips of models have
+1.1 to 1.5."""
+MAX_INTERSECTION = 0.03
+"""Largest fraction of a surface inside other parts. Models' own clips reach this value."""
+MAX_FLOOR_DISTANCE = 0.03
 """Largest distance of the lowest point from the floor, as a fraction of the height. Beyond it feet visibly
 hover."""
-SLIDE = 20.0
+MAX_SLIDE_CM_S = 20.0
 """Largest slide of standing feet in cm/s. Half of the test data's pairs of take and model have at most 8."""
-POSE = 8.0
+MAX_POSE_DEGREES = 8.0
 """Largest median angle (degrees) between a limb and the performer's. Within it the pose looks the same."""
-POSE_P90 = 15.0
+MAX_POSE_P90_DEGREES = 15.0
 """Largest 90th percentile of that angle (degrees)."""
 _MEASURED_MOMENTS = 24
-"""Number of moments at which a motion is measured. A pose that lasts a twentieth of it is not missed."""
+"""Number of moments at which a motion is measured. A pose that lasts for a twentieth of the motion is not
+missed."""
 _MIN_EDGE_LENGTH = 1e-3
 """Length of an edge, as a fraction of the size, below which its stretch is not visible."""
 _MIN_TRIANGLE_RATIO = 0.02
@@ -51,17 +52,17 @@ _MIN_PART_FRACTION = 1e-4
 _SAME_VERTEX_DISTANCE = 1e-5
 """Distance, as a fraction of the size, within which vertices count as one."""
 _ON_FLOOR_HEIGHT = 0.03
-"""Height, as a fraction of the shape's, within which a vertex counts as on the floor."""
+"""Maximum height of a vertex that counts as on the floor, as a fraction of the shape's height."""
 _MIN_LEAP_HEIGHT = 0.005
 """Minimum height of the lowest point in a leap, as a fraction of the shape's height: 8 mm on an adult."""
 _SLIDE_INTERVAL_S = 1.0 / 60.0
-"""Seconds between the two moments that are compared for a slide: a frame of common displays."""
+"""Seconds between the two moments that are compared to measure sliding: one frame of common displays."""
 _MIN_STANDING_PERCENT = 10.0
 """Minimum share of the vertices near the floor that stand still, in per cent. The others may be those of a
 swinging foot."""
 _WITHIN_BOUND_WEIGHT = 0.05
 """Weight of a measure's value within its bound, compared with its excess beyond the bound."""
-_MAX_NAMED = 4
+_MAX_NAMED_JOINTS = 4
 """Maximum number of joints that are named for stretch, and of pairs of parts that intersect."""
 
 
@@ -74,7 +75,7 @@ class MotionQuality:
             :func:`enliven.mapping.pose_error.limb_errors`.
         stretch: 99th percentile of stretch over all edges and moments.
         stretch_most: stretch of the edge that is stretched most.
-        joints: the joints with most edges stretched beyond the bound, the worst first.
+        joints: the joints with the most edges stretched beyond the bound, the worst first.
         sunk: largest depth of the body's lowest point below the floor, in heights of the shape; None if the
             shape flies.
         afloat: largest height of that point above the floor while the performer stands, in heights of the
@@ -102,7 +103,9 @@ class MotionQuality:
     @property
     def worst_limbs(self) -> tuple[LimbError, ...]:
         """The limb segments with a pose error beyond its bounds, the worst first."""
-        beyond = [limb for limb in self.limbs if limb.median > POSE or limb.p90 > POSE_P90]
+        beyond = [
+            limb for limb in self.limbs if limb.median > MAX_POSE_DEGREES or limb.p90 > MAX_POSE_P90_DEGREES
+        ]
         return tuple(sorted(beyond, key=lambda limb: -limb.median))
 
     @property
@@ -119,9 +122,18 @@ class MotionQuality:
     def _bound_ratios(self) -> tuple[float, ...]:
         """Each measure divided by its bound: pose, stretch, floor, slide, and self-intersection."""
         off = max(self.sunk or 0.0, self.afloat or 0.0)
-        stretch = (self.stretch - 1.0) / (BOUND - 1.0)
-        pose = max((max(limb.median / POSE, limb.p90 / POSE_P90) for limb in self.limbs), default=0.0)
-        return pose, stretch, off / LEVEL, (self.slide or 0.0) / SLIDE, self.through / THROUGH
+        stretch = (self.stretch - 1.0) / (MAX_STRETCH - 1.0)
+        pose = max(
+            (max(limb.median / MAX_POSE_DEGREES, limb.p90 / MAX_POSE_P90_DEGREES) for limb in self.limbs),
+            default=0.0,
+        )
+        return (
+            pose,
+            stretch,
+            off / MAX_FLOOR_DISTANCE,
+            (self.slide or 0.0) / MAX_SLIDE_CM_S,
+            self.through / MAX_INTERSECTION,
+        )
 
     def __str__(self) -> str:
         phrases = list[str]()
@@ -154,15 +166,16 @@ def edges_of(shape: Shape) -> tuple[Int32, Float]:
     if shape.mesh is None:
         return np.empty((0, 2), np.int32), np.empty(0)
     at = shape.mesh.vertices
-    faces = shape.mesh.faces[_is_seen(shape.mesh.faces, at)]
+    faces = shape.mesh.faces[_is_visible(shape.mesh.faces, at)]
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     lengths = _edge_lengths(at, edges)
     is_long = lengths > _MIN_EDGE_LENGTH * np.linalg.norm(np.ptp(at, axis=0))
     return edges[is_long], lengths[is_long]
 
 
-def _is_seen(faces: Int32, at: Float) -> Bool:
-    """Returns (F,) True for faces that are neither slivers nor part of a crumb; all if none is left."""
+def _is_visible(faces: Int32, at: Float) -> Bool:
+    """Returns (F,) True for faces that are neither slivers nor part of a crumb. If no face is left, returns
+    True for all."""
     corners = at[faces]
     sides = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -182,11 +195,13 @@ def _is_seen(faces: Int32, at: Float) -> Bool:
     return np.asarray(is_visible if is_visible.any() else np.ones(len(faces), bool))
 
 
-def stretches(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
+def stretch_over_time(project: Project, shape_id: str, duration: float) -> tuple[Int32, Float]:
     """Returns the edges (E, 2) of a shape, and their stretch (T, E) at T moments of ``duration`` seconds."""
     edges, rest = edges_of(project.shape(shape_id))
     times = np.linspace(0.0, duration, _MEASURED_MOMENTS)
-    return edges, np.array([_edge_lengths(at, edges) / rest for at in surfaces(project, shape_id, times)])
+    return edges, np.array(
+        [_edge_lengths(at, edges) / rest for at in posed_surfaces(project, shape_id, times)]
+    )
 
 
 def quality_of(
@@ -202,23 +217,25 @@ def quality_of(
         plan: the mapping that moves the shape. Without one, the pose is not compared.
     """
     shape = project.shape(shape_id)
-    edges, stretch = stretches(project, shape_id, duration)
+    edges, stretch = stretch_over_time(project, shape_id, duration)
     limbs = () if plan is None else limb_errors(project, shape_id, clip, plan, duration)
     if not len(edges):
         return MotionQuality(1.0, 1.0, (), None, None, None, 0.0, (), limbs=limbs)
     times = np.linspace(0.0, duration, _MEASURED_MOMENTS)
     sunk, afloat, feet = None, None, ()
-    moments, body = list(surfaces(project, shape_id, times)), body_points(shape)
-    if stands(shape):
-        tall = float(np.ptp(moments[0][:, 1]) if shape.mesh is None else np.ptp(shape.mesh.vertices[:, 1]))
-        low = (np.array([at[body, 1].min() for at in moments]) - floor_of(shape)) / tall
+    moments, body = list(posed_surfaces(project, shape_id, times)), body_points(shape)
+    if stands_on_floor(shape):
+        body_height = float(
+            np.ptp(moments[0][:, 1]) if shape.mesh is None else np.ptp(shape.mesh.vertices[:, 1])
+        )
+        low = (np.array([at[body, 1].min() for at in moments]) - floor_of(shape)) / body_height
         standing = np.interp(times, np.arange(len(clip.turns)) * clip.step, clearance(clip)) <= 0.0
         sunk, afloat = max(0.0, -float(low.min())), max(0.0, float(low[standing].max(initial=0.0)))
         worst = int(np.argmax(np.where(standing, np.abs(low), -low)))
-        feet = _lowest_joints(shape, np.where(body[:, None], moments[worst], np.inf), tall)
+        feet = _lowest_joints(shape, np.where(body[:, None], moments[worst], np.inf), body_height)
     through, parts = _self_intersection(shape, moments)
     goes = shape.travel is not None and np.ptp(Player(project, shape_id).root(times)[:, [0, 2]], axis=0).any()
-    walks = goes and stands(shape) and bool(anatomy_of(shape.skeleton).legs)
+    walks = goes and stands_on_floor(shape) and bool(anatomy_of(shape.skeleton).legs)
     return MotionQuality(
         float(np.percentile(stretch, 99)),
         float(stretch.max()),
@@ -239,10 +256,10 @@ def _self_intersection(shape: Shape, moments: Sequence[Float]) -> tuple[float, t
     through, parts = max((overlap.at(at) for at in moments), key=lambda found: found[0])
     names, above = shape.skeleton.names, np.maximum(shape.skeleton.parents, 0)
     share_by_pair: dict[str, float] = {}
-    for (a, b), share in parts.items():
+    for (a, b), fraction in parts.items():
         name = f"{names[above[a]]} in {names[above[b]]}"
-        share_by_pair[name] = share_by_pair.get(name, 0.0) + share
-    return through, tuple(sorted(share_by_pair, key=lambda name: -share_by_pair[name])[:_MAX_NAMED])
+        share_by_pair[name] = share_by_pair.get(name, 0.0) + fraction
+    return through, tuple(sorted(share_by_pair, key=lambda name: -share_by_pair[name])[:_MAX_NAMED_JOINTS])
 
 
 def _edge_lengths(at: Float, edges: Int32) -> Float:
@@ -251,14 +268,15 @@ def _edge_lengths(at: Float, edges: Int32) -> Float:
 
 def _overstretched_joints(shape: Shape, edges: Int32, stretch: Float) -> tuple[str, ...]:
     """Returns the joints of the bones that move most ends of edges stretched beyond the bound."""
-    torn = np.repeat((stretch > BOUND).sum(0), 2).astype(float)
+    torn = np.repeat((stretch > MAX_STRETCH).sum(0), 2).astype(float)
     return _joints_of(shape, np.asarray(np.bincount(edges.ravel(), torn), np.float64))
 
 
-def _lowest_joints(shape: Shape, at: Float, tall: float) -> tuple[str, ...]:
-    """Returns the joints of the bones that carry the lowest vertices (V, 3) of a shape of height ``tall``."""
+def _lowest_joints(shape: Shape, at: Float, body_height: float) -> tuple[str, ...]:
+    """Returns the joints of the bones that carry the lowest vertices of a shape, with vertices ``at`` (V,
+    3)."""
     low = float(at[:, 1].min())
-    return _joints_of(shape, (at[:, 1] < low + _ON_FLOOR_HEIGHT * tall).astype(float))
+    return _joints_of(shape, (at[:, 1] < low + _ON_FLOOR_HEIGHT * body_height).astype(float))
 
 
 def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
@@ -268,23 +286,23 @@ def _joints_of(shape: Shape, count: Float) -> tuple[str, ...]:
     weight = np.zeros(len(shape.skeleton))
     for k in range(shape.skin.indices.shape[1]):
         np.add.at(weight, shape.skin.indices[: len(count), k], count * shape.skin.weights[: len(count), k])
-    worst = np.argsort(-weight, kind="stable")[:_MAX_NAMED]
+    worst = np.argsort(-weight, kind="stable")[:_MAX_NAMED_JOINTS]
     above = [int(max(shape.skeleton.parents[j], 0)) for j in worst if weight[j] > 0.0]
     return tuple(dict.fromkeys(shape.skeleton.names[j] for j in above))
 
 
 def _slide_speed(project: Project, shape: Shape, clip: Clip, times: Float) -> float:
     """Returns the mean speed in cm/s of the slowest vertices near the floor: those of standing feet."""
-    tall = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
+    body_height = 1.0 if shape.mesh is None else float(np.ptp(shape.mesh.vertices[:, 1]))
     floor, body, speeds = floor_of(shape), body_points(shape), []
-    before = surfaces(project, shape.id, times[:-1])
-    after = surfaces(project, shape.id, times[:-1] + _SLIDE_INTERVAL_S)
+    before = posed_surfaces(project, shape.id, times[:-1])
+    after = posed_surfaces(project, shape.id, times[:-1] + _SLIDE_INTERVAL_S)
     for earlier, later in (
         (earlier[body], later[body]) for earlier, later in zip(before, after, strict=True)
     ):
-        lands = min(earlier[:, 1].min(), later[:, 1].min()) < floor + _MIN_LEAP_HEIGHT * tall
-        touching = (earlier[:, 1] < floor + _ON_FLOOR_HEIGHT * tall) & (
-            later[:, 1] < floor + _ON_FLOOR_HEIGHT * tall
+        lands = min(earlier[:, 1].min(), later[:, 1].min()) < floor + _MIN_LEAP_HEIGHT * body_height
+        touching = (earlier[:, 1] < floor + _ON_FLOOR_HEIGHT * body_height) & (
+            later[:, 1] < floor + _ON_FLOOR_HEIGHT * body_height
         )
         if lands and touching.any():
             moved = np.linalg.norm((later - earlier)[touching][:, [0, 2]], axis=1)

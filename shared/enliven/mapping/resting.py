@@ -2,7 +2,7 @@
 
 mean_pose(clip)            # (N, 4) the mean pose of the take, with the heading of its beginning
 hanging_pose(clip, limbs)  # (N, 4) the mean of the frames in which the limbs hang most
-rebased(clip, since)       # the take relative to another rest pose
+rebase(clip, since)       # the take relative to another rest pose
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from enliven.rotation import conjugate, multiply, normalized, rotate, rotate_str
 _STRIDE_S = 1.0
 """Duration of a stride in seconds. The mean heading over a stride does not sway with the hips."""
 _HANGING_FRACTION = 0.12
-"""Fraction of a take's frames, about an eighth, that are averaged for the hanging pose."""
+"""Fraction of a take's frames that are averaged for the hanging pose: about an eighth."""
 _MIN_STANDING_FRACTION = 0.25
 """Minimum fraction of a take's frames in which a foot stands."""
 
@@ -73,8 +73,9 @@ def hanging_pose(clip: Clip, limbs: Sequence[Sequence[int]]) -> Float:
 def standing_turns(clip: Clip, foot: Sequence[int]) -> Float:
     """Returns the mean world rotations (K, 4) of a foot's bones over the frames in which it stands flat.
 
-    In the pose in which limbs hang most, feet point down. A foot stands in the frames in which its joints are
-    slow and low, compared with the rest of the take. Its heading is that of the take's first second.
+    This is needed because feet point down in the hanging pose. A foot counts as standing in frames in which
+    its joints are slow and low, compared with the rest of the take. Its heading is that of the take's first
+    second.
 
     Args:
         clip: the take.
@@ -105,13 +106,13 @@ def _mean_pose(clip: Clip, frames: Bool) -> Float:
     return since
 
 
-def at_moment(clip: Clip, seconds: float) -> Float:
+def pose_at(clip: Clip, seconds: float) -> Float:
     """Returns the world rotations (N, 4) of the pose at a time of the take."""
     frame = int(np.clip(round(seconds / clip.step), 0, len(clip.turns) - 1))
     return np.asarray(clip.turns[frame])
 
 
-def posed(skeleton: Skeleton, turns: Float) -> Skeleton:
+def pose_skeleton(skeleton: Skeleton, turns: Float) -> Skeleton:
     """Returns the skeleton in a pose of world rotations (N, 4). Its root stays in place."""
     at = skeleton.positions.copy()
     vectors = rotate(turns, skeleton.vectors)
@@ -120,13 +121,13 @@ def posed(skeleton: Skeleton, turns: Float) -> Skeleton:
     return replace(skeleton, positions=at)
 
 
-def rebased(clip: Clip, since: Float) -> Clip:
+def rebase(clip: Clip, since: Float) -> Clip:
     """Returns the same motion relative to another rest pose.
 
-    ``since`` (N, 4) contains that pose's world rotations relative to the present rest pose.
+    ``since`` (N, 4) contains the world rotations of the new rest pose relative to the current one.
     """
     turns = multiply(clip.turns, conjugate(since))
-    moved = replace(clip, skeleton=posed(clip.skeleton, since), turns=turns, fine=None)
+    moved = replace(clip, skeleton=pose_skeleton(clip.skeleton, since), turns=turns, fine=None)
     if clip.offsets is not None:
         moved = replace(moved, offsets=rotate(since, clip.offsets))
     if clip.strains is not None:

@@ -2,11 +2,11 @@
 
 stepped(project, shape_id, clip, based, plan)      # a project with a take that plays the legs
 
-A leg of another build that copies a performer's angles neither reaches the floor nor stays on it. So its foot
-follows the performer's foot relative to the hips, and stands while the performer's stands. On an animal with
-more legs than the performer, the performer's legs drive several pairs. Neighbouring pairs step alternately. A
-foreleg that the performer's arm drives steps while the performer walks with hanging arms. Otherwise it
-follows the arm.
+A model's leg has other proportions than the performer's. If it copied the performer's angles, its foot would
+not stay on the floor. So the foot follows the performer's foot relative to the hips, and stands while the
+performer's foot stands. On an animal with more legs than the performer, the performer's legs drive several
+pairs. Neighbouring pairs step alternately. A foreleg that the performer's arm drives steps while the
+performer walks with hanging arms. Otherwise it follows the arm.
 
 The legs of a person have the performer's pose. With ``pin`` their feet step too: each leg keeps its pose, and
 bends as far as its foot needs to stand still. So feet stand still at any proportions.
@@ -22,10 +22,26 @@ import scipy
 
 from enliven.arrays import Float
 from enliven.document import Clip, Project, Shape, Skeleton, unused
-from enliven.mapping.gait import STRIDE_S, LegStep, PerformerGait, leg_length, on_feet, step_scale, steps_of
-from enliven.mapping.ground import along_way, floor_of, moments_of
+from enliven.mapping.gait import (
+    STRIDE_S,
+    LegStep,
+    PerformerGait,
+    leg_length,
+    standing_on_feet,
+    step_scale,
+    steps_of,
+)
+from enliven.mapping.ground import floor_of, follow_path, moments_of
 from enliven.mapping.plan import Plan
-from enliven.mapping.planting import PosedLeg, Sole, Spans, clearance_of, planted, standing_spans, unspun
+from enliven.mapping.planting import (
+    PosedLeg,
+    Sole,
+    Spans,
+    contact_clearance,
+    plant_body,
+    remove_spin,
+    standing_spans,
+)
 from enliven.mapping.resting import heading_of
 from enliven.motion.contact import find_bend, pin_limb
 from enliven.motion.layers import Player, bind_chain, clear_chain
@@ -38,10 +54,11 @@ _MAX_TILT = np.radians(30.0)
 _TILT_ANGLES = 7
 """Number of angles from 0 to ``_MAX_TILT`` that are tried."""
 _MIN_TOE_DISTANCE = 0.1
-"""Smallest distance of the toes ahead of the ankle, as a fraction of the foot, with which a foot can tilt."""
+"""Smallest distance of the toes ahead of the ankle, as a fraction of the foot's length, for a foot that can
+tilt."""
 _MAX_LEG_STRETCH = 0.99
-"""Largest distance from hip to ankle as a fraction of the leg's length, unless the pose itself has more. A
-fully stretched knee would jerk."""
+"""Largest distance from hip to ankle as a fraction of the leg's length, unless it is larger in the pose
+itself. A fully stretched knee would jerk."""
 _MAX_LOWERING = 0.15
 """Maximum distance that the body is lowered so that feet reach the floor, as a fraction of a leg."""
 _EASING_S = 0.05
@@ -73,7 +90,7 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
     chosen = [step for step in steps if step.posed]
     if chosen:
         offsets = _plant_feet(shape, chosen, performer, turns, joints)
-        project = along_way(project, shape_id, clip.id, joints[:, 0].copy(), times[1])
+        project = follow_path(project, shape_id, clip.id, joints[:, 0].copy(), times[1])
         for step, offset in zip(chosen, offsets, strict=True):
             goals = joints[:, step.leg[-1]] + offset
             _bend_leg(shape.skeleton, step, performer, goals, turns, joints)
@@ -97,7 +114,8 @@ def stepped(project: Project, shape_id: str, clip: Clip, based: Clip, plan: Plan
 
 
 def _sibling_bones(shape: Shape, chains: Sequence[Sequence[int]]) -> Iterator[tuple[int, int]]:
-    """Yields (bone of a chain, other bone) for sibling bones that copy the first, such as twist bones."""
+    """Yields (bone of a chain, sibling bone) for sibling bones that copy a bone's motion, such as twist
+    bones."""
     driven = {bone for chain in chains for bone in chain}
     for bone in (bone for chain in chains for bone in chain[1:]):
         for other in shape.skeleton.children[int(shape.skeleton.parents[bone])]:
@@ -129,11 +147,11 @@ def _plant_feet(
     for step, sole in zip(steps, soles, strict=True):
         _hold_heading(shape.skeleton, step, sole, performer, root, turns, joints)
     legs = [posed(step, sole) for step, sole in zip(steps, soles, strict=True)]
-    _, offsets = planted(legs, way, performer.step, floor)
+    _, offsets = plant_body(legs, way, performer.step, floor)
     for step, sole, offset in zip(steps, soles, offsets, strict=True):
         _tilt_foot(shape.skeleton, step, sole, offset[:, 1], performer.step, turns, joints)
     legs = [posed(step, sole) for step, sole in zip(steps, soles, strict=True)]
-    way, offsets = planted(legs, way, performer.step, floor)
+    way, offsets = plant_body(legs, way, performer.step, floor)
     joints += (way - root)[:, None]
     goals = [joints[:, step.leg[-1]] + offset for step, offset in zip(steps, offsets, strict=True)]
     drops = [
@@ -161,8 +179,10 @@ def _leg_in_pose(
 ) -> PosedLeg:
     """Returns a leg in the performer's pose over time, for a path ``root`` (T, 3) of the body in metres."""
     length, spans = leg_length(skeleton, step.leg), _contact_spans(skeleton, step, performer, root)
-    heights = performer.beside[:, list(step.by.proper[len(step.by_leg) - 1 :]), 1] + performer.tall[:, None]
-    clear = performer.scale * clearance_of(heights, spans)
+    heights = (
+        performer.beside[:, list(step.by.proper[len(step.by_leg) - 1 :]), 1] + performer.root_height[:, None]
+    )
+    clear = performer.scale * contact_clearance(heights, spans)
     return PosedLeg(*sole.rolling(turns, joints - root[:, None], length), clear, length, spans)
 
 
@@ -189,7 +209,7 @@ def _hold_heading(
         return
     ankle, length = step.leg[-1], leg_length(skeleton, step.leg)
     spin = sole.spin(turns, joints, length)
-    back = unspun(spin, _contact_spans(skeleton, step, performer, root), performer.step)
+    back = remove_spin(spin, _contact_spans(skeleton, step, performer, root), performer.step)
     _turn_foot(skeleton, ankle, from_rotation_vector(back[:, None] * [0.0, 1.0, 0.0]), turns, joints)
 
 
@@ -262,7 +282,7 @@ def _bend_leg(
 ) -> None:
     """Bends a leg so that its end reaches ``goals`` (T, 3); changes ``turns`` and ``joints`` in place."""
     chain, heading = step.leg, heading_of(turns[:, 0])
-    weights = np.ones(len(turns)) if step.arm is None else performer.walks(step.arm)
+    weights = np.ones(len(turns)) if step.arm is None else performer.walking_weights(step.arm)
     moved = {bone for path in _rotation_chains(skeleton, step) for bone in path[1:]}
     for j in sorted(moved.union(skeleton.below(chain[-1])[1:])):
         if j in moved and not step.posed:
@@ -335,7 +355,7 @@ def _floor_under_feet(
         joints: (T, N, 3) metres.
         low: (T,) metres, the lowest point of the feet that no arm drives.
     """
-    stands = np.interp(times, np.arange(len(clip.turns)) * clip.step, on_feet(clip))
+    stands = np.interp(times, np.arange(len(clip.turns)) * clip.step, standing_on_feet(clip))
     floor = performer.floor(shape, joints[:, 0, 1])
     floor += np.median((low - floor)[stands >= min(0.5, stands.max())])
     return stands * low + (1.0 - stands) * np.minimum(low, floor)

@@ -1,15 +1,15 @@
-"""Abstracts a skeleton to a hierarchy of sub-trees, from small to large (AniMesh, section 4.1).
+"""Simplifies a skeleton to a hierarchy of sub-trees, from small to large (AniMesh, section 4.1).
 
 A node is a *leaf* (one neighbour), a *chain* node (two) or a *branch* node (more). Every iteration
 
 1. removes the chains between a leaf and a branch node,
 2. moves the leaf to the average of the chain's nodes, each weighted by the length of its outward bone, and
 adds up the lengths of the bones of the chain,
-3. makes a candidate of every branch node with at most one neighbour that is not a leaf, and
-4. turns each candidate into a leaf, at the average of its leaves weighted by their accumulated lengths,
+3. makes every branch node with at most one neighbour that is not a leaf a candidate, and 4. turns each
+candidate into a leaf, at the average of its leaves weighted by their accumulated lengths,
 
-until only one node or one chain is left. The single node is the root; of a chain, it is the node nearest to
-the centre of mass.
+until only one node or one chain is left. A single node is the root. In a chain, the root is the node nearest
+to the centre of mass.
 
 The paper leaves some cases open. Here the last branch node is a candidate even if all its neighbours are
 leaves (otherwise a star would have no candidate). A tree without any branch node is one candidate at its
@@ -30,7 +30,7 @@ from enliven.matching.subtrees import Abstraction, SubTree
 
 
 def abstract_skeleton(skeleton: Skeleton, root: int | None = 0) -> Abstraction:
-    """Returns the hierarchy of a skeleton. ``root`` None determines the root as for an unrooted tree."""
+    """Returns the hierarchy of a skeleton. If ``root`` is None, the iterations determine the root."""
     links = [(int(parent), joint) for joint, parent in enumerate(skeleton.parents) if parent >= 0]
     return _reduced_positions(skeleton.positions, _neighbour_lists(len(skeleton), links), root)
 

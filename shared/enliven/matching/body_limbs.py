@@ -64,9 +64,9 @@ def body_source(body: Body, parts: str) -> BodySource:
     Raises:
         InputError: for an unknown part.
     """
-    wanted = parse_parts(parts)
-    chains = [chain for chain in LIMBS.values() if wanted & set(chain[1:])]
-    if not chains or wanted <= set(_TRUNK_CHAIN) - {Joint.HEAD}:
+    named_parts = parse_parts(parts)
+    chains = [chain for chain in LIMBS.values() if named_parts & set(chain[1:])]
+    if not chains or named_parts <= set(_TRUNK_CHAIN) - {Joint.HEAD}:
         chains = [_TRUNK_CHAIN]
     starts = {chain[0] for chain in chains}
     root = starts.pop() if len(starts) == 1 else Joint.SPINE

@@ -76,8 +76,9 @@ def seen_branches(points, first, axes, eye, perspective, blur, dots):
     Args:
         points: (C + B, 3) the sub-trees' roots, then the branches' abstract positions.
         first: (C + 1,) index of each sub-tree's first branch.
-        axes, eye, perspective: of a view: (3, 3) right, up and forward; (3,); and whether the eye is used.
-        dots: whether to normalize for dot products.
+        axes, eye, perspective: of the view: (3, 3) right, up and forward; (3,) metres; and True if the eye is
+            used.
+        dots: True to normalize for dot products, False for cosines.
     """
     count = len(first) - 1
     ends = np.empty((len(points) - count, 2))

@@ -28,7 +28,7 @@ class LimbShapes:
             weighted[above] += weighted[joint]
         self.middle = weighted / np.maximum(self.length, 1e-300)[:, None]
 
-    def alike(self, tolerance: float, shortest: float) -> Iterable[tuple[int, list[int]]]:
+    def similar_limbs(self, tolerance: float, shortest: float) -> Iterable[tuple[int, list[int]]]:
         """Yields joints with limbs that could be equal: with the same joint count, similar length and centre
         distance.
 
@@ -40,12 +40,12 @@ class LimbShapes:
             remaining = [child for child in children if self.reach[child] > least]
             while remaining:
                 first = remaining[0]
-                like = [other for other in remaining if self._could_equal(joint, first, other, tolerance)]
+                like = [other for other in remaining if self._are_similar(joint, first, other, tolerance)]
                 remaining = [other for other in remaining if other not in like]
                 if len(like) > 1:
                     yield joint, like
 
-    def _could_equal(self, joint: int, a: int, b: int, tolerance: float) -> bool:
+    def _are_similar(self, joint: int, a: int, b: int, tolerance: float) -> bool:
         slack = tolerance * max(self.reach[a], self.reach[b])
         far = [float(np.linalg.norm(self.middle[limb] - self.at[joint])) for limb in (a, b)]
         return bool(
@@ -54,7 +54,7 @@ class LimbShapes:
             and abs(far[0] - far[1]) <= 2 * slack
         )
 
-    def matched(self, joint: int, a: int, b: int, linear: Float, tolerance: float) -> JointPairing | None:
+    def match(self, joint: int, a: int, b: int, linear: Float, tolerance: float) -> JointPairing | None:
         """Pairs the joints of limbs a and b if ``linear`` maps a's joints to b's, else returns None."""
         slack = tolerance * max(self.reach[a], self.reach[b])
         centre = self.at[joint]

@@ -14,7 +14,7 @@ class MatchRow:
 
     Attributes:
         name: name of the joint where the branches begin.
-        place: position in the ranking, from 0.
+        place: rank of the match, from 0 for the best.
         score: sum of cosines.
         lines: for each branch of the source (K, 3) metres, the joints that it would drive; (0, 3) for none.
         limbs: for each line the number of the performer's limb, of :func:`limb_number`; empty if unknown.

@@ -35,7 +35,7 @@ class Ranking(Sequence[Match]):
     """All matches, the best first, as a sequence that supports slices.
 
     Attributes:
-        candidates: of the target.
+        candidates: the sub-trees of the target.
         which: (R,) the candidate of each match.
         columns: (R, m) the candidate's branch that each source branch drives, -1 for none.
         scores: (R,) descending.

@@ -110,7 +110,7 @@ class Picker:
         return self.now(progress)
 
     def now(self, held: float = 0.0) -> Pick:
-        """Returns the match to show, also between frames (after a key press)."""
+        """Returns the current match to show. May be called between frames, for example after a key press."""
         if self._taken is not None:
             return Pick(self._taken, self._shown_rank(), accepted=True)
         place = self._shown_rank()

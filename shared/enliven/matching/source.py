@@ -60,14 +60,15 @@ def source_of(
     used_joints = sorted(set(joints)) or list(range(len(at)))
     number = {joint: i for i, joint in enumerate(used_joints)}
     if root is not None and root not in number:
-        raise InputError(f"joint {root} does not play", where="source", mend="Take a root among its joints.")
+        problem = f"the root {root} is not among the joints"
+        raise InputError(problem, where="source", mend="Choose a root among them.")
     pairs = [(number[a], number[b]) for a, b in links if a in number and b in number]
     names = [f"joint {joint}" for joint in used_joints]
     abstraction = abstract(at[used_joints], pairs, None if root is None else number[root], names)
     if root is None:
         abstraction = abstract(at[used_joints], pairs, abstraction.root, names)
     if not abstraction.candidates:
-        raise InputError("it has no bone", where="source", mend="Take two joints or more.")
+        raise InputError("it has no bone", where="source", mend="Choose two joints or more.")
     branches = tuple(
         _renumbered_branch(branch, used_joints) for branch in abstraction.candidates[-1].branches
     )

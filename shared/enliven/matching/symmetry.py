@@ -69,7 +69,7 @@ class EqualLimbs:
         kind: "rotation": limbs rotated about the axis; "mirror": two limbs, left and right of a plane.
         joint: their common parent joint.
         axis: (3,) unit vector along the axis, or normal to the plane; both go through the joint.
-        limbs: two or more, by angle about the axis.
+        limbs: two or more limbs, sorted by their angle about the axis.
     """
 
     kind: Literal["rotation", "mirror"]
@@ -100,7 +100,7 @@ def equal_limbs(skeleton: Skeleton, settings: SymmetrySettings | None = None) ->
     """
     settings = settings or SymmetrySettings()
     body = LimbShapes(skeleton)
-    similar = list(body.alike(settings.tolerance, settings.shortest))
+    similar = list(body.similar_limbs(settings.tolerance, settings.shortest))
     turned = [group for joint, like in similar for group in _rotation_group(body, joint, like, settings)]
     mirrored = [group for joint, like in similar for group in _mirrored_pairs(body, joint, like, settings)]
     paired = {frozenset(limb.joints[0] for limb in group.limbs) for group in mirrored}
@@ -154,7 +154,7 @@ def _limbs_equal_around(
                 body.middle[first] - body.at[joint], body.middle[other] - body.at[joint], axis
             )
             linear = to_matrix(from_rotation_vector(angle * axis))
-            matched = body.matched(joint, first, other, linear, settings.tolerance)
+            matched = body.match(joint, first, other, linear, settings.tolerance)
             if matched is not None:
                 members.append((angle % (2 * np.pi - 1e-9), matched, linear))
         if len(members) > len(best):
@@ -186,7 +186,7 @@ def _mirrored_pairs(
         if across[int(np.argmax(np.abs(across)))] < 0.0:
             across = -across
         linear = np.eye(3) - 2.0 * np.outer(across, across)
-        matched = body.matched(joint, a, b, linear, settings.tolerance)
+        matched = body.match(joint, a, b, linear, settings.tolerance)
         if matched is not None:
             limbs = (
                 EqualLimb(tuple(own for own, _ in matched.pairs), np.eye(3), 0.0),

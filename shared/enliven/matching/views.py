@@ -74,15 +74,15 @@ class ScreenView:
         return np.asarray(np.maximum((points - self.eye) @ self.direction, MIN_DEPTH_M))
 
 
-def end_on(vectors: Float, view: ScreenView, share: float = 0.2) -> Bool:
+def is_end_on(vectors: Float, view: ScreenView, fraction: float = 0.2) -> Bool:
     """Returns (N,) true for vectors (N, 3) seen so nearly end-on that their direction on the screen is noise.
 
     Args:
-        share: minimum visible fraction of a vector's length.
+        fraction: minimum visible fraction of a vector's length.
     """
     projected = np.linalg.norm(vectors @ view.axes.T, axis=1)
     lengths = np.linalg.norm(vectors, axis=1)
-    return np.asarray((projected < share * lengths) & (lengths > 0.0))
+    return np.asarray((projected < fraction * lengths) & (lengths > 0.0))
 
 
 def projected_length(vectors: Float, direction: Float) -> float:
@@ -129,8 +129,8 @@ def _refined_direction(vectors: Float, start: Float, current: Float, most_turn: 
         # sqrt is concave, so sum sqrt(x) <= sum sqrt(x0) + (x - x0) / (2 sqrt(x0)), with equality at x = x0.
         # Maximise this bound.
         scatter = vectors.T @ (vectors / projected[:, None])
-        wanted = _limited_direction(np.linalg.eigh(scatter)[1][:, 0], direction, np.pi / 2)
-        moved, better = _best_between(vectors, direction, wanted, current, most_turn)
+        next_direction = _limited_direction(np.linalg.eigh(scatter)[1][:, 0], direction, np.pi / 2)
+        moved, better = _best_between(vectors, direction, next_direction, current, most_turn)
         if better <= value * (1.0 + 1e-12):
             break
         direction, value = moved, better
@@ -142,8 +142,8 @@ def _best_between(
 ) -> tuple[Float, float]:
     """Tries some directions along a step. Returns the best, and its sum of projected lengths."""
     tried = [
-        _limited_direction(here + share * (there - here), current, most_turn)
-        for share in (1.0, 0.5, 0.2, 0.05)
+        _limited_direction(here + fraction * (there - here), current, most_turn)
+        for fraction in (1.0, 0.5, 0.2, 0.05)
     ]
     values = [projected_length(vectors, direction) for direction in tried]
     best = int(np.argmax(values))

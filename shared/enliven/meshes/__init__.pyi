@@ -23,12 +23,12 @@ from .mesh import (
     Paint as Paint,
     fit_height as fit_height,
     guess_up as guess_up,
-    mixed_paint as mixed_paint,
+    split_paint as split_paint,
     refine as refine,
     submesh as submesh,
     upright as upright,
     weld as weld,
-    wrong_stiffness as wrong_stiffness,
+    stiffness_error as stiffness_error,
 )
 from .materials import (
     MeshMaterials as MeshMaterials,
@@ -39,11 +39,11 @@ from .materials import (
     renumbered as renumbered,
     textures_in as textures_in,
 )
-from .pictures import opened_picture as opened_picture
+from .pictures import open_picture as open_picture
 from .tokens import (
     WrongWordError as WrongWordError,
     blocks as blocks,
-    lines_of as lines_of,
-    numbers_in as numbers_in,
+    word_lines as word_lines,
+    parse_numbers as parse_numbers,
     word_starts as word_starts,
 )

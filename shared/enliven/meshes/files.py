@@ -39,7 +39,7 @@ def load_mesh(path: Path | str) -> LoadedMesh:
 
     Raises:
         InputError: for a missing, empty, truncated or foreign file, one without usable faces, or one that
-            names files outside of its folder.
+            refers to files outside its folder.
     """
     path = Path(path)
     suffix = path.suffix.lower()

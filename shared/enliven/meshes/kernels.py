@@ -242,7 +242,8 @@ def split_long_edges(vertices: Float, faces: Int32, longest: float) -> tuple[Flo
 
 @njit(cache=True, nogil=True)
 def _split_faces(faces, middle, lengths):
-    """Returns the faces split at the middles (-1: none) of their edges 01, 12, 20, into 1 to 4 faces each."""
+    """Splits each face into 1 to 4 faces at the middles of its edges 01, 12, 20 (-1 for an edge that is not
+    split)."""
     total = 0
     for f in range(faces.shape[0]):
         total += 1 + (middle[f, 0] >= 0) + (middle[f, 1] >= 0) + (middle[f, 2] >= 0)

@@ -52,9 +52,10 @@ class MeshMaterials:
     Attributes:
         definitions: JSON objects of glTF materials. They refer to textures by their number in ``textures``.
         textures: the textures of the materials.
-        of: (F,) int32 the material of each face. -1 for none, then only vertex colours apply.
-        uvs: (F, 3, S, 2) float32, each corner's place in S sets of texture coordinates.
-        tints: (F, 3, 4) float32 linear colour and opacity that multiply the material's, or None for white.
+        of: (F,) int32 the material of each face, or -1 for none. Without material, only vertex colours apply.
+        uvs: (F, 3, S, 2) float32, the S sets of texture coordinates of each corner.
+        tints: (F, 3, 4) float32, the linear colour and opacity of each corner, multiplied with the
+            material's. None for white.
 
     Raises:
         InputError: if the parts do not match.
@@ -123,32 +124,33 @@ class MeshMaterials:
 
 
 def joined_materials(groups: Sequence[tuple[MeshMaterials | None, int]]) -> MeshMaterials | None:
-    """Joins the materials of several consecutive groups of faces, each given with its number of faces.
+    """Joins the materials of consecutive groups of faces. Each group is given as its materials and its number
+    of faces.
 
-    Equal materials and textures are merged. None if no group has any.
+    Equal materials and textures are merged. Returns None if no group has materials.
     """
-    if all(own is None for own, _ in groups):
+    if all(group is None for group, _ in groups):
         return None
     textures: dict[tuple[bytes, str], tuple[int, Texture]] = {}
     materials: dict[str, int] = {}
-    sets = max(own.uvs.shape[2] for own, _ in groups if own is not None)
-    tinted = any(own is not None and own.tints is not None for own, _ in groups)
+    sets = max(group.uvs.shape[2] for group, _ in groups if group is not None)
+    tinted = any(group is not None and group.tints is not None for group, _ in groups)
     of, uvs, tints = list[Int32](), list[Float32](), list[Float32]()
-    for own, count in groups:
+    for group, count in groups:
         material_numbers: Int32 = np.full(count, -1, np.int32)
         place = np.zeros((count, 3, sets, 2), np.float32)
         tint = np.ones((count, 3, 4), np.float32)
-        if own is not None:
+        if group is not None:
             texture_of = [
                 textures.setdefault((t.image.tobytes(), t.sampler), (len(textures), t))[0]
-                for t in own.textures
+                for t in group.textures
             ]
-            definitions = [renumbered(material, texture_of.__getitem__) for material in own.definitions]
+            definitions = [renumbered(material, texture_of.__getitem__) for material in group.definitions]
             number = np.array(
                 [*(materials.setdefault(text, len(materials)) for text in definitions), -1], np.int32
             )
-            material_numbers, place[:, :, : own.uvs.shape[2]] = number[own.of], own.uvs
-            tint = tint if own.tints is None else own.tints
+            material_numbers, place[:, :, : group.uvs.shape[2]] = number[group.of], group.uvs
+            tint = tint if group.tints is None else group.tints
         of.append(material_numbers)
         uvs.append(place)
         tints.append(tint)
@@ -184,7 +186,7 @@ def _replace_texture_numbers(value: Any, number: Callable[[int], int]) -> None:
 
 
 def _refuse_constant(constant: str) -> None:
-    """Refuses NaN and infinities, which JSON does not have."""
+    """Raises an error for NaN and infinities, which are not valid JSON."""
     raise ValueError(f"{constant} is not a number")
 
 
@@ -210,8 +212,8 @@ def barycentric(points: Float, corners: Float) -> Float:
     scale = np.where(good, area, 1.0)
     b = np.where(good, (vv * wu - uv * wv) / scale, 0.0)
     c = np.where(good, (uu * wv - uv * wu) / scale, 0.0)
-    share = np.clip(np.stack([1 - b - c, b, c], 1), 0.0, 1.0)
-    return np.asarray(share / share.sum(1, keepdims=True))
+    coordinates = np.clip(np.stack([1 - b - c, b, c], 1), 0.0, 1.0)
+    return np.asarray(coordinates / coordinates.sum(1, keepdims=True))
 
 
 def materials_within(

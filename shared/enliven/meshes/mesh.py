@@ -23,16 +23,16 @@ _UP_ROTATIONS: dict[Axis, Float] = {
 
 
 _MAX_STANDING_OFFSET = 0.02
-"""Fraction of a mesh's extent. If the lowest point is this near to zero, the mesh was modelled to stand on
-zero."""
+"""Maximum distance of the lowest point from zero, as a fraction of the mesh's extent, for a mesh that was
+modelled to stand on zero."""
 _LYING_RATIO = 4.0
-"""Ratio of length to height. A longer mesh may lie on its side: a crocodile has more, a horse 1.5."""
+"""Ratio of length to height above which a mesh may lie on its side. A crocodile has more, a horse 1.5."""
 
 
 _UNCOLOURED_SRGB = 204
-"""sRGB of the vertices of a mesh without colours that is joined with a coloured one."""
+"""sRGB for the vertices of a mesh without colours when it is joined with a coloured mesh."""
 Paint = tuple[UInt8 | None, Float32 | None]
-"""(V, 3) sRGB and (V,) stiffness of vertices. None for missing paint."""
+"""The paint of vertices: (V, 3) sRGB and (V,) stiffness. Each is None if it is missing."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class Mesh:
         colours: (V, 3) uint8 sRGB, or None. If there are materials, too, programs without textures draw the
             colours.
         materials: the materials of the faces, or None.
-        stiffness: (V,) float32 above 0, as painted by an artist. Above 1 it bends less when performers hold
-            it, below 1 it bends more. None: 1 everywhere.
+        stiffness: (V,) float32 above 0, as painted by an artist. Above 1, the surface bends less when
+            performers move it, and below 1 it bends more. None means 1 everywhere.
 
     Raises:
         InputError: if an array has the wrong shape, or a face refers to a missing vertex.
@@ -75,7 +75,7 @@ class Mesh:
         elif self.materials is not None and len(self.materials.of) != len(self.faces):
             problem = f"{len(self.materials.of)} faces have materials, expected {len(self.faces)}"
         elif self.stiffness is not None:
-            problem = wrong_stiffness(self.stiffness, len(self.vertices))
+            problem = stiffness_error(self.stiffness, len(self.vertices))
         if problem:
             raise InputError(problem, where=f"mesh {self.name!r}", mend="Export the mesh again.")
 
@@ -129,7 +129,7 @@ class Mesh:
         return unit(corner_sums(self.faces, self.face_vectors(), len(self.vertices)))
 
 
-def mixed_paint(rows: Float, *meshes: Mesh) -> Paint:
+def split_paint(rows: Float, *meshes: Mesh) -> Paint:
     """Converts ``rows`` (V, 4) of :attr:`Mesh.paint` to the kinds of paint that one of the meshes has."""
     coloured = any(mesh.colours is not None for mesh in meshes)
     stiff = any(mesh.stiffness is not None for mesh in meshes)
@@ -137,8 +137,8 @@ def mixed_paint(rows: Float, *meshes: Mesh) -> Paint:
     return colours, np.exp(rows[:, 3]).astype(np.float32) if stiff else None
 
 
-def wrong_stiffness(stiffness: Float32, count: int) -> str:
-    """Returns what is wrong with the stiffness of ``count`` vertices. Empty if it is valid."""
+def stiffness_error(stiffness: Float32, count: int) -> str:
+    """Describes the error in the stiffness of ``count`` vertices. Returns an empty text if it is valid."""
     if stiffness.shape != (count,):
         return f"the stiffness is {stiffness.shape}, expected ({count},)"
     return "" if (np.isfinite(stiffness) & (stiffness > 0)).all() else "a stiffness is not above 0"
@@ -147,8 +147,8 @@ def wrong_stiffness(stiffness: Float32, count: int) -> str:
 def weld(mesh: Mesh) -> tuple[Mesh, Int]:
     """Merges vertices at equal positions. Returns the mesh, and (V,) the welded vertex of each vertex.
 
-    Files split a vertex if normals, colours or texture coordinates differ on its two sides. Connectivity must
-    be computed without these seams. Paint is dropped, and faces keep their order.
+    Mesh files duplicate a vertex if its faces differ in normals, colours or texture coordinates. Connectivity
+    must be computed without these seams. Paint is dropped, and faces keep their order.
     """
     first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
     if np.array_equal(first, np.arange(len(first))):
@@ -204,7 +204,7 @@ def upright(mesh: Mesh, up: Axis) -> Mesh:
 
 
 def guess_up(mesh: Mesh) -> tuple[Axis, str]:
-    """Guesses the axis that points up from the lowest points. Adds a sentence if it may be another."""
+    """Guesses the upward axis of a mesh from its lowest points. Adds a note if another axis is possible."""
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     size = high - low
     stands = (np.abs(low) <= _MAX_STANDING_OFFSET * size) & (size > 0)

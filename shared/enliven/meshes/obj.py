@@ -1,7 +1,7 @@
 """Reader of Wavefront OBJ: polygons, vertex colours, and the diffuse colours of its materials.
 
-The file is read in blocks, twice: first for faces, then for the vertices that these use. So unused vertices
-cost no memory.
+The file is read twice, in blocks: first for the faces, then for the vertices that the faces use. So unused
+vertices need no memory.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from enliven.meshes.tokens import (
     DamagedMeshError,
     WrongWordError,
     blocks,
-    lines_of,
-    numbers_in,
-    without_comments,
+    parse_numbers,
+    remove_comments,
+    word_lines,
     word_starts,
 )
 
@@ -47,13 +47,13 @@ class _Lines(NamedTuple):
     first: Int
     letters: AnyArray
 
-    def are(self, letter: str, second: str = " ") -> Bool:
+    def starting_with(self, letter: str, second: str = " ") -> Bool:
         """Returns (L,) flags of lines that start with these letters.
 
         A blank as second letter means the end of the word.
         """
-        wanted = _SPACE_BYTES if second == " " else (ord(second),)
-        return np.asarray((self.letters[:, 0] == ord(letter)) & np.isin(self.letters[:, 1], wanted))
+        letters = _SPACE_BYTES if second == " " else (ord(second),)
+        return np.asarray((self.letters[:, 0] == ord(letter)) & np.isin(self.letters[:, 1], letters))
 
 
 @dataclass
@@ -138,7 +138,7 @@ def _concatenate_parts(parts: list[Int], empty: tuple[int, ...]) -> Int:
     return np.concatenate(parts) if parts else np.empty(empty, np.int64)
 
 
-def _lines_in(block: bytes) -> _Lines:
+def _find_lines(block: bytes) -> _Lines:
     """Finds the lines of a block that ends with a line feed."""
     letters = np.frombuffer(block, np.uint8)
     ends = np.flatnonzero(letters == ord("\n"))
@@ -152,10 +152,11 @@ def _lines_in(block: bytes) -> _Lines:
 
 
 def _number_lines(block: bytes, lines: _Lines, are: Bool) -> bytes:
-    """Returns some lines of a block without their first letter and comments. Their number stays."""
+    """Returns some lines of a block without first letters and comments. The number of lines does not
+    change."""
     letters = np.frombuffer(block, np.uint8).copy()
     letters[lines.first[are]] = ord(" ")
-    return without_comments(letters[np.repeat(are, lines.lengths)].tobytes())
+    return remove_comments(letters[np.repeat(are, lines.lengths)].tobytes())
 
 
 def _read_faces(text: bytes) -> _Faces:
@@ -163,13 +164,15 @@ def _read_faces(text: bytes) -> _Faces:
     faces, counts = _Faces(), np.zeros(3, np.int64)
     for offset, part in blocks(text):
         block = part if part.endswith(b"\n") else part + b"\n"
-        lines = _lines_in(block)
-        kinds = np.stack([lines.are("v"), lines.are("v", "t"), lines.are("v", "n")], 1)
+        lines = _find_lines(block)
+        kinds = np.stack(
+            [lines.starting_with("v"), lines.starting_with("v", "t"), lines.starting_with("v", "n")], 1
+        )
         before = counts + np.cumsum(kinds, 0) - kinds
         counts = counts + kinds.sum(0)
         faces.vertices_in_block.append(int(kinds[:, 0].sum()))
-        are_faces = lines.are("f")
-        materials = _materials_of(block, lines, faces)
+        are_faces = lines.starting_with("f")
+        materials = _materials_by_line(block, lines, faces)
         if not are_faces.any():
             continue
         at = offset + lines.starts[are_faces]
@@ -181,13 +184,13 @@ def _read_faces(text: bytes) -> _Faces:
     return faces
 
 
-def _materials_of(block: bytes, lines: _Lines, faces: _Faces) -> Int:
+def _materials_by_line(block: bytes, lines: _Lines, faces: _Faces) -> Int:
     """Returns (L,) the current material of each line.
 
     Adds names of materials and of material files to ``faces``.
     """
     changes, values = [0], [faces.current]
-    for k in np.flatnonzero(lines.are("u", "s") | lines.are("m", "t")):
+    for k in np.flatnonzero(lines.starting_with("u", "s") | lines.starting_with("m", "t")):
         line = block[lines.first[k] : lines.starts[k] + lines.lengths[k]]
         word, _, rest = line.partition(b" " if b" " in line else b"\t")
         if word == b"usemtl":
@@ -212,11 +215,11 @@ def _read_polygons(chunk: bytes, offsets: Int, before: Int) -> tuple[Int, Int]:
         # Write an omitted index as 0, which is never a valid index.
         chunk = chunk.replace(b"//", b"/0/").replace(b"/ ", b"/0 ").replace(b"/\n", b"/0\n")
     starts = word_starts(chunk)
-    polygon = lines_of(chunk, starts)
+    polygon = word_lines(chunk, starts)
     slashes = np.frombuffer(chunk, np.uint8) == ord("/")
     parts = 1 + (np.add.reduceat(slashes, starts, dtype=np.int64) if len(starts) else starts)
     try:
-        numbers = numbers_in(chunk.replace(b"/", b" "), np.int64)
+        numbers = parse_numbers(chunk.replace(b"/", b" "), np.int64)
     except WrongWordError as error:
         raise _WrongLine(int(offsets[error.line]), error.what) from None
     first = np.cumsum(parts) - parts
@@ -248,18 +251,18 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
         if not used.any():
             continue
         complete = block if block.endswith(b"\n") else block + b"\n"
-        lines = _lines_in(complete)
-        are = lines.are("v")
+        lines = _find_lines(complete)
+        are = lines.starting_with("v")
         are[are] = used
         chunk = _number_lines(complete, lines, are)
         offsets = offset + lines.starts[are]
         starts = word_starts(chunk)
-        counts = np.bincount(lines_of(chunk, starts), minlength=len(offsets))
+        counts = np.bincount(word_lines(chunk, starts), minlength=len(offsets))
         if counts.min() < 3:
             problem = f"a vertex has {counts.min()} numbers, expected 3"
             raise _WrongLine(int(offsets[np.argmin(counts)]), problem)
         try:
-            numbers = numbers_in(chunk)
+            numbers = parse_numbers(chunk)
         except WrongWordError as error:
             raise _WrongLine(int(offsets[error.line]), error.what) from None
         first = np.cumsum(counts) - counts
@@ -268,13 +271,13 @@ def _read_vertices(text: bytes, is_used: Bool, in_block: list[int]) -> tuple[Flo
         colour = np.full((len(first), 3), np.nan)
         colour[has] = numbers[first[has, None] + np.arange(3, 6)]
         colours.append(colour)
-    return np.concatenate(vertices), _bytes_of(np.concatenate(colours))
+    return np.concatenate(vertices), _colour_bytes(np.concatenate(colours))
 
 
-def _bytes_of(colours: Float) -> UInt8 | None:
+def _colour_bytes(colours: Float) -> UInt8 | None:
     """Returns (V, 3) sRGB bytes from colours in 0..1, or in 0..255 if one is above 1.
 
-    Grey if not finite, None if all are.
+    Colours that are not finite become grey. Returns None if no colour is finite.
     """
     is_coloured: Bool = np.asarray(np.isfinite(colours).all(1))
     if not is_coloured.any():
@@ -287,7 +290,7 @@ def _bytes_of(colours: Float) -> UInt8 | None:
 def _read_palette(faces: _Faces, beside: ReferencedFiles, notes: list[str]) -> UInt8 | None:
     """Returns (M + 1, 3) sRGB of each used material, grey for the last entry (no material).
 
-    None if none has a colour.
+    Returns None if no material has a colour.
     """
     colours_by_name: dict[str, tuple[float, float, float]] = {}
     for library in faces.libraries:

@@ -1,4 +1,4 @@
-"""Opens the encoded image of a texture. Its size is known before memory is allocated."""
+"""Opens the encoded image of a texture, so that its size is known before memory is allocated."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ _TEXTURE_FORMATS = ("PNG", "JPEG", "WEBP")
 hostile bytes."""
 
 
-def opened_picture(data: bytes) -> Image.Image:
+def open_picture(data: bytes) -> Image.Image:
     """Returns an image that is not decoded yet. The caller must check its size.
 
     Raises:
-        Exception: any exception of the library that reads foreign bytes.
+        Exception: any exception of the image library, if the bytes are damaged.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)

@@ -12,7 +12,7 @@ from enliven.arrays import AnyArray, Float, UInt8
 from enliven.files import text_bytes
 from enliven.meshes.mesh import Mesh
 from enliven.meshes.polygons import triangulate
-from enliven.meshes.tokens import DamagedMeshError, numbers_in
+from enliven.meshes.tokens import DamagedMeshError, parse_numbers
 
 _NUMPY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -21,11 +21,11 @@ _NUMPY_TYPES = {
 }  # fmt: skip
 """NumPy's name of each type of a header."""
 _MAX_PROPERTIES = 256
-"""Maximum properties of a file: scanners write some 20."""
+"""Maximum number of properties in a file. Scanners write about 20."""
 _MAX_HEAD_BYTES = 1 << 16
-"""Maximum bytes of a header, with all its comments."""
+"""Maximum size of a header with its comments, in bytes."""
 _MAX_SIDES = 1 << 16
-"""Maximum corners of one polygon: an outline of a scan has some thousands."""
+"""Maximum number of corners of a polygon. The outline of a scan has a few thousand."""
 _HEADER_END = re.compile(rb"^[ \t]*end_header[ \t]*(?:\r\n|\n|\r)", re.MULTILINE | re.IGNORECASE)
 _CORNER_PROPERTIES = ("vertex_indices", "vertex_index", "vertex_indexes")
 
@@ -116,9 +116,10 @@ def _early_end_error(element: _Element) -> DamagedMeshError:
 
 
 def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, AnyArray]]:
-    """Returns the columns of each element by name. "" contains the numbers after the last one."""
+    """Returns the columns of each element by name. The entry "" contains the numbers after the last
+    element."""
     tables: dict[str, dict[str, AnyArray]] = {}
-    numbers = numbers_in(text_bytes(body))
+    numbers = parse_numbers(text_bytes(body))
     at = 0
     for element in elements:
         width = len(element.properties)
@@ -138,7 +139,7 @@ def _ascii_tables(elements: list[_Element], body: bytes) -> dict[str, dict[str, 
 
 
 def _typed_column(column: Float, of: str) -> AnyArray:
-    """Returns (N,) the numbers of a column, as integers if its type is integer."""
+    """Returns (N,) the numbers of a column, converted to integers if the column has an integer type."""
     return column if of[0] == "f" else np.rint(np.nan_to_num(column)).astype(np.int64)
 
 
@@ -190,7 +191,7 @@ def _joined_columns(parts: dict[str, list[AnyArray]], counts: dict[str, list[int
 
 
 def _binary_tables(elements: list[_Element], body: bytes, kind: str) -> dict[str, dict[str, AnyArray]]:
-    """Does the same as :func:`_ascii_tables` for a binary body."""
+    """Returns the tables of a binary body; see :func:`_ascii_tables`."""
     order = "<" if kind == "binary_little_endian" else ">"
     tables: dict[str, dict[str, AnyArray]] = {}
     at = 0

@@ -9,8 +9,8 @@ from enliven.arrays import Bool, Float, Int, Int32
 from enliven.rotation import unit
 
 _MAX_STRAIGHT_SINE = 1e-9
-"""Sine of a turn below which three corners count as collinear: rounding of float32 coordinates is larger
-than the error of the cross product."""
+"""Maximum sine of the angle at three corners that count as collinear. It covers the rounding error of the
+cross product, which is far below that of float32 coordinates."""
 
 
 def triangulate(vertices: Float, corners: Int, sizes: Int) -> tuple[Int32, Int]:
@@ -54,8 +54,8 @@ def _mean_normals(points: Float) -> Float:
 
 
 def _are_convex(points: Float) -> Bool:
-    """Returns (P,) flags of convex polygons (P, N, 3): they turn the same way at every corner, and once
-    around."""
+    """Returns (P,) True for convex polygons (P, N, 3): all corners turn in the same direction, in total by
+    one revolution."""
     normals = _mean_normals(points)
     edges = np.roll(points, -1, 1) - points
     following = np.roll(edges, -1, 1)

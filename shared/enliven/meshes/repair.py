@@ -17,16 +17,16 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     """Returns the mesh without defects that break a deformation, and one sentence for every repair.
 
     It removes vertices that are not finite with their faces, faces without area, duplicate faces, and unused
-    vertices. It flips faces with a winding opposite to their neighbours, and closed parts that are inside
-    out. Several shells, and vertices at equal positions, are kept but reported.
+    vertices. It flips faces that are wound against their neighbours, and closed parts that are inside out.
+    Separate shells and duplicate vertex positions are kept, but reported.
 
     Raises:
         InputError: if no face is left.
     """
     notes: list[str] = []
     count = len(mesh.vertices)
-    mesh = _without_broken_vertices(mesh, notes)
-    mesh = _without_useless_faces(mesh, notes)
+    mesh = _remove_broken_vertices(mesh, notes)
+    mesh = _remove_useless_faces(mesh, notes)
     if len(mesh.faces) == 0:
         problem = "no usable face is left" if notes else "it has no faces"
         mend = "Give a triangle mesh; a point cloud must be meshed first."
@@ -43,7 +43,7 @@ def repair(mesh: Mesh) -> tuple[Mesh, list[str]]:
     return mesh, notes
 
 
-def _without_broken_vertices(mesh: Mesh, notes: list[str]) -> Mesh:
+def _remove_broken_vertices(mesh: Mesh, notes: list[str]) -> Mesh:
     """Removes faces at vertices that are not finite, or extremely far. The vertices remain, unused."""
     # The limit is far below the largest number, because the squares of coordinates must stay finite too.
     good = np.asarray((np.abs(mesh.vertices) < 1e100).all(1))
@@ -57,7 +57,7 @@ def _without_broken_vertices(mesh: Mesh, notes: list[str]) -> Mesh:
     return replace(mesh, vertices=vertices).with_faces(keep)
 
 
-def _without_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
+def _remove_useless_faces(mesh: Mesh, notes: list[str]) -> Mesh:
     """Removes degenerate and duplicate faces. A face with opposite winding also counts as a duplicate."""
     if len(mesh.faces) == 0:
         return mesh

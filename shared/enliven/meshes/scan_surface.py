@@ -1,4 +1,4 @@
-"""A surface through the points of a scan from one side. Surface that the sensor did not see stays open.
+"""Builds a surface through the points of a scan from one side. Parts that the sensor did not see stay open.
 
 Visible points are joined in the sensor's image (a Delaunay triangulation of their directions). A triangle
 that spans a gap, or the depth step from one object to the background, is left out.
@@ -20,18 +20,18 @@ from enliven.meshes.mesh import Mesh, submesh
 _MAX_EDGE_IN_SPACINGS = 4.0
 """Maximum edge length, as a multiple of the point spacing."""
 _MIN_FACING_COSINE = 0.13
-"""Minimum cosine between a triangle's normal and the ray to the sensor: steeper ones are depth steps, not
-surfaces."""
+"""Minimum cosine between a triangle's normal and the ray to the sensor. Steeper triangles are depth steps,
+not surfaces."""
 _OCCLUSION_SPACINGS = 4.0
 """Minimum depth difference of an occluded point to the occluding one, as a multiple of the point spacing."""
 _MIN_PART_FRACTION = 0.01
 """Minimum fraction of all triangles in a piece. Smaller pieces are specks."""
 _MAX_COLUMNS = 1024
-"""Maximum numbers per point in a file."""
+"""Maximum number of values per point in a file."""
 _MAX_PIXELS = 1 << 24
 """Maximum pixels of the image of the points: 4096 x 4096, 40 m wide at one pixel per spacing."""
 _MAX_DISTANCE_M = 1e6
-"""Metres from the sensor. Farther points are invalid."""
+"""Maximum distance of a valid point from the sensor, in metres."""
 
 
 def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, name: str = "scan") -> Mesh:
@@ -64,7 +64,7 @@ def surface_through(points: Float, viewpoint: Float, spacing: float = 0.010, nam
     if len(faces) == 0:
         raise _too_few_points_error(0, name)
     mesh = Mesh(seen @ axes + viewpoint, _facing_triangles(seen, faces).astype(np.int32), name)
-    return _without_specks(mesh)
+    return _remove_specks(mesh)
 
 
 def parse_pcd(data: bytes, where: str) -> tuple[Float, Float]:
@@ -155,7 +155,7 @@ def _facing_triangles(seen: Float, faces: Int) -> Int:
     return np.where(away[:, None], faces[:, [0, 2, 1]], faces)
 
 
-def _without_specks(mesh: Mesh) -> Mesh:
+def _remove_specks(mesh: Mesh) -> Mesh:
     """Returns the mesh without very small pieces."""
     count, faces = len(mesh.vertices), mesh.faces
     links = (np.ones(2 * len(faces)), (faces[:, [0, 1]].reshape(-1), faces[:, [1, 2]].reshape(-1)))

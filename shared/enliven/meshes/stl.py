@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Float, Int32
 from enliven.files import text_bytes
-from enliven.meshes.tokens import DamagedMeshError, blocks, numbers_in
+from enliven.meshes.tokens import DamagedMeshError, blocks, parse_numbers
 
 _BINARY_HEADER_BYTES = 84
 """Offset of the first triangle in a binary file, in bytes: 80 arbitrary bytes and the count, uint32."""
@@ -51,7 +51,8 @@ def read_stl(data: bytes) -> tuple[Float, Int32, list[str]]:
 
 
 def _text_of(data: bytes) -> bytes | None:
-    """Returns the text of an ASCII file, None for a binary one, which may also start with "solid"."""
+    """Returns the text of an ASCII file, or None for a binary file. A binary file may also start with
+    "solid"."""
     text = text_bytes(data) if data[:2] in (b"\xff\xfe", b"\xfe\xff") else data.removeprefix(b"\xef\xbb\xbf")
     head = text[:_SEARCHED_BYTES].lstrip()
     return text if head[:5].lower() == b"solid" and _VERTEX_LINE.search(text) else None
@@ -72,5 +73,5 @@ def _read_ascii(text: bytes) -> Float:
 
 
 def _corner_numbers(words: list[tuple[bytes, bytes, bytes]]) -> Float:
-    """Returns (N, 3) the numbers of corners."""
-    return numbers_in(b" ".join(word for corner in words for word in corner)).reshape(-1, 3)
+    """Returns (N, 3) the coordinates of corners, from their words."""
+    return parse_numbers(b" ".join(word for corner in words for word in corner)).reshape(-1, 3)

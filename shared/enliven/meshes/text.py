@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Float, Int, Int32
 from enliven.files import decode_text, text_bytes
 from enliven.meshes.polygons import triangulate
-from enliven.meshes.tokens import DamagedMeshError, lines_of, numbers_in, without_comments, word_starts
+from enliven.meshes.tokens import DamagedMeshError, parse_numbers, remove_comments, word_lines, word_starts
 
 _OFF_HEADER = re.compile(
     rb"\s*(?:(?P<kind>[STCN4]{0,5}OFF)\b\s*)?(?P<binary>BINARY\b)?"
@@ -19,7 +19,8 @@ _OFF_HEADER = re.compile(
     rb"(?=\s))?",
     re.IGNORECASE,
 )
-"""The header: the word may be missing, and so may the count of edges unless each count has its own line."""
+"""Pattern of a header. The word OFF is optional. The count of edges is optional if the counts are on one
+line."""
 _OFF_EXTRAS = {b"N": 3, b"C": 4, b"ST": 2}
 """Number of values of a vertex after its coordinates, by the letters before OFF: normal, colour, texture
 coordinates."""
@@ -38,7 +39,7 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
     Raises:
         DamagedMeshError: if the file contradicts its header.
     """
-    text = without_comments(text_bytes(data)) + b"\n"
+    text = remove_comments(text_bytes(data)) + b"\n"
     head = _OFF_HEADER.match(text)
     kind = (head["kind"] or b"").upper() if head else b""
     if head is None or not (kind or head["vertices"]):
@@ -67,7 +68,8 @@ def read_off(data: bytes) -> tuple[Float, Int32, list[str]]:
 
 
 def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float, int]]:
-    """Yields (V, 3) the vertices and the offset after them, the likeliest interpretation first.
+    """Yields the vertices (V, 3) and the offset after them, for each interpretation of the file, the
+    likeliest first.
 
     In nearly every file each vertex has its own line, with any number of colours. Otherwise the word before
     OFF gives the number of values per vertex.
@@ -79,7 +81,7 @@ def _off_vertices(body: bytes, count: int, kind: bytes) -> Iterator[tuple[Float,
     rows = np.empty(0, np.int64)
     if len(ends) == count:
         part = body[: ends[-1]]
-        rows = np.unique(lines_of(part, word_starts(part)), return_counts=True)[1]
+        rows = np.unique(word_lines(part, word_starts(part)), return_counts=True)[1]
         if rows.min() == rows.max() >= 3:
             yield _first_three(part, rows), len(part)
     width = 3 + sum(many for letters, many in _OFF_EXTRAS.items() if letters in kind.removesuffix(b"OFF"))
@@ -96,12 +98,13 @@ def _first_three(text: bytes, widths: Int) -> Float:
 
     ``widths`` (V,) gives the numbers per vertex.
     """
-    numbers = numbers_in(text)
+    numbers = parse_numbers(text)
     return numbers[(np.cumsum(widths) - widths)[:, None] + np.arange(3)]
 
 
 def _line_ends(body: bytes, count: int) -> Int:
-    """Returns the offsets after the first ``count`` lines that are not blank, fewer if there are fewer."""
+    """Returns the end offsets of the first ``count`` lines that are not blank, or of all such lines if there
+    are fewer."""
     letters = np.frombuffer(body, np.uint8)
     ends = np.flatnonzero(letters == ord("\n")) + 1
     words = np.cumsum(letters > ord(" "), dtype=np.int64)[ends - 1]
@@ -109,12 +112,13 @@ def _line_ends(body: bytes, count: int) -> Int:
 
 
 def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, int] | str:
-    """Returns corners, sizes and the number of words after the faces. A sentence if they are invalid.
+    """Returns corners, sizes and the number of words after the faces. If the faces are invalid, returns a
+    sentence instead.
 
     Either faces follow each other without colours, or a face's colour fills the rest of its last line.
     """
     try:
-        numbers = numbers_in(body, np.int64)
+        numbers = parse_numbers(body, np.int64)
     except ValueError:
         numbers = np.empty(0, np.int64)
     first = int(numbers[0]) if len(numbers) else 0
@@ -124,7 +128,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
         if _invalid_corner(corners, vertex_count) is None:
             return corners, np.full(count, first), len(numbers) - len(rows)
     problem = ""
-    lines = lines_of(body, word_starts(body))
+    lines = word_lines(body, word_starts(body))
     for words, after in (
         (numbers.tolist(), None),
         ([_integer_of(word) for word in body.split()], np.searchsorted(lines, lines, "right").tolist()),
@@ -147,7 +151,7 @@ def _walk_faces(body: bytes, count: int, vertex_count: int) -> tuple[Int, Int, i
 
 
 def _invalid_corner(corners: Int, vertex_count: int) -> int | None:
-    """Returns an invalid vertex number, None if all are valid."""
+    """Returns an invalid vertex number, or None if all are valid."""
     wrong = corners[(corners < 0) | (corners >= vertex_count)]
     return int(wrong[0]) if len(wrong) else None
 
@@ -160,12 +164,12 @@ def _integer_of(word: bytes) -> int:
 def read_medit(data: bytes) -> tuple[Float, Int32, list[str]]:
     """Returns (V, 3) vertices and (F, 3) triangles of an ASCII MEDIT file, and no notes.
 
-    Tetrahedra give their boundary.
+    For a file with tetrahedra, the triangles are the boundary.
 
     Raises:
         DamagedMeshError: if the file is not MEDIT, or ends early.
     """
-    words = decode_text(without_comments(text_bytes(data))).split()
+    words = decode_text(remove_comments(text_bytes(data))).split()
     if not words or words[0] != "MeshVersionFormatted":
         raise DamagedMeshError("the first word is not MeshVersionFormatted")
     tables: dict[str, Float] = {}

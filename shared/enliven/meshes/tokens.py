@@ -24,11 +24,11 @@ class DamagedMeshError(ValueError):
 
 
 class WrongWordError(DamagedMeshError):
-    """A word that is not valid at its place.
+    """An error about an invalid word in a text.
 
     Attributes:
         line: its line in the text, from 0.
-        what: the error.
+        what: description of the error.
     """
 
     def __init__(self, line: int, what: str) -> None:
@@ -48,7 +48,7 @@ def blocks(text: bytes, end: bytes = b"\n") -> Iterator[tuple[int, bytes]]:
         at = stop
 
 
-def without_comments(text: bytes) -> bytes:
+def remove_comments(text: bytes) -> bytes:
     """Returns the text without comments: the part of each line from "#" on."""
     return _COMMENT.sub(b"", text) if b"#" in text else text
 
@@ -61,13 +61,13 @@ def word_starts(text: bytes) -> Int:
     return np.flatnonzero(is_start)
 
 
-def lines_of(text: bytes, offsets: Int) -> Int:
+def word_lines(text: bytes, offsets: Int) -> Int:
     """Returns (W,) the line number, from 0, of each offset."""
     ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
     return np.searchsorted(ends, offsets)
 
 
-def numbers_in(text: bytes, dtype: Any = np.float64) -> AnyArray:
+def parse_numbers(text: bytes, dtype: Any = np.float64) -> AnyArray:
     """Returns (N,) the numbers of a text, separated by white space.
 
     Args:

@@ -12,23 +12,23 @@ from enliven.meshes.kernels import face_areas
 from enliven.meshes.mesh import Mesh, weld
 
 _MIN_VOLUME_RATIO = 1e-6
-"""Minimum volume, relative to area to the power 1.5, of a shell with an inside: a sphere has 0.094, two
-sheets back to back have 0."""
+"""Minimum volume of a shell that encloses space, divided by its area to the power 1.5. A sphere has 0.094,
+and two sheets back to back have 0."""
 
 
 _MAX_NESTED_PARTS = 2048
-"""Maximum number of closed parts that are tested for nesting, which takes quadratic time. A model of more
-parts is a heap of objects, which rarely has cavities."""
+"""Maximum number of closed parts that are tested for nesting, which takes quadratic time. A model with more
+parts is a collection of objects, which rarely has cavities."""
 _MAX_SURROUNDING_PARTS = 32
 """Maximum number of enclosing parts that are tested for one part, the largest first."""
 
 
 class _Edges(NamedTuple):
-    """The edges of faces, sorted so that equal ones follow each other.
+    """The edges of all faces, sorted so that equal edges are adjacent.
 
     Attributes:
-        faces: (3F,) the face of each.
-        forward: (3F,) True if it runs from its lower vertex to its higher one.
+        faces: (3F,) the face of each edge.
+        forward: (3F,) True if the edge runs from the lower vertex number to the higher one.
         starts: (E,) start of each group of equal edges.
         counts: (E,) number of edges in each group.
     """
@@ -95,7 +95,8 @@ def _edges_of(faces: Int32, vertex_count: int) -> _Edges:
 
 @njit(cache=True, nogil=True)
 def _orientation_roots(count, ones, twos, agree):
-    """Returns each face's root, flags of opposite orientation to it, and the twisted roots.
+    """Returns each face's root, True for each face with the opposite orientation to its root, and the roots
+    of one-sided parts.
 
     Edges join faces ``ones`` and ``twos`` (E,). A union-find tree stores for each face whether its winding is
     opposite to its parent's.
@@ -133,14 +134,15 @@ def _orientation_roots(count, ones, twos, agree):
 
 
 def _consistent_parts(count: int, ones: Int, twos: Int, agree: Bool) -> tuple[Int, Bool, Bool]:
-    """Returns (F,) part of each face, (F,) whether it is opposite to the first face, (P,) one-sided parts."""
+    """Returns (F,) the part of each face, (F,) True if the face is opposite to the part's first face, and
+    (P,) True for one-sided parts."""
     root, against, twisted = _orientation_roots(count, ones, twos, agree)
     roots, part = np.unique(root, return_inverse=True)
     return part.reshape(-1), against, twisted[roots]
 
 
 def _closed_parts(edges: _Edges, part: Int, count: int) -> Bool:
-    """Returns (P,) parts in which every edge has exactly two of the part's faces."""
+    """Returns (P,) True for closed parts: every edge belongs to exactly two of the part's faces."""
     group = np.repeat(np.arange(len(edges.starts)), edges.counts)
     _, first, uses = np.unique(group * count + part[edges.faces], return_index=True, return_counts=True)
     closed = np.ones(count, bool)
@@ -151,7 +153,7 @@ def _closed_parts(edges: _Edges, part: Int, count: int) -> Bool:
 def _part_volumes(vertices: Float, faces: Int32, flip: Bool, part: Int, count: int) -> Float:
     """Returns (P,) the signed volume of each part, positive if it faces outwards.
 
-    Meaningless for open parts.
+    The volume of an open part has no meaning.
     """
     corners = vertices[faces] - vertices.mean(0)
     volume = np.einsum("fa,fa->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
@@ -159,15 +161,16 @@ def _part_volumes(vertices: Float, faces: Int32, flip: Bool, part: Int, count: i
 
 
 def _follow_outer(vertices: Float, faces: Int32, part: Int, closed: Bool, inward: Bool) -> Bool:
-    """Returns (P,) parts to flip: outer ones that face inwards, with all parts inside them."""
+    """Returns (P,) True for parts to flip: outer parts that face inwards, together with all parts inside
+    them."""
     turn, numbers = inward.copy(), np.flatnonzero(closed)
     if len(numbers) > _MAX_NESTED_PARTS:
         return turn
     order = np.argsort(part, kind="stable")
     ends = np.cumsum(np.bincount(part, minlength=len(closed)))
     corners = [vertices[faces[order[ends[n - 1] if n else 0 : ends[n]]]] for n in numbers]
-    lows = np.array([own.min((0, 1)) for own in corners])
-    highs = np.array([own.max((0, 1)) for own in corners])
+    lows = np.array([part_corners.min((0, 1)) for part_corners in corners])
+    highs = np.array([part_corners.max((0, 1)) for part_corners in corners])
     by_size = np.argsort(-np.prod(highs - lows, 1), kind="stable")
     for k in by_size:
         around = (lows < lows[k]).all(1) & (highs > highs[k]).all(1)

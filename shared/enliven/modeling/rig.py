@@ -24,7 +24,8 @@ class CharacterState(NamedTuple):
 
 
 Player = Callable[[float], CharacterState]
-"""A character prepared for frequent evaluation: maps seconds of the project's time to its state."""
+"""A function for frequent evaluation of a character: maps a time of the project, in seconds, to the
+character's state."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +56,12 @@ class Merge:
 
 
 class RigEdits(ABC):
-    """The part of each edit that depends on the kind of rig. A character is a value: edits return a new one.
+    """The part of each edit that depends on the kind of rig. Characters are immutable, so edits return new
+    ones.
 
-    With ``centre`` c, ``moved``, ``scaled`` and ``mirrored`` commute with time. Let x be the vertices before
-    the edit. At every time, ``moved`` gives turn (x - about) + about + offset, ``scaled`` gives c + factor (x
+    Edits of the placement have the same effect at every time. Let c be the ``centre``. Let x be the vertices
+    before the edit. At every time, ``moved`` gives turn (x - about) + about + offset, ``scaled`` gives c +
+    factor (x
     - c), and ``mirrored`` gives c + M (x - c).
 
     Attributes:

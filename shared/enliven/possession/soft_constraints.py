@@ -11,7 +11,7 @@ from enliven.deformation.constraints import (
     ObservedSurface,
     PlaneConstraints,
     SelfContact,
-    joined_planes,
+    join_planes,
 )
 from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character
@@ -59,14 +59,14 @@ class SoftConstraints:
         if self._floor is not None and not self._raises:
             above = self._floor.planes(*state, seconds, floor)
             sets += [above] if above is not None else []
-        return joined_planes(sets)
+        return join_planes(sets)
 
     def lift_out_of_floor(self, linear: Float, positions: Float, floor: float) -> tuple[Float, Float]:
         """Returns the state, lifted out of the floor if the settings ask for it; ``floor`` is in the rest
         space.
         """
         if self._floor is not None and self._raises:
-            positions = self._floor.raised(linear, positions, floor)
+            positions = self._floor.raise_above_floor(linear, positions, floor)
         return linear, positions
 
     def reset_contacts(self) -> None:

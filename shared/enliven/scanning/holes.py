@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from enliven.arrays import Bool, Float, Int, Int32
 from enliven.kernels import njit
 from enliven.meshes import Mesh
-from enliven.modeling.mesh import triangulated
+from enliven.modeling.mesh import triangulate_loops
 from enliven.scanning.settings import CutOutSettings
 
 _MIN_DOWN_COSINE = 0.0
@@ -65,7 +65,7 @@ def close_holes(mesh: Mesh, feet: Bool, s: CutOutSettings) -> Mesh:
     if soles:
         flat = mesh.vertices[:, [0, 2]]
         # Triangulate as seen from below, with x to the right and z up.
-        base_faces = triangulated(np.ascontiguousarray(flat), [rim[::-1] for rim in soles])
+        base_faces = triangulate_loops(np.ascontiguousarray(flat), [rim[::-1] for rim in soles])
         faces.append(_orient_down(base_faces, mesh.vertices))
     count, colours = len(mesh.vertices), [] if mesh.colours is None else [mesh.colours]
     for rim in rims:

@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven.exporters import Performance, performance_of, performance_of_clip
 from enliven.formats.gltf import read_gltf
 from enliven.formats.project import read_project
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 from enliven.meshes import GLTF_SUFFIXES
 from enliven.modeling.edits import rig_of
 from enliven.modeling.possessed import solve_lost
@@ -110,7 +110,7 @@ def _exportables_from_model(shape: Shape, clips: tuple[Clip, ...]) -> list[Expor
         return [_exportable_character(Project().with_characters(shape), shape)]
     exportables = list[Exportable]()
     for clip in clips:
-        project, moved = playing(Project(), shape, clip)
+        project, moved = play_clip(Project(), shape, clip)
         sample = partial(_sample_character, project, moved, own=1 / clip.step)
         exportables.append(
             Exportable(clip.id, sample, True, shape.mesh is not None, min(len(exportables), 1))
@@ -174,7 +174,7 @@ def _sample_recorded(
     """Samples a character of a live performance, as a rigged shape or as a possessed mesh."""
     if character.kind == "bones":
         still, clip, offset = shape_and_clip_from_poses(replace(character, id=name), poses, begin)
-        project, shape = playing(Project(), still, clip)
+        project, shape = play_clip(Project(), still, clip)
         late = shape.later(offset)
         return _sample_character(
             project.with_characters(late), late, start, end, rate, morphs, keyed, 1 / clip.step

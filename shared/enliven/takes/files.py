@@ -13,7 +13,7 @@ from enliven.arrays import Float
 from enliven.document import Clip, joint_places
 from enliven.errors import InputError
 from enliven.formats.gltf import read_gltf
-from enliven.formats.motion import added_frames, told_added
+from enliven.formats.motion import added_frame_notes, count_added_frames
 from enliven.formats.project import read_project
 from enliven.meshes import GLTF_SUFFIXES
 from enliven.takes.capture_clip import clip_of_capture, trim_clip
@@ -77,11 +77,11 @@ def _remove_added_poses(
     clip: Clip, places: Float, notes: tuple[str, ...], only_rest: bool = False
 ) -> tuple[Clip, tuple[str, ...]]:
     """Returns the clip without poses that an exporter added at its ends, with a note. Its rest pose stays."""
-    begin, end = added_frames(places, clip.step, clip.skeleton.positions, only_rest)
+    begin, end = count_added_frames(places, clip.step, clip.skeleton.positions, only_rest)
     if not (begin or end):
         return clip, notes
     span = slice(begin, len(clip.turns) - end)
-    return clip.mapped(lambda track: track[span]), (*notes, *told_added(begin, end))
+    return clip.mapped(lambda track: track[span]), (*notes, *added_frame_notes(begin, end))
 
 
 def _find_clip(clips: Sequence[Clip], path: Path, requested: str | None) -> Clip:

@@ -28,9 +28,9 @@ from enliven.document import (
     Shape,
     unused,
 )
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 from enliven.frames import BodyFrame
-from enliven.modeling.edits import as_take
+from enliven.modeling.edits import group_as_take
 from enliven.modeling.possessed import between, even_times
 from enliven.motion.layers import bind_chain, set_travel
 from enliven.rotation import IDENTITY, from_matrix, remove_sign_jumps
@@ -148,7 +148,9 @@ def add_performance(
         else:
             project, name = _add_character(project, key, performed, begin)
             new_ids.append(name)
-    return as_take(before, project, performed.name, beside or performed.name), tuple(dict.fromkeys(new_ids))
+    return group_as_take(before, project, performed.name, beside or performed.name), tuple(
+        dict.fromkeys(new_ids)
+    )
 
 
 def _performer_clips(merged: MergedPerformers, performed: PerformedMotion) -> list[Clip]:
@@ -303,7 +305,7 @@ def _add_character(project: Project, key: Key, performed: PerformedMotion, begin
         renamed = replace(character, id=unused(key[0], project.characters))
         still, clip, offset = shape_and_clip_from_poses(renamed, poses, begin)
         take = replace(clip, id=unused(f"{performed.name} on {renamed.id}", project.takes))
-        project, shape = playing(project, still, take)
+        project, shape = play_clip(project, still, take)
         return project.with_characters(shape.later(offset)), shape.id
     is_replaced = isinstance(existing, GraphShape) or _is_bare(existing)
     holds = holds_from_frames(performed.frames, performed.events, unused(performed.name, project.bodies))

@@ -35,7 +35,7 @@ from enliven.errors import EnlivenError, InputError
 from enliven.examples.baking import BakeSettings, SurfaceFrames, bake_surface
 from enliven.files import DAMAGE
 from enliven.meshes import Mesh
-from enliven.modeling.possessed import as_solved, between, even_times, stream_of
+from enliven.modeling.possessed import between, even_times, mark_as_solved, stream_of
 from enliven.modeling.puppet import graph_of
 from enliven.recording import Recording
 from enliven.rotation import conjugate, from_matrix, rotate, to_matrix
@@ -176,7 +176,7 @@ def add_character_motion(
     shape = shape.with_changes(id=ids[0], parts=(part,))
     if holds is not None and possession is not None:
         project = project.with_bodies(holds.take)
-    return as_solved(project.with_streams(stream).with_characters(shape), shape.id)
+    return mark_as_solved(project.with_streams(stream).with_characters(shape), shape.id)
 
 
 def _bake_puppet(

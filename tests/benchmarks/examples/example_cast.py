@@ -22,7 +22,7 @@ from enliven.document.locomotion import LocomotionSettings
 from enliven.document.project import Project
 from enliven.document.puppet import ControlPoint, KeyPose, Plane, Puppet, PuppetLayer
 from enliven.document.surface_settings import ArapSettings
-from enliven.example_sessions.mesh import fitted
+from enliven.example_sessions.mesh import fit_mesh
 from enliven.example_sessions.session import Session, read_session
 from enliven.example_sessions.tables import MeshTable, TakeTable
 from enliven.example_sessions.text import session_text
@@ -123,7 +123,7 @@ class Act:
 
 def staged(act: Act, keys: int | None = None) -> Project:
     """Returns the project of an act, with its first ``keys`` key poses or all of them."""
-    mesh = fitted(load_mesh(DATA / act.mesh).mesh, act.mesh_table)
+    mesh = fit_mesh(load_mesh(DATA / act.mesh).mesh, act.mesh_table)
     take = read_take(DATA / act.take)[0]
     figure, points = figure_of(act, mesh)
     poses = [

@@ -163,7 +163,7 @@ def _fresh(project: Project, puppet: Puppet) -> Project:
 
 def _stands(motion: PuppetMotion, frame: float, point: int) -> Float:
     """Returns (3,) position of a control point in the world, metres."""
-    yaw, root = motion.way_at(frame)
+    yaw, root = motion.root_at(frame)
     x, y, z = motion.places_at(frame)[point]
     cos, sin = np.cos(yaw), np.sin(yaw)
     return np.array([cos * x + sin * z, y, cos * z - sin * x]) + root

@@ -21,12 +21,12 @@ import numpy as np
 from enliven.document.clip import Clip
 from enliven.document.project import Project
 from enliven.document.puppet import KeyPose
-from enliven.example_sessions.mesh import fitted
+from enliven.example_sessions.mesh import fit_mesh
 from enliven.example_sessions.tables import MeshTable
 from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import motion_of
 from enliven.examples.puppet_trajectory import PuppetMotion
-from enliven.mapping.facing import facing_of, turned_about_y
+from enliven.mapping.facing import facing_of, rotate_about_y
 from enliven.meshes.files import load_mesh
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.edits import change_layers
@@ -108,7 +108,7 @@ def posed(mesh: Mesh, clip: Clip) -> Project:
     puppet = project.puppets["it"]
     size = np.ptp(mesh.vertices, axis=0).max() / np.ptp(clip.skeleton.positions, axis=0).max()
     took = performed(clip, [point.joint for point in puppet.points])
-    seen = turned_about_y(took.poses, -facing_of(clip.skeleton))
+    seen = rotate_about_y(took.poses, -facing_of(clip.skeleton))
     poses = []
     for pose in puppet.poses:
         places = puppet.rest + size * (seen[round(pose.time / clip.step)] - np.median(seen, axis=0))
@@ -122,7 +122,7 @@ def posed(mesh: Mesh, clip: Clip) -> Project:
 def mesh_named(name: str) -> Mesh:
     """Returns one of :data:`MESHES`, upright and scaled."""
     table = MESHES[name]
-    return fitted(load_mesh(DATA / table.file)[0], table)
+    return fit_mesh(load_mesh(DATA / table.file)[0], table)
 
 
 @lru_cache
@@ -133,7 +133,7 @@ def clip_named(name: str) -> Clip:
 
 def slide(motion: PuppetMotion) -> float:
     """Returns the mean sliding speed of anchors over all frames in contact, centimetres per second."""
-    world = turned_about_y(motion.places, motion.yaw[:, None]) + motion.root[:, None]
+    world = rotate_about_y(motion.places, motion.yaw[:, None]) + motion.root[:, None]
     frames = np.flatnonzero((motion.anchors[1:] == motion.anchors[:-1]) & (motion.anchors[1:] >= 0))
     anchors = motion.anchors[frames + 1]
     moved = (world[frames + 1, anchors] - world[frames, anchors])[:, [0, 2]]
@@ -145,6 +145,6 @@ def _offset(motion: PuppetMotion) -> float:
     rounds = int(np.ceil(SECONDS / ((motion.frames - 1) * motion.step))) - 1
     turn, path = float(motion.yaw[-1]), motion.path[-1]
     for _ in range(rounds):
-        path = turned_about_y(path, np.asarray(turn)) + motion.path[-1]
-    root = motion.way_at(motion.frames - 1.0, rounds)[1] - motion.root[0]
+        path = rotate_about_y(path, np.asarray(turn)) + motion.path[-1]
+    root = motion.root_at(motion.frames - 1.0, rounds)[1] - motion.root[0]
     return float(np.linalg.norm((root - path)[[0, 2]]))

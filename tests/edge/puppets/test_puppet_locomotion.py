@@ -15,7 +15,7 @@ from tolerances import assert_alike
 
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.examples.puppet_motion import State
-from enliven.examples.spacetime.locomotion import locate
+from enliven.examples.spacetime.locomotion import place_motion
 from enliven.examples.travel import PuppetTravel
 from enliven.person.joints import Joint
 from enliven_edge.stage.puppet.locomotion import EITHER, Feet, Footing, Locomotion
@@ -71,7 +71,7 @@ def test_anchor_foot_does_not_slide_while_puppet_advances() -> None:
 def test_live_locomotion_equals_the_whole_take_on_the_ground() -> None:
     places, yaw = walked(), np.linspace(0.0, 1.5, 120)
     roots, anchors = gone(places, yaw)
-    whole = locate(places, yaw, STEP, (Switch(0, "contact"),), FEET)
+    whole = place_motion(places, yaw, STEP, (Switch(0, "contact"),), FEET)
     assert_alike(anchors, whole.anchors)
     np.testing.assert_allclose(roots[:, [0, 2]], whole.root[:, [0, 2]], atol=1e-9)
     np.testing.assert_allclose(roots[:, 1], whole.root[:, 1] + 0.02, atol=1e-9)

@@ -10,7 +10,7 @@ from enliven.errors import InputError
 from enliven.formats.gltf.read import read_gltf
 from enliven.meshes.mesh import weld
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
-from enliven.modeling.mesh.mesh_union import united
+from enliven.modeling.mesh.mesh_union import unite_meshes
 from enliven.modeling.skinning.heat_diffusion import bone_heat, segments_of
 from enliven.modeling.skinning.skin_values import dense
 
@@ -77,7 +77,7 @@ def test_a_real_limb_that_was_cut_off_can_be_put_back(path):
             cut = cut_across_bone(mesh, shape.skin, skeleton, int(bone), 0.5)
         except InputError:
             continue
-        union = united(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
+        union = unite_meshes(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
         assert lonely_edges(union.mesh) == 0
         # Overlapping shells lose their intersection.
         assert volume(union.mesh) <= volume(mesh) * (1 + 1e-6)

@@ -9,7 +9,7 @@ import pytest
 from enliven import rotation
 from enliven.deformation.graph.connectivity import components
 from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.deformation.graph.surface import between_nodes, net_of, voronoi_cells
+from enliven.deformation.graph.surface import build_net, path_lengths, voronoi_cells
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.character import Pose
 from enliven.meshes.files import READABLE, load_mesh
@@ -48,8 +48,8 @@ def shortcuts(mesh, graph, edges):
     spacing.
     """
     spacing = np.sqrt(mesh.area / len(graph.positions))
-    cells = voronoi_cells(net_of(mesh, spacing), graph.positions, graph.faces)
-    ways = between_nodes(len(graph.positions), cells.borders, cells.lengths)[edges[:, 0], edges[:, 1]]
+    cells = voronoi_cells(build_net(mesh, spacing), graph.positions, graph.faces)
+    ways = path_lengths(len(graph.positions), cells.borders, cells.lengths)[edges[:, 0], edges[:, 1]]
     straight = np.linalg.norm(graph.positions[edges[:, 0]] - graph.positions[edges[:, 1]], axis=1)
     return int((np.isfinite(ways) & (ways > 3 * straight) & (ways > 2 * spacing)).sum())
 

@@ -9,7 +9,7 @@ import pytest
 from enliven.document.project import Project
 from enliven.errors import InputError
 from enliven.formats.gltf.read import read_gltf
-from enliven.formats.rig.rig import playing, resized, welded
+from enliven.formats.rig.rig import play_clip, scale_to_height, weld_shape
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.rigged.merging import merge
 from enliven.modeling.rigged.nodes import insert_node, remove_node
@@ -29,8 +29,8 @@ pytestmark = [
 def animated(path):
     """Returns a project with the model and its first animation."""
     rig = read_gltf(path)
-    rig = resized(rig, 1.7)
-    project, shape = playing(Project(), welded(rig.shape), rig.clips[0])
+    rig = scale_to_height(rig, 1.7)
+    project, shape = play_clip(Project(), weld_shape(rig.shape), rig.clips[0])
     return project, shape, rig.clips[0].duration
 
 

@@ -77,7 +77,7 @@ def test_units_are_guessed() -> None:
 def test_the_row_too_many_of_boxing_is_read() -> None:
     capture = read_bvh(DATA / "bvh" / "cmu_mirrors" / "Boxing_Toes.bvh")
     assert capture.frames == 3070
-    assert capture.notes == ("3069 frames are promised, 3070 are there",)
+    assert capture.notes == ("the header states 3069 frames, but the file has 3070",)
 
 
 def test_mending_the_root_stops_standing_feet() -> None:

@@ -13,7 +13,7 @@ from enliven.document.rigged import character_of
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf.read import read_gltf
-from enliven.formats.rig.rig import playing, welded
+from enliven.formats.rig.rig import play_clip, weld_shape
 from enliven.meshes.gltf.file import GltfFile
 from enliven.meshes.gltf.motion import frame_times
 from enliven.motion.layers.evaluate import Player
@@ -46,7 +46,7 @@ def test_a_real_rig_moves_as_gltf_says(path):
     every = max(1, len(rig.shape.mesh.vertices) // 40)
     worst = 0.0
     for number, clip in list(enumerate(rig.clips))[:3]:
-        project, shape = playing(Project(), rig.shape, clip)
+        project, shape = play_clip(Project(), rig.shape, clip)
         player, start = Player(project, shape.id), frame_times(file, number)[0]
         for frame in {0, len(clip.turns) // 3, len(clip.turns) - 1}:
             ours = skin_vertices(character, player.pose(frame * clip.step))[::every]
@@ -62,7 +62,7 @@ def test_a_real_rig_is_written_and_read_again(path, tmp_path):
     rig = read_gltf(path)
     project, end = Project().with_characters(rig.shape), 0.0
     if rig.clips:
-        project, _ = playing(Project(), rig.shape, rig.clips[-1])
+        project, _ = play_clip(Project(), rig.shape, rig.clips[-1])
         end = min(rig.clips[-1].duration, 0.3)
     glb = glb_of([performance_of(project, rig.shape.id, 0.0, end)])
     checked_glb(glb)
@@ -84,7 +84,7 @@ def test_a_real_rig_is_written_and_read_again(path, tmp_path):
         low, high = vertices.min(0), vertices.max(0)
         slow_vertices = slow.vertices_at(0, step, max(1, len(mesh.vertices) // 40))
         assert (slow_vertices > low - 1e-3 * size).all() and (slow_vertices < high + 1e-3 * size).all()
-        moved, shape = playing(Project(), read.shape, read.clips[0])
+        moved, shape = play_clip(Project(), read.shape, read.clips[0])
         theirs = skin_vertices(character_of(shape), Player(moved, shape.id).pose(step))
         np.testing.assert_allclose([theirs.min(0), theirs.max(0)], [low, high], atol=1e-3 * size)
 
@@ -104,6 +104,6 @@ def test_flat_shaded_vertices_are_welded_on_request():
     if path is None:
         pytest.skip("no horse")
     shape = read_gltf(path).shape
-    joined = welded(shape)
+    joined = weld_shape(shape)
     assert len(joined.mesh.vertices) < 0.8 * len(shape.mesh.vertices)
     assert len(np.unique(joined.mesh.faces)) == len(joined.mesh.vertices)

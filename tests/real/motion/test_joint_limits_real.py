@@ -9,7 +9,7 @@ import pytest
 
 from enliven.formats.gltf.read import read_gltf
 from enliven.mapping.automatic_mapping import automatic, retarget
-from enliven.mapping.quality import THROUGH, quality_of
+from enliven.mapping.quality import MAX_INTERSECTION, quality_of
 from enliven.motion.layers.evaluate import Player
 from enliven.takes.files import read_take
 
@@ -46,7 +46,7 @@ def test_limits_of_an_animal_calm_its_surface_and_make_no_jumps(model, take):
     assert calm.limited and not wild.limited
     before, after = (quality_of(m.project, m.shape_id, clip, m.duration, m.plan) for m in (wild, calm))
     assert after.stretch <= before.stretch + 0.005
-    assert after.through <= max(before.through, THROUGH)
+    assert after.through <= max(before.through, MAX_INTERSECTION)
     speeds = []
     for result in (wild, calm):
         turns = Player(result.project, result.shape_id).sample(np.arange(0.0, result.duration, 1 / 60))[0]

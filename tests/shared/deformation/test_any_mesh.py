@@ -8,7 +8,7 @@ from tolerances import SOLVED, assert_alike
 
 from enliven.deformation.graph.connectivity import components
 from enliven.deformation.graph.graph import DeformationGraph, character_from
-from enliven.deformation.graph.surface import net_of
+from enliven.deformation.graph.surface import build_net
 from enliven.meshes.mesh import Mesh, fit_height
 
 
@@ -151,7 +151,7 @@ def test_a_soup_of_very_many_pieces_is_one_net():
     corners = (centres + 0.004 * rng.normal(size=(25_000, 3, 3))).reshape(-1, 3)
     mesh = Mesh(corners, np.arange(75_000).reshape(-1, 3), "dust")
     spacing = np.sqrt(4 * np.pi / 64)
-    net = net_of(mesh, spacing)
+    net = build_net(mesh, spacing)
     assert len(net.points) < 9000
     assert np.linalg.norm(mesh.vertices - net.points[net.of_vertex], axis=1).max() < 2 * net.cell
     graph = DeformationGraph.build(mesh, 64)

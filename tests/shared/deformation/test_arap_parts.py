@@ -13,7 +13,7 @@ from enliven.deformation.arap.polar import ROWS, TRACE, N, R, polar
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.solves import backward, forward, unit_column
 from enliven.deformation.arap.threads import ThreadChoice
-from enliven.deformation.arap.weights import LEAST, surface_edges, virtual_edges
+from enliven.deformation.arap.weights import MIN_EDGE_WEIGHT, surface_edges, virtual_edges
 from enliven.deformation.graph import components
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh
@@ -89,11 +89,11 @@ def test_weights_are_cotangents_and_never_below_the_least():
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     edges, weights = surface_edges(square, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
     weight_of_edge = {tuple(e): w for e, w in zip(edges.tolist(), weights, strict=True)}
-    assert weight_of_edge[(0, 1)] == pytest.approx(0.5) and weight_of_edge[(0, 2)] == LEAST
+    assert weight_of_edge[(0, 1)] == pytest.approx(0.5) and weight_of_edge[(0, 2)] == MIN_EDGE_WEIGHT
     points, faces = random_sheet(400, 0)
     points[:, 1] *= 1e-3
     _, thin = surface_edges(points, faces)
-    assert thin.min() >= LEAST and thin.max() < 60
+    assert thin.min() >= MIN_EDGE_WEIGHT and thin.max() < 60
 
 
 @pytest.mark.parametrize("shells", [2, 5, 90])

@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull
 
 from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.solver import ArapSolver
-from enliven.deformation.arap.surface import surface_of
+from enliven.deformation.arap.surface import prepare_surface
 from enliven.deformation.arap.volume import gradient, press
 from enliven.document.surface_settings import ArapSettings
 from enliven.meshes.mesh import Mesh
@@ -46,7 +46,7 @@ def test_the_gradient_is_that_of_the_volume():
 
 
 def test_a_small_hole_does_not_make_the_volume_depend_on_the_place():
-    surface = surface_of(blob(400, holes=3), 1000)
+    surface = prepare_surface(blob(400, holes=3), 1000)
     volume, room = surface.volume, np.zeros((400, 3))
     here = gradient(surface.rest, volume.faces, volume.border, room)
     there = gradient(surface.rest + np.array([3.0, 9.0, 4.0]), volume.faces, volume.border, room)
@@ -56,16 +56,16 @@ def test_a_small_hole_does_not_make_the_volume_depend_on_the_place():
 
 def test_open_mesh_has_no_volume():
     half = blob(200)
-    assert surface_of(Mesh(half.vertices, half.faces[: len(half.faces) // 2]), 1000).volume is None
+    assert prepare_surface(Mesh(half.vertices, half.faces[: len(half.faces) // 2]), 1000).volume is None
     flat = Mesh(blob(200).vertices * [1.0, 1.0, 0.0], blob(200).faces)
-    assert surface_of(flat, 1000).volume is None
+    assert prepare_surface(flat, 1000).volume is None
     inside_out = Mesh(blob(200).vertices, blob(200).faces[:, ::-1])
-    assert surface_of(inside_out, 1000).volume is None
+    assert prepare_surface(inside_out, 1000).volume is None
 
 
 def test_the_ease_is_how_far_a_pressure_of_one_blows_up():
     mesh = blob(60)
-    surface = surface_of(mesh, 1000)
+    surface = prepare_surface(mesh, 1000)
     count, (a, b) = 60, surface.edges.T
     laplacian = np.zeros((count, count))
     np.add.at(laplacian, (a, a), surface.weights)
@@ -79,7 +79,7 @@ def test_the_ease_is_how_far_a_pressure_of_one_blows_up():
 
 
 def test_pressure_acts_only_where_cells_are_stretched():
-    surface = surface_of(blob(60), 1000)
+    surface = prepare_surface(blob(60), 1000)
     frames, z = np.zeros((60, 16)), np.zeros(4 * 64, np.float32)
     stretched = np.arange(60) < 20
     frames[stretched, 3] = 0.2

@@ -12,12 +12,12 @@ from enliven.deformation.constraints.planes import PlaneConstraints
 from enliven.deformation.embedded.assembly import assemble
 from enliven.deformation.embedded.block_cholesky import substitute
 from enliven.deformation.embedded.energy import gradient
-from enliven.deformation.embedded.inputs import NO_PLANES, planes_of
+from enliven.deformation.embedded.inputs import NO_PLANES, convert_planes
 from enliven.deformation.embedded.lbfgs import UNLIMITED, descend, record_energies
 from enliven.deformation.embedded.node_frame import force_in_node_frame, step_in_node_frame
 from enliven.deformation.embedded.preconditioner import align, precondition, refactor
 from enliven.deformation.embedded.solver import EmbeddedSettings, EmbeddedSolver
-from enliven.deformation.graph.connectivity import weak_edges
+from enliven.deformation.graph.connectivity import find_weak_edges
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.errors import InputError
 
@@ -51,7 +51,7 @@ def make_graph(count, seed, tail=False):
         pairs |= {(int(order[-1]), count), (count, count + 1)}
         count += 2
     edges = np.array(sorted(pairs), np.int32)
-    bridges, cuts, hanging = weak_edges(count, edges)
+    bridges, cuts, hanging = find_weak_edges(count, edges)
     normals = np.tile([0.0, 0, 1], (count, 1))
     return DeformationGraph(positions, normals, np.zeros(count, np.int32), edges, hanging, bridges, cuts, 0.1)
 
@@ -177,7 +177,7 @@ def made_solver(tail, translation, seed=1):
     state = random_state(graph, seed + 4)
     solver = EmbeddedSolver(graph, points, chosen, start=state, stiffness=stiffness)
     solver._store_targets(targets, pulls)
-    solver._planes = planes_of(planes, chosen.planes, graph.positions, solver._place)
+    solver._planes = convert_planes(planes, chosen.planes, graph.positions, solver._place)
     return solver, (graph, points, targets, pulls, chosen, planes, stiffness)
 
 

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from sample_meshes.chair import make_chair
 from sample_meshes.isosurface import surface_of
 
-from enliven.deformation.graph.connectivity import components, joints, weak_edges
+from enliven.deformation.graph.connectivity import components, find_weak_edges, joining_edges
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.graph.sampling import nearest_on_surface
-from enliven.deformation.graph.surface import between_nodes, net_of, voronoi_cells
+from enliven.deformation.graph.surface import build_net, path_lengths, voronoi_cells
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
 
@@ -197,8 +197,8 @@ def test_the_wrong_mesh_is_refused(chair, two_legs):
 def test_the_way_along_the_surface_goes_round(two_legs):
     tips = np.array([[-0.09, 0.0, 0.0], [0.09, 0.0, 0.0]])
     faces = [np.abs(two_legs.vertices[two_legs.faces].mean(1) - tip).sum(1).argmin() for tip in tips]
-    cells = voronoi_cells(net_of(two_legs, 0.05), tips, np.array(faces, np.int32))
-    way = between_nodes(2, cells.borders, cells.lengths, np.inf)[0, 1]
+    cells = voronoi_cells(build_net(two_legs, 0.05), tips, np.array(faces, np.int32))
+    way = path_lengths(2, cells.borders, cells.lengths, np.inf)[0, 1]
     assert 1.45 < way < 1.9
     assert (np.sign(two_legs.vertices[:, 0]) == np.sign(cells.owner[cells.net.of_vertex] - 0.5))[
         two_legs.vertices[:, 1] < 0.7
@@ -223,7 +223,7 @@ def test_bridges_and_cut_vertices_against_brute_force(count, extra, seed):
     tree = [(int(rng.integers(0, i)), i) for i in range(1, count)]
     more = np.sort(rng.integers(0, count, (extra, 2)), 1)
     edges = np.array(sorted({*tree, *[tuple(e) for e in more.tolist() if e[0] != e[1]]}), np.int32)
-    bridges, cuts, hanging = weak_edges(count, edges)
+    bridges, cuts, hanging = find_weak_edges(count, edges)
     expected_bridges, expected_cuts = brute_weak(count, edges)
     assert bridges.tolist() == expected_bridges
     assert cuts.tolist() == expected_cuts
@@ -238,7 +238,7 @@ def test_joints_are_the_minimum_spanning_tree_of_components(count, given_edges, 
     edges = np.sort(rng.integers(0, count, (given_edges, 2)), 1).astype(np.int32)
     points = rng.random((count, 3))
     apart = np.linalg.norm(points[:, None] - points[None], axis=2)
-    added = joints(count, edges, apart)
+    added = joining_edges(count, edges, apart)
     label = components(count, edges)
     assert len(added) == label.max()
     assert components(count, np.concatenate([edges, added])).max() == 0

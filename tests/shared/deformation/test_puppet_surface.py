@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tolerances import SOLVED, alike
 
 from enliven import rotation
-from enliven.deformation.arap.coarse import coarse_of, edges_around, poisson_disk_samples
+from enliven.deformation.arap.coarse import edges_around, poisson_disk_samples, sample_coarse_surface
 from enliven.deformation.arap.control_point_surface import PuppetSurface
 from enliven.deformation.arap.detail import carry, cell_maps
 from enliven.deformation.arap.input import Handle
@@ -280,7 +280,7 @@ def test_sampling_another_time_does_not_disturb_a_drag():
     for by in (0.2, 0.4):
         first.solve(bent(mesh, handles, by))
         second.solve(bent(mesh, handles, by))
-    posed = first.aside(bent(mesh, handles, -1.0))
+    posed = first.settle_separately(bent(mesh, handles, -1.0))
     assert alike(first.solve(bent(mesh, handles, 0.6)), second.solve(bent(mesh, handles, 0.6)), SOLVED)
     assert alike(posed, second.settle(bent(mesh, handles, -1.0)), SOLVED)
 
@@ -361,7 +361,7 @@ def test_huge_mesh_is_refused_and_large_mesh_is_reported():
 
 def test_the_coarse_surface_is_one_like_the_fine():
     mesh = tube(40, 100)
-    coarse = coarse_of(mesh, np.array([7, 3000, 7, 8]), 300)
+    coarse = sample_coarse_surface(mesh, np.array([7, 3000, 7, 8]), 300)
     assert np.array_equal(coarse.mesh.vertices[coarse.held], mesh.vertices[[7, 3000, 7, 8]])
     count = len(coarse.mesh.vertices)
     assert 250 <= count <= 350

@@ -16,7 +16,7 @@ from enliven.deformation.constraints.observed import (
     _compatible_surface_points,
 )
 from enliven.deformation.constraints.self_contact import SelfContact, SelfContactSettings
-from enliven.deformation.constraints.soft import Points, grid_subsample, joined_planes
+from enliven.deformation.constraints.soft import Points, grid_subsample, join_planes
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.deformation.skinning import skin_vertices
 from enliven.document.character import Pose
@@ -93,10 +93,10 @@ def test_a_spread_is_no_more_than_asked_and_misses_no_place(count, most, seed):
 
 def test_joining_no_sets_gives_an_empty_set(trousers):
     character, graph, _ = trousers
-    assert joined_planes([]) is None
+    assert join_planes([]) is None
     above = FloorContact(character).planes(*rest(graph), 0.03)
-    assert joined_planes([above]) is above
-    assert len(joined_planes([above, above])) == 2 * len(above)
+    assert join_planes([above]) is above
+    assert len(join_planes([above, above])) == 2 * len(above)
 
 
 def seen_of(mesh, every=3):
@@ -226,7 +226,7 @@ def test_raised_mesh_keeps_shape_and_touches_the_floor(trousers, way, floor):
     contact = FloorContact(character, FloorSettings(use="raised"))
     linear, positions = rest(graph)
     moved = positions + np.array([0.0, way, 0.0])
-    raised = contact.raised(linear, moved, floor)
+    raised = contact.raise_above_floor(linear, moved, floor)
     lift = raised - moved
     np.testing.assert_allclose(lift, np.tile([0.0, lift[0, 1], 0.0], (len(lift), 1)), atol=1e-12)
     lowest = contact._all.moved(linear, raised)[:, 1].min()

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.deformation.embedded import EmbeddedSettings, EmbeddedSolver
-from enliven.deformation.graph.connectivity import weak_edges
+from enliven.deformation.graph.connectivity import find_weak_edges
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.deformation.graph.stiffness import painted_stiffness, stiffness_at
 from enliven.document import Character, SkinWeights
@@ -101,7 +101,7 @@ def bent_ladder(seed):
     rows = np.stack([np.repeat(np.linspace(0, 1, 10), 2), np.tile([0.0, 0.1], 10), np.zeros(20)], 1)
     positions = rows + 0.01 * rng.normal(size=rows.shape)
     edges = np.array([[i, j] for i in range(20) for j in (i + 1, i + 2, i + 3) if j < 20], np.int32)
-    bridges, cuts, hanging = weak_edges(20, edges)
+    bridges, cuts, hanging = find_weak_edges(20, edges)
     normals, faces = np.tile([0.0, 0.0, 1.0], (20, 1)), np.zeros(20, np.int32)
     graph = DeformationGraph(positions, normals, faces, edges, hanging, bridges, cuts, 0.1)
     held = np.array([0, 1, 2, 3, 16, 17, 18, 19])

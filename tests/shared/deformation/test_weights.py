@@ -10,8 +10,8 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from enliven.deformation.graph.graph import DeformationGraph
-from enliven.deformation.graph.surface import between_nodes, net_of
-from enliven.deformation.graph.weights import carriers
+from enliven.deformation.graph.surface import build_net, path_lengths
+from enliven.deformation.graph.weights import choose_carriers
 from enliven.meshes.mesh import Mesh, refine
 
 
@@ -43,7 +43,7 @@ def coarse():
 
 def slow_weights(mesh, graph, spacing):
     """The three steps of the module's docstring, on a net that is the mesh itself: (V, N) weights."""
-    net = net_of(mesh, spacing)
+    net = build_net(mesh, spacing)
     assert (net.radii == 0).all(), net.radii
     cells = graph.cells
     count, nodes = len(net.points), len(graph.positions)
@@ -53,7 +53,7 @@ def slow_weights(mesh, graph, spacing):
         return dijkstra(csr_matrix((web.lengths, (a, b)), (size, size)), directed=False, indices=sources)
 
     ways = ways_over(cells.graph, count + nodes, count + np.arange(nodes))[:, :count].T
-    followed = carriers(graph.positions, between_nodes(nodes, cells.borders, cells.lengths), spacing)
+    followed = choose_carriers(graph.positions, path_lengths(nodes, cells.borders, cells.lengths), spacing)
     straight = np.linalg.norm(net.points[:, None] - graph.positions, axis=2)
     distance = straight + 2 * np.maximum(0, ways - 1.5 * straight - spacing / 2)
     steep = np.zeros((count, nodes))
@@ -112,7 +112,7 @@ def test_a_finer_mesh_of_the_same_surface_has_nearly_the_same_weights(coarse):
     fine = refine(coarse, 0.004)
     whole = DeformationGraph.build(coarse, 24)
     spacing = np.sqrt(coarse.area / 24)
-    assert (net_of(fine, spacing).radii > 0).mean() > 0.9
+    assert (build_net(fine, spacing).radii > 0).mean() > 0.9
     graph = DeformationGraph(
         *(getattr(whole, name) for name in ("positions", "normals")),
         np.array(
@@ -161,7 +161,7 @@ def test_carriers_are_apart_and_near_to_every_node(seed, count):
     rng = np.random.default_rng(seed)
     positions = rng.random((count, 3))
     straight = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-    chosen = carriers(positions, straight, 0.5, least=1)
+    chosen = choose_carriers(positions, straight, 0.5, least=1)
     apart = straight[np.ix_(chosen, chosen)] + 9 * np.eye(len(chosen))
     assert apart.min() >= 0.6 * 0.5
     assert straight[:, chosen].min(1).max() < 0.6 * 0.5

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven.examples.baking.bake import bake_surface, farthest
+from enliven.examples.baking.bake import bake_surface, sample_farthest
 from enliven.examples.baking.maps import Maps, gram_of, moments_of
 from enliven.examples.baking.morphs import bake_morphs
 from enliven.examples.baking.settings import BakeSettings
@@ -148,10 +148,10 @@ def test_frames_are_not_kept():
 
 
 def test_frames_far_from_one_another_are_chosen():
-    assert farthest(np.zeros((5, 2)), 9).tolist() == [0, 1, 2, 3, 4]
+    assert sample_farthest(np.zeros((5, 2)), 9).tolist() == [0, 1, 2, 3, 4]
     line = np.array([0.0, 0.1, 5.0, 0.2, 10.0, 0.3])[:, None]
-    assert farthest(line, 3).tolist() == [0, 2, 4]
-    assert farthest(np.zeros((50, 2)), 9).tolist() == [0]
+    assert sample_farthest(line, 3).tolist() == [0, 2, 4]
+    assert sample_farthest(np.zeros((50, 2)), 9).tolist() == [0]
 
 
 def random_fit(seed, vertices=20, nodes=5, frames=4):

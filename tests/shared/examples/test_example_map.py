@@ -10,11 +10,11 @@ from enliven.document.constraints import Coupling, Position, Velocity
 from enliven.document.example_settings import ExampleSettings
 from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
-from enliven.examples.performer import in_body
+from enliven.examples.performer import to_body_frame
 from enliven.examples.poses import Examples
 from enliven.examples.spacetime.banded import accelerations, pulled
-from enliven.examples.spacetime.constraints import conditions_of
-from enliven.mapping.facing import turned_about_y
+from enliven.examples.spacetime.constraints import convert_constraints
+from enliven.mapping.facing import rotate_about_y
 
 STEP = 1 / 30
 FEW = settings(max_examples=25, deadline=None)
@@ -56,10 +56,10 @@ def test_result_is_independent_of_performer_position_and_heading(seed, angle, mo
     examples = examples_of(seed)
     rng = np.random.default_rng(seed)
     world, root, yaw = rng.normal(size=(12, 3, 3)), rng.normal(size=(12, 3)), rng.normal(size=12)
-    there = turned_about_y(world, np.array(angle)) + moved, turned_about_y(root, np.array(angle)) + moved
+    there = rotate_about_y(world, np.array(angle)) + moved, rotate_about_y(root, np.array(angle)) + moved
     mapping = ExampleMap(examples)
-    here = mapping.solve(in_body(world, root, yaw), STEP)
-    np.testing.assert_allclose(mapping.solve(in_body(*there, yaw + angle), STEP), here, atol=1e-7)
+    here = mapping.solve(to_body_frame(world, root, yaw), STEP)
+    np.testing.assert_allclose(mapping.solve(to_body_frame(*there, yaw + angle), STEP), here, atol=1e-7)
 
 
 @given(SEEDS, st.lists(st.floats(-50, 50), min_size=3, max_size=3))
@@ -153,7 +153,7 @@ def test_long_motions_are_solved_to_the_end(seed, margin, weight, nearest, far, 
     mapping = ExampleMap(examples_of(seed, 8, 2), how)
     poses = motion_of(mapping.examples, 240, seed)
     poses += noise * np.random.default_rng(seed).normal(size=poses.shape)
-    places = mapping.solution(poses, conditions_of((), mapping.examples, 240, STEP), STEP).places
+    places = mapping.solution(poses, convert_constraints((), mapping.examples, 240, STEP), STEP).places
     pull = weight**2 * pulled(accelerations(places), 240)
     best = np.empty_like(places)
     mapping.nodes(poses).respond(pull, -margin, 1.0 + margin, best)
@@ -189,7 +189,7 @@ def test_the_work_grows_as_the_frames_do():
     works = []
     for frames in (200, 400, 800):
         poses = np.tile(motion_of(examples, 200, 1), (frames // 200, 1, 1))
-        works.append(mapping.solution(poses, conditions_of((), examples, frames, STEP), STEP).work)
+        works.append(mapping.solution(poses, convert_constraints((), examples, frames, STEP), STEP).work)
     assert works[1] < 2.2 * works[0]
     assert works[2] < 2.2 * works[1]
 

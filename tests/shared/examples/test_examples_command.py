@@ -10,7 +10,7 @@ from puppet_worlds import full_session, stool, walker
 from enliven.cli import run
 from enliven.document.project import Project, same
 from enliven.example_sessions.session import read_session
-from enliven.examples.coverage import coverage_of, unposed
+from enliven.examples.coverage import describe_unposed, measure_coverage
 from enliven.examples.performer import performed
 from enliven.examples.puppet_motion import pose_of_state, state_of
 from enliven.formats.project.file import read_project, write_project
@@ -130,13 +130,13 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
     project = full_session(folder / "full.toml")
     puppet, clip = project.puppets["stool"], project.takes["walk"]
     plain = project.with_characters(puppet.with_changes(symmetry=None))
-    coverage = coverage_of(plain, plain.puppets["stool"], 0)
+    coverage = measure_coverage(plain, plain.puppets["stool"], 0)
     poses = performed(clip, [point.joint for point in puppet.points]).poses
     existing = [poses[round(pose.time / clip.step)] for pose in puppet.poses]
     gaps = [min(np.sqrt(((pose - near) ** 2).sum(1).mean()) for near in existing) for pose in poses]
     assert coverage.frame == int(np.argmax(gaps)) and coverage.gap == pytest.approx(max(gaps))
     assert coverage.time == pytest.approx(coverage.frame * clip.step)
-    assert unposed(puppet) == ()
+    assert describe_unposed(puppet) == ()
 
 
 @pytest.mark.parametrize(

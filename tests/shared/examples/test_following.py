@@ -153,7 +153,7 @@ def test_drift_does_not_grow_with_loops(seed, rounds):
     turn, offset = float(walk.yaw[-1]), walk.path[-1]
     assert turn == pytest.approx(0.0, abs=1e-9)
     for frame in (0.0, 40.3, walk.frames - 1.0):
-        once, often = (walk.way_at(frame, n)[1] - n * offset for n in (1, rounds))
+        once, often = (walk.root_at(frame, n)[1] - n * offset for n in (1, rounds))
         np.testing.assert_allclose(often, once, atol=1e-9)
 
 

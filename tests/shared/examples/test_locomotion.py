@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from enliven.document.locomotion import LocomotionSettings, Switch
 from enliven.errors import InputError
 from enliven.examples.spacetime.anchoring import stand
-from enliven.examples.spacetime.locomotion import find_switches, locate, standing_feet
+from enliven.examples.spacetime.locomotion import find_switches, place_motion, standing_feet
 
 STEP = 1 / 60
 FREE = LocomotionSettings(landing="free")
@@ -29,7 +29,7 @@ def walker(frames, seed=0):
 @settings(max_examples=20, deadline=None)
 def test_the_anchor_does_not_slide_and_nothing_goes_under(seed):
     places, yaw = walker(120, seed)
-    placed = locate(places, yaw, STEP, [Switch(0, "contact")], [0, 1])
+    placed = place_motion(places, yaw, STEP, [Switch(0, "contact")], [0, 1])
     assert placed.world[:, :2, 1].min() > -1e-9
     assert np.abs(placed.world[:, :2, 1].min(1)).max() < 1e-9
     for f in range(1, 120):
@@ -44,7 +44,7 @@ def test_the_anchor_does_not_slide_and_nothing_goes_under(seed):
 def test_jumping_puppet_lands_with_the_performer(seed):
     places, yaw = walker(120, seed)
     switches = [Switch(0, "contact"), Switch(40, "flight"), Switch(70, "contact")]
-    placed = locate(places, 0 * yaw, STEP, switches, [0, 1])
+    placed = place_motion(places, 0 * yaw, STEP, switches, [0, 1])
     flying = placed.anchors < 0
     assert np.array_equal(np.flatnonzero(flying), np.arange(40, 70))
     high = placed.world[39:71, :2, 1].min(1)
@@ -65,7 +65,7 @@ def test_free_flight_follows_gravity():
     places, yaw = walker(120)
     # It stretches its legs by 2 m/s before it leaves the floor.
     places[:, :2, 1] = -1.0 - np.interp(np.arange(120), [0, 30, 39], [0, 0, 9 * STEP * 2.0])[:, None]
-    placed = locate(places, 0 * yaw, STEP, [Switch(0, "contact"), Switch(40, "flight")], [0, 1], FREE)
+    placed = place_motion(places, 0 * yaw, STEP, [Switch(0, "contact"), Switch(40, "flight")], [0, 1], FREE)
     airborne = int((placed.anchors < 0).sum())
     assert abs(airborne * STEP - 2 * 2.0 / 9.81) < 0.15
     assert placed.switches[-1].kind == "contact"
@@ -86,7 +86,7 @@ def test_contact_and_flight_are_found():
 
 def test_couplings_make_the_change_of_anchors_level():
     places, yaw = walker(120, 3)
-    placed = locate(places, yaw, STEP, [Switch(0, "contact")], [0, 1])
+    placed = place_motion(places, yaw, STEP, [Switch(0, "contact")], [0, 1])
     couplings = placed.couplings(("left", "right", "head"))
     assert couplings
     for coupling in couplings:
@@ -98,7 +98,7 @@ def test_couplings_make_the_change_of_anchors_level():
 def test_switches_must_be_in_order(frames):
     places, yaw = walker(120)
     with pytest.raises(InputError, match="switches at frames"):
-        locate(places, yaw, STEP, [Switch(f, "contact") for f in frames], [0, 1])
+        place_motion(places, yaw, STEP, [Switch(f, "contact") for f in frames], [0, 1])
 
 
 @given(st.integers(0, 10**6))
@@ -107,7 +107,7 @@ def test_the_foot_that_the_performer_stands_on_is_the_anchor(seed):
     rng = np.random.default_rng(seed)
     places, yaw = walker(120, seed)
     stands = rng.random((120, 2)) < 0.7
-    placed = locate(places, yaw, STEP, [Switch(0, "contact")], [0, 1], stands=stands)
+    placed = place_motion(places, yaw, STEP, [Switch(0, "contact")], [0, 1], stands=stands)
     for f in range(120):
         if stands[f].any():
             assert stands[f, placed.anchors[f]]
@@ -130,8 +130,8 @@ def test_shuffling_puppet_moves_by_the_performers_feet():
         [np.stack([0 * t, 0.001 * lift, 0.3 * way], 1) for way, lift in zip(ways, lifts, strict=True)], 1
     )
     how = [Switch(0, "contact")]
-    kept = locate(places, 0 * t, STEP, how, [0, 1])
-    goes = locate(places, 0 * t, STEP, how, [0, 1], stands=stands)
+    kept = place_motion(places, 0 * t, STEP, how, [0, 1])
+    goes = place_motion(places, 0 * t, STEP, how, [0, 1], stands=stands)
     assert abs(kept.root[-1, 2]) < 0.7
     assert goes.root[-1, 2] > 4.0
     assert np.diff(goes.root[:, 2]).min() > -1e-6

@@ -15,8 +15,14 @@ from made_bodies import man, random_motion, turned_body
 from test_capture_clip import STANDING
 
 from enliven.document.skeleton import Skeleton
-from enliven.examples.pairing import foot_joints, guess_joints, joint_motion, mirror_joint, one_a_hand
-from enliven.mapping.facing import turned_about_y
+from enliven.examples.pairing import (
+    foot_joints,
+    guess_joints,
+    joint_motion,
+    keep_one_point_per_hand,
+    mirror_joint,
+)
+from enliven.mapping.facing import rotate_about_y
 from enliven.person.body import Body
 from enliven.rotation import from_rotation_vector
 from enliven.takes.capture_clip import clip_of_bodies
@@ -33,7 +39,7 @@ def test_arms_follow_arms_whatever_the_size_the_order_and_where_the_performer_lo
 
 
 def test_a_mesh_that_is_wide_from_the_side_looks_at_x():
-    turned = turned_about_y(CACTUS, np.pi / 2)
+    turned = rotate_about_y(CACTUS, np.pi / 2)
     assert np.ptp(turned[:, 0]) < 1e-9 and guess_joints(man(), turned) == MEANT
 
 
@@ -158,7 +164,7 @@ def test_hand_is_paired_once_and_its_mirror_with_remaining_points():
     names = ("hips", "neck", "head", *(f"{s} {end}" for s in ("Left", "Right") for end in ends))
     skeleton = Skeleton(names, np.array(parents), np.array(places, float))
     joints = ("Left finger", "Right finger", "head", "Left thumb", "Right wrist", "Left elbow", "Right elbow")
-    assert one_a_hand(skeleton, joints, (1, 0, 2, 4, 3, 6, 5)) == [0, 1, 2, 5, 6]
+    assert keep_one_point_per_hand(skeleton, joints, (1, 0, 2, 4, 3, 6, 5)) == [0, 1, 2, 5, 6]
 
 
 def test_more_points_than_joints_share_them():

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from tolerances import assert_alike
 
 from enliven.document.locomotion import LocomotionSettings, Switch
-from enliven.examples.spacetime.locomotion import locate
-from enliven.examples.spacetime.planting import planted
-from enliven.mapping.facing import turned_about_y
+from enliven.examples.spacetime.locomotion import place_motion
+from enliven.examples.spacetime.planting import lock_feet
+from enliven.mapping.facing import rotate_about_y
 
 STEP = 1 / 60
 FRAMES = 150
@@ -29,16 +29,16 @@ def shuffler(seed):
 
 
 def in_world(places, yaw, placed):
-    return turned_about_y(places, yaw[:, None]) + placed.root[:, None]
+    return rotate_about_y(places, yaw[:, None]) + placed.root[:, None]
 
 
 @given(st.integers(0, 10**6))
 @settings(max_examples=25, deadline=None)
 def test_feet_that_stand_do_not_slide(seed):
     places, yaw, stands = shuffler(seed)
-    placed = locate(places, yaw, STEP, [Switch(0, "contact")], [0, 1], stands=stands)
+    placed = place_motion(places, yaw, STEP, [Switch(0, "contact")], [0, 1], stands=stands)
     how = LocomotionSettings(plant=1.0)
-    still = planted(places, yaw, placed, [0, 1], stands, STEP, how)
+    still = lock_feet(places, yaw, placed, [0, 1], stands, STEP, how)
     assert_alike(still[:, 2], places[:, 2])
     np.testing.assert_allclose(still[..., 1], places[..., 1], atol=1e-12)
     world = in_world(still, yaw, placed)
@@ -62,17 +62,17 @@ def test_feet_that_stand_do_not_slide(seed):
 @settings(max_examples=10, deadline=None)
 def test_partial_planting_moves_part_of_the_way(seed, part):
     places, yaw, stands = shuffler(seed)
-    placed = locate(places, yaw, STEP, [Switch(0, "contact")], [0, 1], stands=stands)
+    placed = place_motion(places, yaw, STEP, [Switch(0, "contact")], [0, 1], stands=stands)
     whole, some = (
-        planted(places, yaw, placed, [0, 1], stands, STEP, LocomotionSettings(plant=p)) for p in (1.0, part)
+        lock_feet(places, yaw, placed, [0, 1], stands, STEP, LocomotionSettings(plant=p)) for p in (1.0, part)
     )
     np.testing.assert_allclose(some - places, part * (whole - places), atol=1e-12)
 
 
 def test_in_flight_nothing_is_held():
     places, yaw, stands = shuffler(1)
-    placed = locate(places, yaw, STEP, [Switch(0, "flight")], [0, 1])
-    still = planted(places, yaw, placed, [0, 1], stands, STEP, LocomotionSettings(plant=1.0))
+    placed = place_motion(places, yaw, STEP, [Switch(0, "flight")], [0, 1])
+    still = lock_feet(places, yaw, placed, [0, 1], stands, STEP, LocomotionSettings(plant=1.0))
     flying = placed.anchors < 0
     assert flying.all()
     assert still == pytest.approx(places)

@@ -24,7 +24,7 @@ from enliven.errors import InputError
 from enliven.examples.mapping import ExampleMap
 from enliven.examples.performer import performed
 from enliven.examples.puppet_examples import examples_of, missing
-from enliven.examples.puppet_motion import clock, in_world, motion_of, pose_of_state, state_of
+from enliven.examples.puppet_motion import in_world, loop_position, motion_of, pose_of_state, state_of
 from enliven.examples.travel import travel_of
 from enliven.modeling.edits import change_layers
 from enliven.modeling.puppet import add_point, change_point, play_take, set_symmetry
@@ -217,16 +217,16 @@ def test_rounds_are_one_motion_after_another():
     def turned(at):
         return np.array([c * at[0] + s * at[2], at[1], c * at[2] - s * at[0]])
 
-    yaw, root = solved.way_at(7.3, 1)
+    yaw, root = solved.root_at(7.3, 1)
     for rounds in range(2, 7):
         root = turned(root) + solved.path[-1]
         yaw += turn
-        later = solved.way_at(7.3, rounds)
+        later = solved.root_at(7.3, rounds)
         np.testing.assert_allclose(later[1], root, atol=1e-9)
         assert later[0] == pytest.approx(yaw)
     straight = motion(puppet_project(clip=walker(turning=0.0)))
     np.testing.assert_allclose(
-        straight.way_at(3.0, 1001)[1], straight.way_at(3.0, 1)[1] + 1000 * straight.path[-1], atol=1e-6
+        straight.root_at(3.0, 1001)[1], straight.root_at(3.0, 1)[1] + 1000 * straight.path[-1], atol=1e-6
     )
 
 
@@ -244,10 +244,10 @@ def test_backwards_is_from_the_end(time):
 def test_time_is_clamped_or_wrapped_in_loops():
     project = puppet_project(offset=1.0, speed=2.0)
     layer, solved = project.puppets["stool"].layers[0], motion(project)
-    assert clock(layer, solved, 0.5) == (0.0, 0)
-    assert clock(layer, solved, 1.5)[0] == pytest.approx(1.0 / STEP)
-    assert clock(layer, solved, 99.0) == (solved.frames - 1, 0)
-    assert clock(replace(layer, loop=True), solved, 1.0 + 3.5)[1] == 2
+    assert loop_position(layer, solved, 0.5) == (0.0, 0)
+    assert loop_position(layer, solved, 1.5)[0] == pytest.approx(1.0 / STEP)
+    assert loop_position(layer, solved, 99.0) == (solved.frames - 1, 0)
+    assert loop_position(replace(layer, loop=True), solved, 1.0 + 3.5)[1] == 2
     assert project.end_of(project.puppets["stool"]) == pytest.approx(1.0 + 3.0 / 2.0)
     muted = change_layers(project, "stool", [0], muted=True)
     assert muted.end_of(muted.puppets["stool"]) == 0.0

@@ -7,7 +7,7 @@ from tolerances import assert_alike
 from enliven.errors import InputError
 from enliven.examples.poses import Examples
 from enliven.examples.suggest import SuggestSettings, distance_to, further_poses, suggest_poses
-from enliven.examples.symmetric import doubled, mirrored_places, partners_of, reflected
+from enliven.examples.symmetric import add_mirror_images, find_partners, mirror_places, reflect_points
 
 NAMES = ("left", "right", "middle")
 ORDER = (1, 0, 2)
@@ -40,46 +40,48 @@ def one_sided():
     rng = np.random.default_rng(3)
     sources = rng.normal(size=(3, 3, 3)) * 0.2 + [[1, 0, 0], [-1, 0, 0], [0, 1, 0]]
     targets = rng.normal(size=(3, 3, 3)) * 0.2 + [[2, 0, 1], [0, 0, 1], [1, 1, 1]]
-    sources[0] = 0.5 * (sources[0] + reflected(sources[0][list(ORDER)], np.zeros(3), np.array([1.0, 0, 0])))
+    sources[0] = 0.5 * (
+        sources[0] + reflect_points(sources[0][list(ORDER)], np.zeros(3), np.array([1.0, 0, 0]))
+    )
     return Examples(NAMES, NAMES, sources, targets)
 
 
 def test_doubled_examples_are_their_own_mirror_image():
     examples, plane = one_sided(), (np.array([1.0, 0, 0]), np.array([2.0, 0, 0]))
     rest = np.array([[2.0, 0, 1], [0, 0, 1], [1, 1, 1]])
-    more = doubled(examples, ORDER, rest, plane[1], across=np.array([1.0, 0, 0]))
+    more = add_mirror_images(examples, ORDER, rest, plane[1], across=np.array([1.0, 0, 0]))
     # The first is its own mirror image.
     assert len(more) == 5
-    mirrored = reflected(more.sources[:, ORDER], np.zeros(3), np.array([1.0, 0, 0]))
-    for source, target in zip(mirrored, reflected(more.targets[:, ORDER], *plane), strict=True):
+    mirrored = reflect_points(more.sources[:, ORDER], np.zeros(3), np.array([1.0, 0, 0]))
+    for source, target in zip(mirrored, reflect_points(more.targets[:, ORDER], *plane), strict=True):
         away = np.abs(more.sources - source).max((1, 2))
         assert away.min() < 1e-9
         if away.argmin() > 0:
             np.testing.assert_allclose(more.targets[away.argmin()], target, atol=1e-9)
-    again = doubled(more, ORDER, rest, plane[1], across=np.array([1.0, 0, 0]))
+    again = add_mirror_images(more, ORDER, rest, plane[1], across=np.array([1.0, 0, 0]))
     assert len(again) == 5
 
 
 def test_partners_are_found_on_the_mesh():
     rest = np.array([[2, 0, 1], [0.02, 0, 1], [1, 1, 1.0]])
-    assert partners_of(rest, np.array([1.0, 0, 0]), np.array([1.0, 0, 0])) == ORDER
+    assert find_partners(rest, np.array([1.0, 0, 0]), np.array([1.0, 0, 0])) == ORDER
     with pytest.raises(InputError, match="control point 0 has no mirror image"):
-        partners_of(
+        find_partners(
             rest + np.array([[0.9, 0, 0], [0, 0, 0], [0, 0, 0]]), np.array([1.0, 0, 0]), np.array([1.0, 0, 0])
         )
     with pytest.raises(InputError, match="not each other's"):
-        doubled(one_sided(), (1, 2, 0), rest, np.array([1.0, 0, 0]))
+        add_mirror_images(one_sided(), (1, 2, 0), rest, np.array([1.0, 0, 0]))
 
 
 def test_resting_points_stay_at_rest_when_mirrored_on_nearly_symmetric_mesh():
     rng = np.random.default_rng(0)
     rest = np.array([[2, 0, 1], [0.02, 0, 1], [1.05, 1, 1.0]])
     normal = np.array([1.0, 0, 0])
-    assert_alike(mirrored_places(rest, rest, ORDER, normal), rest)
+    assert_alike(mirror_places(rest, rest, ORDER, normal), rest)
     places = rest + rng.normal(size=(4, 3, 3))
-    once = mirrored_places(places, rest, ORDER, normal)
+    once = mirror_places(places, rest, ORDER, normal)
     np.testing.assert_allclose(once[:, 0] - rest[0], (places[:, 1] - rest[1]) * [-1, 1, 1], atol=1e-12)
-    np.testing.assert_allclose(mirrored_places(once, rest, ORDER, normal), places, atol=1e-12)
+    np.testing.assert_allclose(mirror_places(once, rest, ORDER, normal), places, atol=1e-12)
 
 
 def test_next_suggestion_is_farthest_from_existing_poses():

@@ -11,7 +11,7 @@ from enliven.errors import InputError
 from enliven.exporters import exporter_of, performance_of, performance_of_clip
 from enliven.exporters.bvh import bvh_text
 from enliven.formats.motion.bvh import parse_bvh
-from enliven.formats.rig.rig import playing
+from enliven.formats.rig.rig import play_clip
 from enliven.meshes import Mesh
 from enliven.rotation import multiply, normalized
 from enliven.takes.capture_clip import clip_of_capture
@@ -161,7 +161,7 @@ def test_rigged_shape_is_baked_with_its_motion(tmp_path):
     turns = np.tile(normalized(random.normal(size=(1, 5, 4))), (6, 1, 1))
     turns[1:] = multiply(turns[1:], normalized([1, 0, 0, 0] + 0.1 * random.normal(size=(5, 5, 4))))
     clip = Clip("walk", skeleton, turns, random.normal(size=(6, 3)), 0.1)
-    project, _ = playing(Project(), still_shape("man", skeleton), clip)
+    project, _ = play_clip(Project(), still_shape("man", skeleton), clip)
     performance = performance_of(project, "man", 0.1, 0.4, 10.0)
     path = tmp_path / "man.bvh"
     exporter_of(path, unit="cm").write(path, [performance], "man", unit="cm")

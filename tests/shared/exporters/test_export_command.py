@@ -22,7 +22,7 @@ from enliven.exporters.bvh import bvh_text
 from enliven.exporters.sampling import performance_of_clip
 from enliven.formats.motion import read_bvh
 from enliven.formats.project import write_project
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 from enliven.frames import DepthFrame
 from enliven.motion.layers import Player
 from enliven.recording import Recorder
@@ -43,7 +43,7 @@ def made():
     """A man with a mesh, his motion, and the project in which he does it."""
     shape = meshed("man", man())
     clip = random_motion(np.random.default_rng(1), shape.skeleton, name="walk")
-    return playing(Project(), shape, clip)
+    return play_clip(Project(), shape, clip)
 
 
 @pytest.fixture

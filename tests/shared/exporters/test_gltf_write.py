@@ -20,9 +20,9 @@ from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError, ResourceError
 from enliven.exporters import Performance, performance_of
 from enliven.exporters.gltf import glb_of, write_gltf
-from enliven.exporters.gltf.joints import clean_skin
+from enliven.exporters.gltf.joints import normalize_skin
 from enliven.formats.gltf.read import read_gltf
-from enliven.formats.rig.rig import playing
+from enliven.formats.rig.rig import play_clip
 from enliven.meshes.mesh import Mesh
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import multiply, normalized, to_matrix
@@ -69,7 +69,7 @@ def vertices_of(project, shape_id, time):
 def test_written_glb_is_valid_and_moves_alike(tmp_path_factory, seed):
     random = np.random.default_rng(seed)
     shape = random_shape(random, "squid")
-    project, shape = playing(Project(), shape, random_clip(random, shape.skeleton))
+    project, shape = play_clip(Project(), shape, random_clip(random, shape.skeleton))
     path = tmp_path_factory.mktemp("glb") / "squid.glb"
     performance = performance_of(project, "squid", rate=20.0)
     write_gltf(path, [performance])
@@ -87,7 +87,7 @@ def test_the_same_skeleton_is_read_again(tmp_path_factory, seed):
     random = np.random.default_rng(seed)
     shape = random_shape(random, "squid")
     path = tmp_path_factory.mktemp("glb") / "squid.glb"
-    project, _ = playing(Project(), shape, random_clip(random, shape.skeleton))
+    project, _ = play_clip(Project(), shape, random_clip(random, shape.skeleton))
     write_gltf(path, [performance_of(project, "squid", rate=20.0)])
     rig = read_gltf(path)
     order = [rig.shape.skeleton.index(name) for name in shape.skeleton.names]
@@ -108,7 +108,7 @@ def test_two_characters_in_one_file():
     project = Project()
     for shape in shapes:
         clip = Clip(shape.id, *_parts(random_clip(random, shape.skeleton)))
-        project, _ = playing(project, shape, clip)
+        project, _ = play_clip(project, shape, clip)
     performances = [performance_of(project, shape.id) for shape in shapes]
     document = checked_glb(glb_of(performances))
     assert [skin["name"] for skin in document["skins"]] == ["one", "two"]
@@ -158,7 +158,7 @@ def test_a_clean_skin_means_the_same(seed):
     indices = random.integers(0, 3, (6, 4)).astype(np.uint16)
     weights = random.uniform(0, 1, (6, 4)).astype(np.float32) * (random.random((6, 4)) < 0.6)
     weights[:, 0] += 0.1
-    bones, shares = clean_skin(indices, weights)
+    bones, shares = normalize_skin(indices, weights)
     for v in range(6):
         for bone in range(3):
             expected = weights[v][indices[v] == bone].sum() / weights[v].sum()

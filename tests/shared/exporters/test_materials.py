@@ -11,7 +11,7 @@ from PIL import Image
 from strict_gltf import checked_glb
 
 from enliven.document import Project, same
-from enliven.example_sessions.mesh import mesh_of
+from enliven.example_sessions.mesh import load_session_mesh
 from enliven.example_sessions.tables import MeshTable
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import glb_of, write_gltf
@@ -197,7 +197,7 @@ def test_a_damaged_material_is_left_out_with_a_note(tmp_path, wood, materials, s
 
 def test_a_session_has_the_materials_of_its_mesh(tmp_path):
     made_file(tmp_path / "square.gltf")
-    mesh = mesh_of(MeshTable("square.gltf"), tmp_path / "square.gltf").mesh
+    mesh = load_session_mesh(MeshTable("square.gltf"), tmp_path / "square.gltf").mesh
     own = read_gltf(tmp_path / "square.gltf").shape.mesh
     assert same(mesh.materials, own.materials) and len(mesh.faces) == len(own.faces)
 

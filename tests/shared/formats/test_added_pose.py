@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.document.clip import joint_places
-from enliven.formats.motion.added_pose import added_frames, without_added_poses
+from enliven.formats.motion.added_pose import count_added_frames, without_added_poses
 from enliven.formats.motion.bvh import read_bvh
 from enliven.rotation import from_rotation_vector, multiply, rotate
 from enliven.takes.files import read_take
@@ -50,7 +50,7 @@ def test_added_pose_is_left_out_at_any_length(seed, held, at_end):
     motion, rest = moving(seed), man().positions - man().positions[0]
     added = np.repeat(rest[None], held, 0)
     both = np.concatenate([motion, added] if at_end else [added, motion])
-    assert added_frames(both, STEP) == ((0, held) if at_end else (held, 0))
+    assert count_added_frames(both, STEP) == ((0, held) if at_end else (held, 0))
 
 
 @settings(deadline=None, max_examples=25)
@@ -58,8 +58,8 @@ def test_added_pose_is_left_out_at_any_length(seed, held, at_end):
 def test_real_motion_is_kept_completely(seed, coarse):
     """At 60 to 15 frames a second, with the pose of its first frame as rest pose or without."""
     motion = moving(seed, 2.0)[::coarse]
-    assert added_frames(motion, STEP * coarse) == (0, 0)
-    assert added_frames(motion, STEP * coarse, motion[0]) == (0, 0)
+    assert count_added_frames(motion, STEP * coarse) == (0, 0)
+    assert count_added_frames(motion, STEP * coarse, motion[0]) == (0, 0)
 
 
 @pytest.mark.parametrize("fade", [2, 4])
@@ -69,8 +69,8 @@ def test_a_rest_pose_that_fades_into_the_motion_is_left_out(fade):
     share = np.arange(fade)[:, None, None] / fade
     faded = (1.0 - share) * rest + share * motion[:1]
     both = np.concatenate([faded, motion])
-    assert abs(added_frames(both, 2 * STEP, rest)[0] - fade) <= 1
-    assert added_frames(both, 2 * STEP)[0] in (0, fade), "half of a jump is never left out"
+    assert abs(count_added_frames(both, 2 * STEP, rest)[0] - fade) <= 1
+    assert count_added_frames(both, 2 * STEP)[0] in (0, fade), "half of a jump is never left out"
 
 
 def test_a_motion_that_begins_fast_is_kept():
@@ -79,14 +79,14 @@ def test_a_motion_that_begins_fast_is_kept():
     kick = np.exp(-((times - 0.05) ** 2) / 0.005) * [0.0, 0.2, 0.4]
     kicked = motion.copy()
     kicked[:, -1:] += kick
-    assert added_frames(kicked, STEP) == (0, 0)
-    assert added_frames(motion + times * [9.0, 0.0, 0.0], STEP) == (0, 0)
+    assert count_added_frames(kicked, STEP) == (0, 0)
+    assert count_added_frames(motion + times * [9.0, 0.0, 0.0], STEP) == (0, 0)
 
 
 def test_a_short_or_still_take_is_kept():
     still = np.repeat(moving(1)[:1], 30, 0)
-    assert added_frames(still, STEP) == (0, 0)
-    assert added_frames(moving(1)[::30], STEP) == (0, 0)
+    assert count_added_frames(still, STEP) == (0, 0)
+    assert count_added_frames(moving(1)[::30], STEP) == (0, 0)
 
 
 def test_omitted_pose_is_reported_and_rest_pose_kept(tmp_path):
@@ -108,4 +108,4 @@ def test_omitted_pose_is_reported_and_rest_pose_kept(tmp_path):
 
 
 def test_a_walk_of_the_tests_is_kept():
-    assert added_frames(joint_places(walk(0.4)), walk(0.4).step) == (0, 0)
+    assert count_added_frames(joint_places(walk(0.4)), walk(0.4).step) == (0, 0)

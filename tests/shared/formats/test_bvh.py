@@ -144,7 +144,7 @@ def test_windows_line_ends_and_a_byte_order_mark_do_not_matter(tmp_path) -> None
 def test_a_row_too_many_is_read_and_noted() -> None:
     capture = parse_bvh(SIMPLE + "2 90 0 0 0 0\n")
     assert capture.frames == 3
-    assert capture.notes == ("2 frames are promised, 3 are there",)
+    assert capture.notes == ("the header states 2 frames, but the file has 3",)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_a_row_too_many_is_read_and_noted() -> None:
         ("OFFSET 0 90 0", "OFFSET 0 90", 4, "2 numbers, expected 3"),
         ("OFFSET 0 90 0", "OFFSET 0 tall 0", 4, "not a number"),
         ("Zrotation", "Wrotation", 5, "channel Wrotation does not exist"),
-        ("CHANNELS 6", "CHANNELS 5", 5, "says 5 and names 6"),
+        ("CHANNELS 6", "CHANNELS 5", 5, "states 5 channels but names 6"),
         ("}\nMOTION", "MOTION", 10, "before the hierarchy is complete"),
         ("Frames: 2", "Frames: two", 12, "expected 'Frames:'"),
         ("0.04", "0", 13, "lasts 0.0 s"),
@@ -230,4 +230,4 @@ def test_names_with_colons_and_signs_are_kept() -> None:
 
 def test_wrapped_rows_too_many_are_noted() -> None:
     capture = parse_bvh(SIMPLE + "2 90\n0 0 0 0\n")
-    assert capture.frames == 3 and capture.notes == ("2 frames are promised, 3 are there",)
+    assert capture.frames == 3 and capture.notes == ("the header states 2 frames, but the file has 3",)

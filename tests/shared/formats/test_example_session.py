@@ -21,7 +21,14 @@ from enliven.document.puppet import PuppetLayer
 from enliven.document.time_map import TimeMap
 from enliven.errors import InputError
 from enliven.example_sessions.session import read_session
-from enliven.example_sessions.tables import INSIDE, ROOT_INSIDE, LayerTable, MeshTable, RootTable, TakeTable
+from enliven.example_sessions.tables import (
+    INNER_TABLES,
+    ROOT_INNER_TABLES,
+    LayerTable,
+    MeshTable,
+    RootTable,
+    TakeTable,
+)
 from enliven.example_sessions.text import session_text, write_session
 from enliven.examples.puppet_motion import motion_of
 from enliven.formats.project.file import write_project
@@ -156,7 +163,10 @@ def test_layer_survives_writing_and_reading(tmp_path_factory, made):
 
 
 def test_a_session_can_say_all_that_a_layer_has():
-    for table, inside, kind in ((LayerTable, INSIDE, PuppetLayer), (RootTable, ROOT_INSIDE, RootLayer)):
+    for table, inside, kind in (
+        (LayerTable, INNER_TABLES, PuppetLayer),
+        (RootTable, ROOT_INNER_TABLES, RootLayer),
+    ):
         sayable = {field.name for field in fields(table)} | {attribute for attribute, _ in inside.values()}
         assert sayable - {"keys"} == {field.name for field in fields(kind)}
 

@@ -19,7 +19,7 @@ from enliven.exporters import performance_of
 from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf import read_gltf
 from enliven.formats.project import read_project, write_project
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 from enliven.modeling.edits import move_character
 from enliven.motion.layers import Player
 from enliven.takes import find_exportables
@@ -119,7 +119,7 @@ def test_trimmed_and_slowed_clips_keep_their_cubic_keys(tmp_path_factory, seed, 
     rig, slow = read_gltf(path), SlowGltf(path)
     # A few random curves turn too fast for frames at 120 Hz. They are sampled from the beginning.
     assume(len(rig.clips[0].cubic) == 4)
-    project, shape = playing(Project(), rig.shape, rig.clips[0])
+    project, shape = play_clip(Project(), rig.shape, rig.clips[0])
     segment = Segment(0.0, last - first, first)
     layers = tuple(replace(layer, segments=(segment,), speed=speed, offset=0.5) for layer in shape.layers)
     shape = shape.with_changes(layers=layers)
@@ -140,7 +140,7 @@ def test_trimmed_and_slowed_clips_keep_their_cubic_keys(tmp_path_factory, seed, 
 def test_a_motion_that_was_edited_is_sampled(tmp_path: Path) -> None:
     path = curved(3).write(tmp_path / "a.glb")
     rig = read_gltf(path)
-    project, shape = playing(Project(), rig.shape, rig.clips[0])
+    project, shape = play_clip(Project(), rig.shape, rig.clips[0])
     posed = shape.modeling.copy()
     posed[2] = [np.cos(0.05), 0.0, 0.0, np.sin(0.05)]
     edits = {
@@ -162,7 +162,7 @@ def test_a_motion_that_was_edited_is_sampled(tmp_path: Path) -> None:
 def test_a_character_that_was_moved_is_written_where_it_is(tmp_path: Path) -> None:
     path = curved(4).write(tmp_path / "a.glb")
     rig, slow = read_gltf(path), SlowGltf(path)
-    project, shape = playing(Project(), rig.shape, rig.clips[0])
+    project, shape = play_clip(Project(), rig.shape, rig.clips[0])
     project = move_character(project, shape.id, [1.0, 0.0, 0.0])
     again = written(tmp_path, performance_of(project, shape.id, 0.0, 0.4, 120.0, keyed=True))
     for seconds in (0.0, 0.2, 0.4):

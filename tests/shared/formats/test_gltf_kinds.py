@@ -22,7 +22,7 @@ from enliven.errors import EnlivenError, InputError
 from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf import read_gltf
 from enliven.formats.project import read_project, write_project
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 from enliven.meshes import load_mesh, save_mesh
 from enliven.motion.layers import Player
 from enliven.takes import find_exportables
@@ -43,7 +43,7 @@ STILL = ["quantised", "sparse", "two_skins", "flat_matrix", "outside_the_scene",
 
 def seen(rig, clip, seconds):
     """(V, 3) metres, the model at a time of one of its clips."""
-    project, shape = playing(Project(), rig.shape, clip)
+    project, shape = play_clip(Project(), rig.shape, clip)
     return skin_vertices(character_of(shape), Player(project, shape.id).pose(seconds))
 
 
@@ -112,7 +112,7 @@ def test_a_mirroring_that_comes_and_goes_is_played_saved_and_written(tmp_path):
         glb_of([find_exportables(path).items[1].sample(0, None, None, False, True)])
     )
     again = SlowGltf(tmp_path / "b.glb")
-    project, shape = playing(Project(), rig.shape, rig.clips[1])
+    project, shape = play_clip(Project(), rig.shape, rig.clips[1])
     write_project(tmp_path / "c.enliven", project)
     kept = Player(read_project(tmp_path / "c.enliven"), shape.id)
     for seconds in (0.0, 0.39, 0.41, 0.7, 0.99, 1.0):
@@ -295,7 +295,7 @@ def test_written_file_keeps_keys_and_jumps(tmp_path, number):
         np.testing.assert_allclose(again.vertices_at(0, seconds), expected, atol=3e-4)
     ways = {sampler["interpolation"] for sampler in again.json["animations"][0]["samplers"]}
     assert ways == {("LINEAR", "STEP", "CUBICSPLINE")[number]}
-    project, shape = playing(Project(), read_gltf(path).shape, read_gltf(path).clips[number])
+    project, shape = play_clip(Project(), read_gltf(path).shape, read_gltf(path).clips[number])
     for seconds in near.tolist():
         shown = skin_vertices(character_of(shape), Player(project, shape.id).pose(seconds))
         np.testing.assert_allclose(shown, slow.vertices_at(number, begin + seconds), atol=2e-3)

@@ -20,15 +20,15 @@ from enliven.document.project import Project
 from enliven.document.rigged import character_of
 from enliven.errors import InputError
 from enliven.formats.gltf.read import read_gltf
-from enliven.formats.rig.rig import playing
+from enliven.formats.rig.rig import play_clip
 from enliven.meshes import load_mesh
-from enliven.meshes.gltf.parts import strongest
+from enliven.meshes.gltf.parts import strongest_influences
 from enliven.motion.layers.evaluate import Player
 
 
 def vertices_of(rig, clip, frame):
     """(V, 3) the model at a frame of a clip, by our own evaluation and skinning."""
-    project, shape = playing(Project(), rig.shape, clip)
+    project, shape = play_clip(Project(), rig.shape, clip)
     return skin_vertices(character_of(shape), Player(project, shape.id).pose(frame * clip.step))
 
 
@@ -154,7 +154,7 @@ def test_a_foot_under_a_controller_hangs_on_the_shin(tmp_path):
     rig = read_gltf(gltf.write(tmp_path / "leg.gltf"))
     skeleton = rig.shape.skeleton
     assert skeleton.names == ("hip", "shin", "foot", "foot end")
-    assert "hung on the joints that they follow: foot on shin" in rig.notes
+    assert "attached to the joints that they follow: foot on shin" in rig.notes
     slow = SlowGltf(tmp_path / "leg.gltf")
     (clip,) = rig.clips
     for frame in range(0, len(clip.turns), 3):
@@ -219,7 +219,7 @@ def test_colours_come_from_factor_texture_and_vertex(tmp_path):
 def test_the_four_largest_weights_are_kept(seed, width):
     random = np.random.default_rng(seed)
     joints, weights = random.integers(0, 6, (5, width)), random.uniform(0, 1, (5, width))
-    four, shares = strongest(joints, weights)
+    four, shares = strongest_influences(joints, weights)
     assert np.allclose(shares.sum(1), 1)
     for v in range(5):
         total: dict[int, float] = {}
@@ -236,7 +236,7 @@ def test_a_model_without_a_rig_gets_one_bone(tmp_path):
     del gltf.json["skins"], gltf.json["nodes"][2]["skin"]
     rig = read_gltf(gltf.write(tmp_path / "still.gltf"), height=3.0, floor=True)
     np.testing.assert_allclose(rig.shape.skeleton.positions[:, 1], [0, 3])
-    assert rig.notes == ("it has no rig: it is given one bone, from its foot to its top",)
+    assert rig.notes == ("it has no rig: it gets one bone, from its bottom to its top",)
 
 
 @pytest.mark.parametrize(

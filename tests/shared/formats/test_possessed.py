@@ -8,7 +8,7 @@ import pytest
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.document.puppet import PuppetLayer, character_of_puppet
 from enliven.errors import InputError
-from enliven.examples.baking.frames import SurfaceFrames, states_of
+from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
 from enliven.examples.puppet_motion import pose_of_state, state_of
 from enliven.modeling.edits import paste_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
@@ -119,7 +119,7 @@ def test_a_puppet_that_was_performed_moves_again_within_the_stated_error(tmp_pat
     assert "'bean'" in note and "% of its size" in note
     shape = read.graph("bean")
     assert len(shape.positions) > 4 and read.streams["bean"].duration == pytest.approx(39 * STEP, abs=1e-3)
-    places, turns, roots = states_of(project, puppet, seconds)
+    places, turns, roots = evaluate_states(project, puppet, seconds)
     size = np.linalg.norm(np.ptp(puppet.mesh.vertices, axis=0))
     for frame, vertices in enumerate(SurfaceFrames(puppet, places)()):
         if frame % 13 == 0:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from enliven.formats.rig.rig_links import LinkBody
-from enliven.formats.rig.rig_tree import tree_of
+from enliven.formats.rig.rig_tree import build_tree
 
 
 def bodies(*joints):
@@ -27,7 +27,7 @@ def test_a_head_with_two_ears_follows_neither():
         ("ear.L", 2, (0.3, 1.9, 0)),
         ("ear.R", 2, (-0.3, 1.9, 0)),
     )
-    tree = tree_of(skeleton_bodies, 2.0)
+    tree = build_tree(skeleton_bodies, 2.0)
     assert follows(skeleton_bodies, tree, "head") == "head end"
     own = tree.skeleton.index("head end")
     assert tree.driver[own] == 2
@@ -48,7 +48,7 @@ def test_a_chest_follows_the_neck_not_a_shoulder(arms):
         ("hand.L", 4, (arms, -1, 1.8)),
         ("hand.R", 5, (-arms, -1, 1.8)),
     )
-    assert follows(skeleton_bodies, tree_of(skeleton_bodies, 3.0), "chest") == "neck"
+    assert follows(skeleton_bodies, build_tree(skeleton_bodies, 3.0), "chest") == "neck"
 
 
 def test_a_joint_that_only_forks_gets_no_bone():
@@ -56,4 +56,4 @@ def test_a_joint_that_only_forks_gets_no_bone():
         ("hips", -1, (0, 0, 0)), ("a", 0, (0, 1, 0)), ("b", 1, (1, 2, 0)), ("c", 1, (-1, 2, 0))
     )
     skeleton_bodies[1].mass = 0.0
-    assert "a end" not in tree_of(skeleton_bodies, 2.0).skeleton.names
+    assert "a end" not in build_tree(skeleton_bodies, 2.0).skeleton.names

@@ -23,7 +23,7 @@ from enliven.exporters.gltf import glb_of
 from enliven.formats.gltf.read import read_gltf
 from enliven.formats.motion.bvh import parse_bvh
 from enliven.formats.project import read_project, write_project
-from enliven.formats.rig import playing, resized
+from enliven.formats.rig import play_clip, scale_to_height
 from enliven.modeling.edits import mirror_character, scale_character
 from enliven.modeling.rigged import insert_node, merge
 from enliven.modeling.rigged.cutting import cut_bone
@@ -43,7 +43,7 @@ def model(folder, seed, uneven=0.2):
     """A random stretched rig, its file, and a project in which its own clip plays."""
     path = random_rig(seed, folder / f"{seed}.gltf", stretched=uneven)
     rig = read_gltf(path)
-    project, shape = playing(Project(), rig.shape, rig.clips[0])
+    project, shape = play_clip(Project(), rig.shape, rig.clips[0])
     return path, rig, project, shape
 
 
@@ -79,7 +79,7 @@ def test_written_file_matches_displayed_motion(folder, seed):
     clip = rig.clips[0]
     target.write_bytes(glb_of([performance_of(project, shape.id, rate=1.0 / clip.step)]))
     slow, reread = SlowGltf(target), read_gltf(target)
-    played, other = playing(Project(), reread.shape, reread.clips[0])
+    played, other = play_clip(Project(), reread.shape, reread.clips[0])
     for frame in (0, 4, len(clip.turns) - 1):
         places = seen(project, shape.id, frame * clip.step)
         size = max(size_of(shape), np.ptp(places))
@@ -198,7 +198,7 @@ def test_a_bvh_has_the_places_that_its_joints_move_to(folder):
 
 def test_a_model_that_is_resized_keeps_its_motion(folder):
     _, rig, project, shape = model(folder, 21)
-    large = resized(rig, 3.0 * float(np.ptp(shape.mesh.vertices[:, 1])))
-    played, other = playing(Project(), large.shape, large.clips[0])
+    large = scale_to_height(rig, 3.0 * float(np.ptp(shape.mesh.vertices[:, 1])))
+    played, other = play_clip(Project(), large.shape, large.clips[0])
     before = seen(project, shape.id, 0.25)
     agree(seen(played, other.id, 0.25), 3.0 * before, 3.0 * np.ptp(before))

@@ -10,7 +10,7 @@ from made_bodies import body, horse, man, snake, spider, turned_body
 
 from enliven.document.skeleton import Skeleton, skeleton_of
 from enliven.mapping.anatomy import anatomy_of
-from enliven.mapping.facing import facing_of, side_of, turned_about_y
+from enliven.mapping.facing import facing_of, rotate_about_y, side_of
 
 ANGLES = st.floats(-np.pi + 0.01, np.pi - 0.01)
 
@@ -128,7 +128,7 @@ def test_parts_do_not_depend_on_size_place_heading_or_order(seed, angle, scale):
 
 
 def test_turning_level_is_about_the_upright():
-    np.testing.assert_allclose(turned_about_y(np.array([0.0, 2.0, 1.0]), np.pi / 2), [1, 2, 0], atol=1e-12)
+    np.testing.assert_allclose(rotate_about_y(np.array([0.0, 2.0, 1.0]), np.pi / 2), [1, 2, 0], atol=1e-12)
 
 
 def test_a_single_bone_is_a_head():

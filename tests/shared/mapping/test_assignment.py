@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from made_bodies import horse, man, snake, spider
 
 from enliven.mapping.anatomy import anatomy_of
-from enliven.mapping.assignment import Drive, assigned, joints_at_one_arc, matching_joints, split
+from enliven.mapping.assignment import Drive, assign_limbs, joints_at_one_arc, matching_joints, split_drive
 
 
 def told(source, target):
     """For each role the last joints of both chains."""
-    drives = assigned(anatomy_of(source), anatomy_of(target))
+    drives = assign_limbs(anatomy_of(source), anatomy_of(target))
     return {d.role: (source.names[d.source[-1]], target.names[d.target[-1]]) for d in drives}
 
 
@@ -64,7 +64,7 @@ def test_a_split_is_in_order_and_covers_both(seed):
     random = np.random.default_rng(seed)
     first, second = ([0.0, *np.sort(random.uniform(0, 1, random.integers(0, 5))).tolist(), 1.0] for _ in "ab")
     drive = Drive(tuple(range(len(first))), tuple(range(100, 100 + len(second))), "limb", (77,))
-    pieces = split(drive, joints_at_one_arc(first, second, 0.15))
+    pieces = split_drive(drive, joints_at_one_arc(first, second, 0.15))
     assert pieces[0].source[:2] == (77, 0)
     rebuilt = list(pieces[0].source[1:])
     for piece in pieces[1:]:

@@ -17,15 +17,15 @@ from enliven.mapping.applying import apply_plan, source_anatomy
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.plan import ChainPlan, Plan
 from enliven.mapping.resting import (
-    at_moment,
     first_heading,
     hanging_pose,
     mean_pose,
     mean_turn,
-    posed,
-    rebased,
+    pose_at,
+    pose_skeleton,
+    rebase,
 )
-from enliven.mapping.softening import softened
+from enliven.mapping.softening import soften_plan
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply, normalized, rotate, swing
 
@@ -34,7 +34,7 @@ SEEDS = st.integers(0, 10_000)
 
 def joints_of(clip, frame):
     """(N, 3) where a clip's joints are, its root at rest."""
-    return posed(clip.skeleton, clip.turns[frame]).positions
+    return pose_skeleton(clip.skeleton, clip.turns[frame]).positions
 
 
 def made_joints(made, time):
@@ -110,10 +110,10 @@ def test_another_rest_pose_changes_nothing_of_where_joints_are(seed):
     clip = random_motion(random, horse(), size=1.0)
     for since in (
         mean_pose(clip),
-        at_moment(clip, 0.3),
+        pose_at(clip, 0.3),
         normalized(random.normal(size=(len(horse()), 4))),
     ):
-        other = rebased(clip, since)
+        other = rebase(clip, since)
         for frame in (0, 4):
             np.testing.assert_allclose(joints_of(other, frame), joints_of(clip, frame), atol=1e-9)
 
@@ -142,7 +142,7 @@ def test_modes_by_build():
 def test_the_anatomy_of_a_take_that_rests_in_a_bad_pose():
     """Walkers whose file rests in mid-stride are known by how they are built."""
     clip = random_motion(np.random.default_rng(4), man())
-    strange = rebased(clip, at_moment(clip, 0.3))
+    strange = rebase(clip, pose_at(clip, 0.3))
     assert len(source_anatomy(strange).pairs) == 2
 
 
@@ -305,4 +305,4 @@ def test_stretches_of_a_take_go_on_to_another_body_where_that_is_asked_for():
         joints = Player(result.project, "giant").at(0.3).joints
         lengths.append(np.linalg.norm(joints[wrist] - joints[elbow]) / rest)
     assert lengths == pytest.approx([1.0, 1.5], abs=0.02)
-    assert softened(replace(automatic(clip, shape), stretch=True), clip, shape).stretch
+    assert soften_plan(replace(automatic(clip, shape), stretch=True), clip, shape).stretch

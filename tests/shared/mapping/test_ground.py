@@ -11,7 +11,14 @@ from made_bodies import horse, man, meshed, random_motion, snake, spider, walk
 from enliven.document.clip import Clip
 from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import automatic, retarget
-from enliven.mapping.ground import body_points, clearance, floor_of, levelled, stands, surfaces
+from enliven.mapping.ground import (
+    body_points,
+    clearance,
+    floor_of,
+    level_root,
+    posed_surfaces,
+    stands_on_floor,
+)
 from enliven.mapping.quality import quality_of
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply, rotate
@@ -20,7 +27,7 @@ SEEDS = st.integers(0, 10_000)
 
 
 def lowest(made, times):
-    return np.array([at[:, 1].min() for at in surfaces(made.project, made.shape_id, times)])
+    return np.array([at[:, 1].min() for at in posed_surfaces(made.project, made.shape_id, times)])
 
 
 @settings(max_examples=4, deadline=None)
@@ -62,9 +69,9 @@ def test_a_leap_is_a_leap_and_a_handstand_stands():
 def test_what_swims_or_flies_keeps_its_height():
     clip, shape = random_motion(np.random.default_rng(2), man()), meshed("snake", snake())
     raised = replace(snake(), positions=snake().positions + np.array([0.0, 3.0, 0.0]))
-    assert stands(meshed("horse", horse()))
+    assert stands_on_floor(meshed("horse", horse()))
     flying = meshed("flying", raised)
-    assert not stands(flying)
+    assert not stands_on_floor(flying)
     result = retarget(flying, clip)
     assert result.project.shape("flying").travel is None
     still = Player(result.project, "flying").root(np.array([0.0, 0.5]))
@@ -77,7 +84,7 @@ def test_what_swims_or_flies_keeps_its_height():
 def test_a_levelled_take_only_heads_and_its_limbs_stay(seed):
     skeleton = man()
     clip = random_motion(np.random.default_rng(seed), skeleton, size=0.6)
-    level = levelled(clip, skeleton.index("chest"))
+    level = level_root(clip, skeleton.index("chest"))
     up = rotate(level.turns[:, 0], np.array([0.0, 1.0, 0.0]))
     np.testing.assert_allclose(up, np.tile([0.0, 1.0, 0.0], (len(up), 1)), atol=1e-12)
     np.testing.assert_array_equal(level.turns[:, 1:], clip.turns[:, 1:])
@@ -87,7 +94,7 @@ def test_upside_down_it_heads_where_it_did():
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (3, len(man()), 1))
     turns[0] = from_rotation_vector(np.array([0.0, 0.7, 0.0]))
     turns[1] = multiply(from_rotation_vector(np.array([np.pi, 0.0, 0.0])), turns[0])
-    level = levelled(Clip("c", man(), turns, np.zeros((3, 3)), 0.1), 2)
+    level = level_root(Clip("c", man(), turns, np.zeros((3, 3)), 0.1), 2)
     np.testing.assert_allclose(level.turns[1, 0], level.turns[0, 0], atol=1e-12)
 
 
@@ -133,7 +140,7 @@ def test_a_weapon_that_reaches_the_floor_is_not_a_foot(name, length):
     np.testing.assert_array_equal(np.flatnonzero(~body), np.arange(len(body))[-3:])
     plan = replace(automatic(clip, shape), travel=True)
     result = retarget(shape, clip, plan)
-    at = np.array(list(surfaces(result.project, "armed", np.linspace(0.0, result.duration, 20))))
+    at = np.array(list(posed_surfaces(result.project, "armed", np.linspace(0.0, result.duration, 20))))
     assert at[:, ~body, 1].min() < floor_of(shape) - 0.2
     np.testing.assert_allclose(at[:, body, 1].min(1), floor_of(shape), atol=0.002)
     quality = quality_of(result.project, "armed", clip, result.duration, plan)

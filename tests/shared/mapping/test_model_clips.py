@@ -13,11 +13,11 @@ from enliven.mapping.automatic_mapping import play_own_take, retarget
 from enliven.mapping.model_clips import (
     clip_to_open,
     is_looping,
-    looped,
+    loop_takes,
+    mute_takes,
     own_clips,
     play_own_clip,
     played_clip,
-    stilled,
 )
 from enliven.modeling.edits import key_handle, scale_character, turn_character
 from enliven.motion.layers.evaluate import Player
@@ -106,7 +106,7 @@ def test_no_clip_leaves_the_model_at_rest_and_keys_stay():
 def test_a_shape_that_is_mapped_again_does_not_move_by_both():
     shape, clip = meshed("man", man()), clips_of(man())[0]
     alone = retarget(shape, clip).project
-    again = stilled(play_own_take(shape, clip).project, "man")
+    again = mute_takes(play_own_take(shape, clip).project, "man")
     again = retarget(again.shape("man"), clip, project=again).project
     times = np.linspace(0.0, clip.duration, 6)
     np.testing.assert_allclose(
@@ -125,4 +125,4 @@ def test_loops_are_exported_until_everything_else_has_ended_and_to_the_end_of_a_
     assert performance.times[-1] >= long.duration
     assert (performance.times[-1] / clip.duration) % 1.0 == pytest.approx(0.0, abs=1e-6)
     assert performance_of(both, "man").times[-1] == pytest.approx(long.duration, abs=1 / 30)
-    assert performance_of(looped(both, "man"), "man").times[-1] == pytest.approx(long.duration, abs=1e-9)
+    assert performance_of(loop_takes(both, "man"), "man").times[-1] == pytest.approx(long.duration, abs=1e-9)

@@ -12,8 +12,16 @@ from made_gaits import HEEL, STEP, TOE, gait, shod
 from enliven.document.clip import joint_places
 from enliven.document.skeleton import Skeleton
 from enliven.mapping.automatic_mapping import automatic, retarget
-from enliven.mapping.ground import floor_of, surfaces
-from enliven.mapping.planting import PosedLeg, Sole, clearance_of, planted, rolling, standing_spans, unspun
+from enliven.mapping.ground import floor_of, posed_surfaces
+from enliven.mapping.planting import (
+    PosedLeg,
+    Sole,
+    contact_clearance,
+    plant_body,
+    remove_spin,
+    rolling_motion,
+    standing_spans,
+)
 from enliven.mapping.quality import quality_of
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply, rotate
@@ -68,7 +76,7 @@ def test_the_foot_that_stands_is_still_and_on_the_floor(seed, speed, longer):
     spans = standing_spans(foot[:, None], root, STEP, 0.85)
     own = (foot - root) * [1.0, 1.0, longer]
     leg = PosedLeg(own[:, [0, 2]], own[:, 1] - 0.03, np.maximum(foot[:, 1] - 0.03, 0.0), 0.85, spans)
-    way, (offset,) = planted([leg], root, STEP, 0.0)
+    way, (offset,) = plant_body([leg], root, STEP, 0.0)
     at = way + own + offset
     for first, last in spans:
         assert np.ptp(at[first : last + 1, [0, 2]], axis=0).max() < 1e-9
@@ -82,7 +90,7 @@ def test_without_contacts_the_body_goes_as_its_performer():
     _, root, _ = steps_of(1.0, 0.5)
     still = np.zeros_like(root)
     leg = PosedLeg(still[:, [0, 2]], still[:, 0], still[:, 0], 0.85, ())
-    way, (offset,) = planted([leg], root, STEP, 0.0)
+    way, (offset,) = plant_body([leg], root, STEP, 0.0)
     np.testing.assert_array_equal(way, root)
     assert not offset.any()
 
@@ -109,7 +117,9 @@ def test_legs_of_other_proportions_keep_their_pose_while_feet_are_planted(shin):
     quality = quality_of(result.project, "man", clip, result.duration, plan)
     legs = [limb for limb in quality.limbs if "thigh" in limb.limb or "shin" in limb.limb]
     assert legs and max(limb.median for limb in legs) < 4.0 and quality.slide < 3.0
-    low = [at[:, 1].min() for at in surfaces(result.project, "man", np.linspace(0.0, result.duration, 20))]
+    low = [
+        at[:, 1].min() for at in posed_surfaces(result.project, "man", np.linspace(0.0, result.duration, 20))
+    ]
     assert min(low) > floor_of(shape) - 1e-3
     free = retarget(shape, clip, replace(plan, pin=False))
     ways = [Player(each.project, "man").root(np.array([0.0, clip.duration])) for each in (result, free)]
@@ -124,7 +134,7 @@ def test_a_wheel_rolls_by_its_radius_times_its_angle(seed, radius):
     rim = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
     around = rim + angles[:, None]
     points = radius * np.stack([0.0 * around, np.cos(around), np.sin(around)], axis=2)
-    rolled, low = rolling(points, 0.02 * radius)
+    rolled, low = rolling_motion(points, 0.02 * radius)
     np.testing.assert_allclose(low, -radius, rtol=1e-3)
     # The lowest point of a wheel that turns towards +Z goes back.
     np.testing.assert_allclose(rolled[:, 1], -radius * (angles - angles[0]), atol=0.01 * radius)
@@ -138,7 +148,7 @@ def test_a_foot_is_as_high_as_it_rose_since_it_stood_on_a_floor_that_drifts(drif
     up = lift * np.clip(np.sin(2.0 * np.pi * times / 0.5), 0.0, None)
     spans = tuple((a, min(a + 15, 89)) for a in range(15, 90, 30))
     heights = (0.1 + drift * times + up)[:, None] + [0.0, 0.05]
-    clear = clearance_of(heights, spans)
+    clear = contact_clearance(heights, spans)
     assert np.abs(clear - up)[15:].max() <= abs(drift) * 0.3 + 1e-9
 
 
@@ -146,7 +156,7 @@ def slide_of(shape, clip, stands, plan):
     """(cm/s, ...) of the lowest points of feet that stand on the floor, and metres of feet in mid-swing."""
     result = retarget(shape, clip, plan)
     moments = np.arange(len(clip.turns)) * STEP
-    at = np.array(list(surfaces(result.project, shape.id, moments))) - [0.0, floor_of(shape), 0.0]
+    at = np.array(list(posed_surfaces(result.project, shape.id, moments))) - [0.0, floor_of(shape), 0.0]
     speeds, swinging = [], []
     for side in (0, 1):
         foot = at[:, len(at[0]) - 24 + 12 * side :][:, :12]
@@ -233,14 +243,14 @@ def test_spin_is_the_turn_about_the_vertical_of_the_part_that_touches(seed):
 def test_a_foot_that_stands_keeps_its_heading_unless_it_turns_far(seed, size):
     random = np.random.default_rng(seed)
     spin, spans = size * np.cumsum(random.normal(size=90)) / 30.0, ((5, 30), (40, 50), (52, 55), (75, 89))
-    turns = unspun(spin, spans, STEP)
+    turns = remove_spin(spin, spans, STEP)
     assert np.abs(turns).max() <= np.radians(30.0) + 1e-12
     for first, last in ((5, 30), (40, 55), (75, 89)):
         heading = (spin + turns)[first : last + 1]
         if np.ptp(spin[first : last + 1]) < np.radians(30.0):
             assert np.ptp(heading) < 1e-12
         assert np.ptp(heading) <= np.ptp(spin[first : last + 1]) + 1e-12
-    assert turns[65] == 0.0 and unspun(spin, (), STEP).max() == 0.0
+    assert turns[65] == 0.0 and remove_spin(spin, (), STEP).max() == 0.0
     # A foot does not jerk into its heading: 30 degrees take 0.1 s, from one contact to the next twice that.
     eased = 2.0 * 1.5 * np.radians(30.0) * STEP / 0.1
     assert np.abs(np.diff(spin + turns)).max() < 2.0 * np.abs(np.diff(spin)).max() + eased

@@ -13,9 +13,9 @@ from enliven.document.clip import Clip
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.applying import facings
 from enliven.mapping.automatic_mapping import automatic, idle_limbs, retarget
-from enliven.mapping.facing import turned_about_y
+from enliven.mapping.facing import rotate_about_y
 from enliven.mapping.pose_error import limb_errors
-from enliven.mapping.quality import POSE, quality_of
+from enliven.mapping.quality import MAX_POSE_DEGREES, quality_of
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector, multiply
 
@@ -41,7 +41,7 @@ def angles_by_hand(made, convention, clip, source_convention):
         ours = joints[:, b] - joints[:, a]
         bones = [theirs.vectors[j] for _ in frames]
         wanted = np.array([_turned(q, v) for q, v in zip(clip.turns[:, j], bones, strict=True)])
-        wanted = turned_about_y(wanted, turn)
+        wanted = rotate_about_y(wanted, turn)
         cosine = np.sum(ours * wanted, 1) / np.linalg.norm(ours, axis=1) / np.linalg.norm(wanted, axis=1)
         angles.append(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
     return np.array(angles).T
@@ -172,7 +172,7 @@ def test_pose_is_the_first_figure_and_says_which_limbs():
     result = retarget(shape, clip, plan)
     bad = quality_of(result.project, "man", clip, result.duration, plan)
     assert {limb.limb for limb in bad.worst_limbs} == {"left upper arm", "left forearm"}
-    assert bad.worst_limbs[0].median > POSE and bad.beyond > good.beyond
+    assert bad.worst_limbs[0].median > MAX_POSE_DEGREES and bad.beyond > good.beyond
 
 
 @settings(max_examples=8, deadline=None, phases=FAST)

@@ -11,8 +11,14 @@ from made_bodies import horse, man, meshed, random_motion, walk, webbed
 from enliven.document.project import Project
 from enliven.mapping.alternatives import next_best
 from enliven.mapping.automatic_mapping import automatic, retarget
-from enliven.mapping.quality import BOUND, LEVEL, SLIDE, quality_of, stretches
-from enliven.mapping.softening import limb_of, softened
+from enliven.mapping.quality import (
+    MAX_FLOOR_DISTANCE,
+    MAX_SLIDE_CM_S,
+    MAX_STRETCH,
+    quality_of,
+    stretch_over_time,
+)
+from enliven.mapping.softening import limb_name, soften_plan
 from enliven.modeling.edits import vertices_of
 
 SEEDS = st.integers(0, 10_000)
@@ -23,7 +29,7 @@ SEEDS = st.integers(0, 10_000)
 def test_stretch_is_that_of_every_edge(seed):
     shape = webbed("horse", horse())
     result = retarget(shape, random_motion(np.random.default_rng(seed), man(), size=0.6))
-    edges, ratios = stretches(result.project, "horse", result.duration)
+    edges, ratios = stretch_over_time(result.project, "horse", result.duration)
     listed = {tuple(sorted((f[a], f[a - 1]))) for f in shape.mesh.faces.tolist() for a in range(3)}
     assert {tuple(edge) for edge in edges.tolist()} == listed
     at = vertices_of(result.project, "horse", result.duration)
@@ -48,26 +54,26 @@ def test_at_rest_all_is_well():
 def test_what_stretches_is_moved_less_on_both_sides_alike(seed):
     shape, clip = webbed("horse", horse()), random_motion(np.random.default_rng(seed), man(), size=1.2)
     plan = automatic(clip, shape)
-    soft = softened(plan, clip, shape)
+    soft = soften_plan(plan, clip, shape)
 
     def stretch(one):
         result = retarget(shape, clip, replace(one, floor=False))
-        return float(np.percentile(stretches(result.project, "horse", result.duration)[1], 99))
+        return float(np.percentile(stretch_over_time(result.project, "horse", result.duration)[1], 99))
 
-    assert stretch(soft) <= max(stretch(plan), BOUND)
-    if stretch(plan) > BOUND:
+    assert stretch(soft) <= max(stretch(plan), MAX_STRETCH)
+    if stretch(plan) > MAX_STRETCH:
         assert stretch(soft) < stretch(plan)
     weights = {}
     for chain in soft.chains:
         if "whole" not in chain.role:
-            weights.setdefault(limb_of(chain), set()).add(chain.weight)
+            weights.setdefault(limb_name(chain), set()).add(chain.weight)
     assert all(len(pair) == 1 and min(pair) >= 0.4 for pair in weights.values())
 
 
 def test_what_does_not_stretch_is_left_alone():
     shape, clip = meshed("horse", horse()), random_motion(np.random.default_rng(3), man())
     plan = automatic(clip, shape)
-    assert softened(plan, clip, shape) == plan
+    assert soften_plan(plan, clip, shape) == plan
 
 
 @pytest.mark.slow
@@ -90,10 +96,10 @@ def test_the_next_best_mapping_is_judged_by_floor_and_slide_and_not_by_stretch_a
     plan = replace(automatic(clip, shape), travel=True, steps=False, floor=False)
     result = retarget(shape, clip, plan)
     before = quality_of(result.project, "horse", clip, result.duration)
-    assert before.sunk > LEVEL and before.slide > SLIDE and before.feet
+    assert before.sunk > MAX_FLOOR_DISTANCE and before.slide > MAX_SLIDE_CM_S and before.feet
     other = next_best(result, shape, before)
     assert other.plan == replace(plan, floor=True) and other.how == "with --floor"
-    assert other.quality.sunk < LEVEL and other.quality.slide < SLIDE
+    assert other.quality.sunk < MAX_FLOOR_DISTANCE and other.quality.slide < MAX_SLIDE_CM_S
     less = tuple(c if "whole" in c.role else replace(c, weight=0.6) for c in plan.chains)
     still = retarget(shape, clip, replace(plan, chains=less))
     least = quality_of(still.project, "horse", clip, still.duration)

@@ -14,7 +14,7 @@ from enliven.document.project import Project
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import write_gltf
 from enliven.formats.gltf.read import read_gltf
-from enliven.formats.rig.rig import playing
+from enliven.formats.rig.rig import play_clip
 from enliven.mapping.automatic_mapping import automatic
 from enliven.mapping.automatic_mapping import retarget as retarget_shape
 from enliven.recording import Recorder
@@ -31,7 +31,7 @@ def files(tmp_path):
     frames = 8.0 * np.sin(np.arange(12)[:, None, None] + np.arange(len(man()))[None, :, None])
     (tmp_path / "walk.bvh").write_text(bvh_text(man(), np.tile(frames, (1, 1, 3))))
     clip = random_motion(np.random.default_rng(0), horse(), name="graze")
-    project, _ = playing(Project(), meshed("horse", horse()), clip)
+    project, _ = play_clip(Project(), meshed("horse", horse()), clip)
     write_gltf(tmp_path / "horse.glb", [performance_of(project, "horse")], "graze")
     write_gltf(tmp_path / "man.glb", [performance_of(Project().with_characters(meshed("man", man())), "man")])
     return tmp_path

@@ -12,9 +12,9 @@ from enliven.document.clip import joint_places
 from enliven.mapping.anatomy import anatomy_of
 from enliven.mapping.automatic_mapping import automatic, retarget
 from enliven.mapping.gait import legs_that_step
-from enliven.mapping.ground import floor_of, surfaces
+from enliven.mapping.ground import floor_of, posed_surfaces
 from enliven.mapping.quality import quality_of
-from enliven.mapping.softening import softened
+from enliven.mapping.softening import soften_plan
 from enliven.motion.layers.evaluate import Player
 from enliven.rotation import from_rotation_vector
 
@@ -72,7 +72,7 @@ def test_pinned_feet_of_what_crawls_step_and_are_on_the_floor(seed):
     gone = np.linalg.norm(joints[-1, 0] - joints[0, 0])
     assert len(legs_that_step(shape, clip, automatic(clip, shape))) == free.shape[1]
     assert np.linalg.norm(held - free, axis=2).max() < 0.12 * gone
-    low = [at[:, 1].min() for at in surfaces(pinned.project, "crawler", np.arange(0, FRAMES, 2) * STEP)]
+    low = [at[:, 1].min() for at in posed_surfaces(pinned.project, "crawler", np.arange(0, FRAMES, 2) * STEP)]
     assert min(low) - floor_of(shape) > -0.015 * tall
     loose = made_of(shape, clip, pin=True, floor=False)
     assert feet(loose)[1][..., 1].min() > -1e-3 * tall, "without the floor kept, feet that hold keep it"
@@ -124,7 +124,7 @@ def test_shorter_strides_go_less_far():
     clip, shape = walk(0.4), meshed("spider", spider())
     far = [np.ptp(feet(made_of(shape, clip, stride=s))[0][:, 0, 2]) for s in (1.0, 0.5)]
     assert far[1] == pytest.approx(far[0] / 2, rel=1e-6)
-    assert softened(automatic(clip, shape), clip, shape).stride <= 1.0
+    assert soften_plan(automatic(clip, shape), clip, shape).stride <= 1.0
 
 
 def gesture(random, reach=1.2):
@@ -149,5 +149,5 @@ def test_forelegs_that_arms_push_down_do_not_lift_the_body(seed, model):
     tall = np.ptp(shape.mesh.vertices[:, 1])
     joints, _ = feet(result)
     assert np.ptp(joints[:, 0, 1]) < 0.02 * tall, "the body stays at one height as the performer's does"
-    low = [at[:, 1].min() for at in surfaces(result.project, model, np.arange(0, FRAMES, 3) * STEP)]
+    low = [at[:, 1].min() for at in posed_surfaces(result.project, model, np.arange(0, FRAMES, 3) * STEP)]
     assert np.abs(np.array(low) - floor_of(shape)).max() < 0.02 * tall

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.errors import InputError
-from enliven.matching.views import ScreenView, best_view, end_on, projected_length
+from enliven.matching.views import ScreenView, best_view, is_end_on, projected_length
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -51,8 +51,8 @@ def test_a_view_without_a_direction_is_refused(direction):
 
 def test_foreshortened_bones_are_reported():
     vectors = np.array([[0.0, 0.0, 1.0], [0.1, 0.0, 1.0], [0.0, 0.5, 1.0], [0.0, 0.0, 0.0]])
-    assert end_on(vectors, ScreenView()).tolist() == [True, True, False, False]
-    assert end_on(vectors, ScreenView(), 0.05).tolist() == [True, False, False, False]
+    assert is_end_on(vectors, ScreenView()).tolist() == [True, True, False, False]
+    assert is_end_on(vectors, ScreenView(), 0.05).tolist() == [True, False, False, False]
 
 
 @given(seeds, st.integers(1, 12))
@@ -77,7 +77,7 @@ def test_a_flat_skeleton_is_seen_from_the_front():
     best = best_view(vectors, ScreenView(np.array([1.0, 0.0, -0.2])))
     np.testing.assert_allclose(best.direction, [0.0, 0.0, -1.0], atol=1e-6)
     np.testing.assert_allclose(best.up, [0.0, 1.0, 0.0], atol=1e-6)
-    assert not end_on(vectors, best).any()
+    assert not is_end_on(vectors, best).any()
 
 
 @given(seeds, st.floats(0.05, 1.2))

@@ -12,7 +12,7 @@ from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.edits import (
     change_layers,
-    feet_while,
+    foot_lock_mode,
     key_characters,
     lock_feet,
     mirror_character,
@@ -97,7 +97,7 @@ def test_held_feet_do_not_slide_and_lift_where_they_were_lifted(speed: float, wa
     assert (slide(before) > 0.04 * speed).all(), "they slide as performed"
     for feet in ("auto", "always"):
         locked = lock_feet(project, "table", [0], feet)
-        assert feet_while(locked.graph("table"), 0) == feet
+        assert foot_lock_mode(locked.graph("table"), 0) == feet
         after = feet_at(locked, times)
         assert (slide(after)[1:] < 1e-3).all()
         assert slide(after[: len(times) // 3])[0] < 1e-3 and after[-1, 0, 1] > 0.2, "a step is taken"
@@ -105,7 +105,7 @@ def test_held_feet_do_not_slide_and_lift_where_they_were_lifted(speed: float, wa
         np.testing.assert_allclose(top[0], top[1], atol=0.5 * speed)
     unlocked = lock_feet(locked, "table", [0], "never")
     np.testing.assert_allclose(feet_at(unlocked, times), before, atol=1e-12)
-    assert feet_while(unlocked.graph("table"), 0) == "never"
+    assert foot_lock_mode(unlocked.graph("table"), 0) == "never"
 
 
 def test_on_the_ground_no_foot_is_below_the_floor_and_none_is_held() -> None:

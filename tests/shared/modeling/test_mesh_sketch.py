@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from mesh_makers import partition_of_unity, volume, watertight
 
 from enliven.errors import InputError
-from enliven.modeling.mesh.cut_loops import winding
-from enliven.modeling.sketching.axis_bones import simplified
+from enliven.modeling.mesh.cut_loops import winding_number
+from enliven.modeling.sketching.axis_bones import simplify_chain
 from enliven.modeling.sketching.outline import _crossing_segments, outline_of
 from enliven.modeling.sketching.sketch import SketchPlane, SketchSettings, shape_from_stroke
 
@@ -44,7 +44,7 @@ def test_a_part_is_closed_even_and_weighted(name):
     np.testing.assert_allclose([low[:2], high[:2]], [outline.min(0), outline.max(0)], atol=0.02 * size)
     # Every joint lies in the outline, every vertex follows a bone that is near.
     for joint in shape.skeleton.positions:
-        assert abs(winding(outline, joint[:2])) > 0.5 and joint[2] == 0
+        assert abs(winding_number(outline, joint[:2])) > 0.5 and joint[2] == 0
 
 
 def test_bones_run_where_the_limbs_are():
@@ -167,13 +167,13 @@ def test_invalid_outline_is_refused_with_a_reason(stroke, why):
 def test_simplification_keeps_corners_and_evens_out_the_rest():
     along = np.linspace(0, 1, 41)
     straight = np.stack([along, 0 * along], 1)
-    assert simplified(straight, np.full(41, 0.1), 0.4, 100) == [0, 40]
-    assert simplified(straight, np.full(41, 0.05), 0.4, 2.5) == [0, 10, 20, 30, 40]
+    assert simplify_chain(straight, np.full(41, 0.1), 0.4, 100) == [0, 40]
+    assert simplify_chain(straight, np.full(41, 0.05), 0.4, 2.5) == [0, 10, 20, 30, 40]
     bent = np.where(along[:, None] < 0.5, [[1.0, 0]] * along[:, None], 0)
     bent = np.stack([np.minimum(along, 0.5), np.maximum(along - 0.5, 0)], 1)
-    assert simplified(bent, np.full(41, 0.1), 0.4, 100) == [0, 20, 40]
+    assert simplify_chain(bent, np.full(41, 0.1), 0.4, 100) == [0, 20, 40]
     cone = 0.02 + 0.3 * along
-    assert len(simplified(straight, cone, 0.3, 100)) > 2
+    assert len(simplify_chain(straight, cone, 0.3, 100)) > 2
 
 
 @settings(max_examples=40, deadline=None)

@@ -15,7 +15,7 @@ from enliven.formats.project import character_bytes
 from enliven.formats.project.file import project_bytes, project_of
 from enliven.meshes import refine, submesh
 from enliven.modeling.edits import (
-    brushed,
+    brush_stiffness,
     copy_character,
     cut_character,
     merge_characters,
@@ -54,7 +54,7 @@ def test_stroke_changes_only_covered_surface(seed, brush, radius):
     rng = np.random.default_rng(seed)
     mesh = painted(seed % 7).graph("block").mesh
     stroke = rng.uniform(-1, 1, (4, 3))
-    after = brushed(mesh, stroke, radius, brush)
+    after = brush_stiffness(mesh, stroke, radius, brush)
     after = np.ones(len(mesh.vertices), np.float32) if after is None else after
     apart = np.linalg.norm(mesh.vertices[:, None] - stroke[None], axis=2).min(1)
     np.testing.assert_array_equal(after[apart >= radius], mesh.stiffness[apart >= radius])
@@ -64,7 +64,7 @@ def test_stroke_changes_only_covered_surface(seed, brush, radius):
     assert (way >= -2e-3).all() and np.abs(ratio).max() <= 4 + 1e-5
     # How often and how slowly it passes a place makes no difference.
     slow = np.repeat(stroke, 3, 0)
-    again = brushed(mesh, slow, radius, brush)
+    again = brush_stiffness(mesh, slow, radius, brush)
     np.testing.assert_array_equal(np.ones(len(after), np.float32) if again is None else again, after)
 
 
@@ -72,8 +72,8 @@ def test_stroke_changes_only_covered_surface(seed, brush, radius):
 @given(SEEDS, st.sampled_from(["stiffer", "softer"]))
 def test_a_mirrored_stroke_paints_both_sides_alike(seed, brush):
     stroke = np.random.default_rng(seed).uniform(-1, 1, (3, 3))
-    after = brushed(MESH, stroke, 0.7, brush, LEFT_AND_RIGHT)
-    other = brushed(MESH, stroke * [-1, 1, 1], 0.7, brush, LEFT_AND_RIGHT)
+    after = brush_stiffness(MESH, stroke, 0.7, brush, LEFT_AND_RIGHT)
+    other = brush_stiffness(MESH, stroke * [-1, 1, 1], 0.7, brush, LEFT_AND_RIGHT)
     assert (after is None) == (other is None)
     if after is not None:
         np.testing.assert_allclose(after, other, rtol=1e-6)

@@ -12,7 +12,7 @@ from tolerances import alike
 from enliven.document.clip import Clip
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
-from enliven.formats.motion.capture import Capture, composed
+from enliven.formats.motion.capture import Capture, forward_kinematics
 from enliven.person.body import Body
 from enliven.person.joints import PARENTS, Joint
 from enliven.rotation import from_rotation_vector, multiply, rotate, slerp, to_matrix
@@ -58,7 +58,7 @@ def a_capture(rng, unit=1.0, carrier=False):
     rotations[:, 0] = np.eye(3)
     offsets = np.tile(offsets * unit, (frames, 1, 1))
     offsets[:, 0, 2] += np.linspace(0, 1, frames) * unit
-    positions, world = composed(PARENTS, offsets, rotations)
+    positions, world = forward_kinematics(PARENTS, offsets, rotations)
     names, parents = tuple(f"joint {i}" for i in range(20)), PARENTS
     if carrier:
         names, parents = ("carrier", *names), (-1, *(p + 1 for p in parents))

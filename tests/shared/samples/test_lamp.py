@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from enliven.deformation.graph.connectivity import weak_edges
+from enliven.deformation.graph.connectivity import find_weak_edges
 from enliven.deformation.graph.graph import DeformationGraph
 from enliven.meshes.kernels import shells
 from enliven.meshes.repair import repair
@@ -68,5 +68,5 @@ def test_its_graph_holds_together(lamp):
                 reached.add(node)
                 fringe.append(node)
     assert len(reached) == len(graph.positions) == 128
-    bridges, _, _ = weak_edges(128, graph.edges)
+    bridges, _, _ = find_weak_edges(128, graph.edges)
     np.testing.assert_array_equal(bridges, graph.bridges)

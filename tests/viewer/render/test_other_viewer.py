@@ -15,7 +15,7 @@ from web_pictures import SIZE, compare
 from enliven.cli import run
 from enliven.document import Character, Project, SkinWeights, character_of
 from enliven.formats.gltf import read_gltf
-from enliven.formats.rig import playing
+from enliven.formats.rig import play_clip
 from enliven.meshes import Mesh, load_mesh, save_mesh
 from enliven.motion.layers import Player
 
@@ -144,7 +144,7 @@ def cubic() -> list[list[float]]:
 def test_a_textured_rig_is_the_same_in_motion(tmp_path: Path) -> None:
     path, out = rigged(tmp_path / "made.gltf"), tmp_path / "out.glb"
     rig = read_gltf(path)
-    project, shape = playing(Project(), rig.shape, rig.clips[0])
+    project, shape = play_clip(Project(), rig.shape, rig.clips[0])
     assert run(["export", str(path), "-o", str(out)]) == 0
     player, times = Player(project, shape.id), [0.0, 0.21, 0.499, 0.7, 1.11, 1.3]
     poses = [player.pose(second) for second in times]

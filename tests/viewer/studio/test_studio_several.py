@@ -11,7 +11,7 @@ from made_acting_stage import acting_stage, pixel_on
 from enliven.document.project import same
 from enliven.modeling.edits import (
     copy_characters,
-    middle_of,
+    group_centre,
     mirror_character,
     mirror_characters,
     scale_character,
@@ -51,7 +51,7 @@ numbers = st.floats(-2.0, 2.0)
 @settings(max_examples=20)
 @given(st.floats(0.2, 4.0), st.tuples(numbers, numbers, numbers), st.integers(0, 2))
 def test_several_are_changed_as_if_they_were_one_body(factor, axis, side) -> None:
-    middle, turn = middle_of(PROJECT, PAIR), from_rotation_vector(np.array(axis))
+    middle, turn = group_centre(PROJECT, PAIR), from_rotation_vector(np.array(axis))
     floor, normal = middle * [1.0, 0.0, 1.0], np.eye(3)[side]
     for change, moved in (
         (lambda p, n: scale_characters(p, n, factor), lambda x: floor + factor * (x - floor)),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from made_acting_stage import acting_stage, two_takes
 
 from enliven.document import same
-from enliven.modeling.edits import takes_beside
+from enliven.modeling.edits import alternative_takes
 from enliven_viewer.studio.timeline import LABELS, RULER, TimelineInput, TimelineLayout
 from enliven_viewer.studio.timeline.layout import EDGE, END, TAKES
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -42,7 +42,7 @@ def test_a_lane_shows_the_take_that_is_heard_and_opens_to_all(stage: Workspace) 
     other = [bar for bar in timeline.layout.bars() if bar.character.id == "limb"][1]
     timeline.press(4.0, other.top + 4)
     timeline.release(0.0)
-    assert takes_beside(stage.editor.project, "take 1") == {"take 1": False, "take 2": True}
+    assert alternative_takes(stage.editor.project, "take 1") == {"take 1": False, "take 2": True}
     timeline.opened = frozenset()
     assert mine(timeline.layout) == ["take 2"]
 
@@ -58,7 +58,7 @@ def test_takes_are_heard_by_turns_dropped_and_kept(stage: Workspace) -> None:
     assert takes.lacks() and not stage.actions.do("takes.drop")
     editor.undo()
     assert stage.actions.do("takes.keep")
-    assert takes_beside(editor.project, "take 1") == {"take 1": True}
+    assert alternative_takes(editor.project, "take 1") == {"take 1": True}
     assert "walk" in editor.project.takes and stage.actions.do("takes.tidy")
     assert set(editor.project.takes) == {"sway", "wave"}
 
@@ -118,7 +118,10 @@ def test_a_take_is_deleted_by_its_row_of_the_list(stage: Workspace) -> None:
     before = editor.project.with_takes(second_take).with_characters(shape.with_changes(layers=tuple(others)))
     editor.edit("other take", lambda _: before)
     takes.delete_row("wave 2")
-    assert takes_beside(editor.project, "take 1") == {"take 1": True} and "wave 2" not in editor.project.takes
+    assert (
+        alternative_takes(editor.project, "take 1") == {"take 1": True}
+        and "wave 2" not in editor.project.takes
+    )
     editor.undo()
     assert same(editor.project, before)
     takes.delete_row("walk")

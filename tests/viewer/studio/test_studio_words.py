@@ -10,7 +10,7 @@ from pathlib import Path
 from made_acting_stage import acting_stage
 
 import enliven_viewer
-from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH
+from enliven.mapping import MAX_FLOOR_DISTANCE, MAX_INTERSECTION, MAX_SLIDE_CM_S, MAX_STRETCH
 from enliven.mapping.quality import LimbError, MotionQuality
 from enliven_edge.controls.base import WORDS
 from enliven_viewer.live.hud import late_words
@@ -99,10 +99,10 @@ def test_motion_quality_is_worded_with_the_place() -> None:
         _Plan(),
         quality(
             limbs=(replace(arm, median=40.0, p90=50.0),),
-            stretch=2 * BOUND,
-            sunk=2 * LEVEL,
-            slide=2 * SLIDE,
-            through=2 * THROUGH,
+            stretch=2 * MAX_STRETCH,
+            sunk=2 * MAX_FLOOR_DISTANCE,
+            slide=2 * MAX_SLIDE_CM_S,
+            through=2 * MAX_INTERSECTION,
         ),
     )
     assert bad == [

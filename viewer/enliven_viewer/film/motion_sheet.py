@@ -12,8 +12,8 @@ import numpy as np
 from enliven.arrays import Float, Float32, UInt8
 from enliven.deformation import skin_vertices
 from enliven.document import Character, Clip, Pose, Project, Shape, Skeleton, character_of, still_shape
-from enliven.exporters import sticks
-from enliven.formats.rig import playing
+from enliven.exporters import stick_mesh
+from enliven.formats.rig import play_clip
 from enliven.mapping import RetargetedShape
 from enliven.motion.layers import Player
 from enliven_viewer.film.sheet import Tile, write_sheet
@@ -79,7 +79,7 @@ def write_rows(
 
 def performer_row(clip: Clip, facing: float, travels: bool, seconds: Sequence[float] | Float) -> MotionRow:
     """Returns the row of a take's own skeleton at given times; ``facing`` is its azimuth in radians."""
-    project, shape = playing(Project(), stick_shape("performer", clip.skeleton), clip)
+    project, shape = play_clip(Project(), stick_shape("performer", clip.skeleton), clip)
     if not travels:
         project = project.with_characters(shape.with_changes(travel=None))
     player = Player(project, shape.id)
@@ -98,7 +98,7 @@ def _take(retargeted: RetargetedShape, times: Float) -> MotionRow:
 
 def stick_shape(name: str, skeleton: Skeleton) -> Shape:
     """Returns a shape that displays a skeleton: a slender double pyramid for every bone."""
-    mesh, skin = sticks(skeleton)
+    mesh, skin = stick_mesh(skeleton)
     if mesh is not None:
         mesh = replace(mesh, name=name, colours=np.tile(np.array(STICK, np.uint8), (len(mesh.vertices), 1)))
     return still_shape(name, skeleton, mesh, skin)

@@ -9,7 +9,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.deformation.arap import PuppetSurface
 from enliven.document import Project, Puppet, character_of_puppet
-from enliven.examples import clock, in_world, motion_of, pose_of_state, state_of
+from enliven.examples import in_world, loop_position, motion_of, pose_of_state, state_of
 from enliven.mapping import facing_of
 from enliven_viewer.film.motion_sheet import SIDE, MotionRow, performer_row, write_rows
 
@@ -45,7 +45,7 @@ def _performer(project: Project, puppet: Puppet, times: Float) -> MotionRow:
     number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)
     layer, motion = puppet.layers[number], motion_of(project, puppet, number)
     clip = project.takes[layer.take]
-    seconds = [clock(layer, motion, time)[0] * clip.step for time in times]
+    seconds = [loop_position(layer, motion, time)[0] * clip.step for time in times]
     return performer_row(clip, facing_of(clip.skeleton), motion.travels, seconds)
 
 

@@ -54,7 +54,7 @@ def is_end_on(scene: Scene, view: CameraView) -> bool:
             for line in row.lines:
                 ahead = line.mean(0) - view.eye if len(line) else rows[0]
                 seen = views.ScreenView(ahead, rows[1])
-                if len(line) and views.end_on(line[-1:] - line[:1], seen, _MIN_VISIBLE_FRACTION)[0]:
+                if len(line) and views.is_end_on(line[-1:] - line[:1], seen, _MIN_VISIBLE_FRACTION)[0]:
                     return True
     return False
 

@@ -19,8 +19,8 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.document import ContactSettings, LocomotionSettings
 from enliven.examples import PuppetTravel, State
-from enliven.examples.spacetime import PathFollower, from_floor, on_floor, stand
-from enliven.mapping import turned_about_y
+from enliven.examples.spacetime import PathFollower, floor_numbers, floor_positions, stand
+from enliven.mapping import rotate_about_y
 from enliven.person import Body, Joint
 
 _SIDES = ((Joint.FOOT_LEFT, Joint.ANKLE_LEFT), (Joint.FOOT_RIGHT, Joint.ANKLE_RIGHT))
@@ -202,21 +202,21 @@ class Locomotion:
         self.root = np.array(root, np.float64)
         self._before, self.anchor = None, -1
         self._roots.clear()
-        self._following, self._from = self._new(), (way, complex(on_floor(self.root)))
+        self._following, self._from = self._new(), (way, complex(floor_numbers(self.root)))
 
     def stands(self, state: State) -> Float:
         """Returns (3,) metres, the centre of the feet, rotated by the yaw and moved to the root, without
         the puppet's own placement."""
         if len(self._feet) == 0:
             return state.root
-        feet = turned_about_y(state.places[self._feet], np.asarray(state.yaw))
+        feet = rotate_about_y(state.places[self._feet], np.asarray(state.yaw))
         return np.asarray(feet.mean(0) + state.root)
 
     def shift(self, by: Float) -> None:
         """Moves the root, including past roots, by (3,) metres."""
         self.root = self.root + by
         self._roots = deque((root + by for root in self._roots), self._roots.maxlen)
-        self._from = self._from[0], self._from[1] + complex(on_floor(by))
+        self._from = self._from[0], self._from[1] + complex(floor_numbers(by))
 
     def go(
         self, places: Float, yaw: float, footing: Footing, size: float, way: complex
@@ -231,7 +231,7 @@ class Locomotion:
         """
         if not self.can_step:
             return places, self.root
-        turned = turned_about_y(places, np.asarray(yaw))
+        turned = rotate_about_y(places, np.asarray(yaw))
         root = self.root.copy()
         if not self._steps.any():
             self._move_without_steps(turned, root)
@@ -249,12 +249,12 @@ class Locomotion:
         """Pulls the root towards the path. Returns the places (P, 3), with standing feet locked."""
         stands = (self._known(footing.stands) | (self._feet == self.anchor)) & footing.touches
         stands = stands[: len(self._following.held)]
-        off = way - self._from[0] - (complex(on_floor(root)) - self._from[1])
-        root += from_floor(self._following.next(off, stands.tolist()))
+        off = way - self._from[0] - (complex(floor_numbers(root)) - self._from[1])
+        root += floor_positions(self._following.next(off, stands.tolist()))
         if not self._following.held:
             return places
         out = places.copy()
-        out[self._feet] += turned_about_y(from_floor(np.array(self._following.held)), np.asarray(-yaw))
+        out[self._feet] += rotate_about_y(floor_positions(np.array(self._following.held)), np.asarray(-yaw))
         return out
 
     def _move_without_steps(self, turned: Float, root: Float) -> None:

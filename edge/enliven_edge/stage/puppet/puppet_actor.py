@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.deformation.constraints import ObservedPoints
 from enliven.document import Pose, Project, Puppet, character_of_puppet
 from enliven.errors import InputError
-from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_of, travel_of
+from enliven.examples import ExampleMap, State, examples_of, pose_of_state, reference_performer, travel_of
 from enliven.person import MIRROR, Body, parse_parts
 from enliven.possession import Actor, Cues, Mode, PoseBlend, make_cues
 from enliven.rotation import rotate
@@ -40,7 +40,7 @@ class PuppetActor(Actor):
         self.settings = settings or PuppetSettings()
         self._project, self._puppet = project, puppet
         self._examples = examples_of(project, puppet)
-        self._retargeting = Retargeting(reference_of(project, puppet), self._examples.joints)
+        self._retargeting = Retargeting(reference_performer(project, puppet), self._examples.joints)
         self.character = character_of_puppet(puppet)
         self.holds: list[ControlPointHold] = []
         can_walk = self.settings.place == "walks"

@@ -6,7 +6,8 @@ in the factor's elimination order.
 
 The state of a vertex is 16 numbers, two cache lines, in ``frames`` (16 V,): the three columns of T_i, then
 the position, each with a fourth number. T_i = s_i R_i in the shape state and V_i R_i in the pose state. The
-fourth number of the first column is the last pose's s - 1 along the main axis; the others are 0.
+fourth number of the first column is the last pose's stretch s - 1 along the main axis. The other fourth
+numbers are 0.
 """
 
 from __future__ import annotations
@@ -22,22 +23,23 @@ from enliven.kernels import njit
 from enliven.lanes import fma4, load4, splat4, store4
 
 _STRETCH_REGULARIZATION = 0.02
-"""Regularization of a cell's stretch towards 1, as a fraction of the cell's size, for cells without extent
-along their main axis."""
+"""Regularization of a cell's stretch towards 1, as a fraction of the cell's size. It matters for cells
+without extent along their main axis."""
 _BLOCK_ROWS = 31
-"""Rows of the pose state's block: polar's first 18, a cell's spread (6), its rest (6) and its size (1)."""
+"""Number of rows of a block of the pose state: 18 of ``polar``, the cell's spread (6), its rest (6) and its
+size (1)."""
 
 
 class Cells(NamedTuple):
-    """The constants of a surface's cells; V vertices, D directed edges.
+    """The constants of a surface's cells, for V vertices and D directed edges.
 
     Attributes:
         start: (V + 1,) the index at which each vertex's edges begin.
-        neighbour: (D,) the other end.
-        spokes: (4 D,) w_ij (v_i - v_j), and w_ij.
-        middle: (4 V,) their sums over each cell.
-        rest: (6 V,) sum of w e eᵀ: xx, xy, xz, yy, yz, zz.
-        size: (V,) its trace.
+        neighbour: (D,) the vertex at the other end of each edge.
+        spokes: (4 D,) for each edge w_ij (v_i - v_j), and w_ij.
+        middle: (4 V,) the sum of the spokes of each cell.
+        rest: (6 V,) for each cell the sum of w e eᵀ at rest: xx, xy, xz, yy, yz, zz.
+        size: (V,) the trace of ``rest``.
         eliminated: (V,) the position of each vertex in elimination order.
     """
 
@@ -50,7 +52,7 @@ class Cells(NamedTuple):
     eliminated: Int32
 
 
-def cells_of(positions: Float, edges: Int, weights: Float, eliminated: Int32) -> Cells:
+def build_cells(positions: Float, edges: Int, weights: Float, eliminated: Int32) -> Cells:
     """Returns the cells of ``positions`` (V, 3) and ``edges`` (E, 2)."""
     count = len(positions)
     ends = np.concatenate([edges, edges[:, ::-1]])

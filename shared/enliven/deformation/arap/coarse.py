@@ -5,7 +5,7 @@ Samples are drawn in a fixed random order. Each is at least one spacing along th
 ones. Missing control points are added. The Voronoi cell of a sample is the set of vertices nearest to it
 along the surface. Where three cells meet in a face of the fine mesh, their samples form a coarse face. Where
 two cells meet otherwise (around a thin limb), their samples are linked. A shell that is smaller than a few
-spacings and has no control point is not sampled. It follows the surface nearest to it.
+spacings and has no control point gets no samples. It follows the nearest surface.
 
 A fine vertex follows the samples near it *along the surface*, so that fingers that touch do not stick. The
 weights are those of R. Franke and G. Nielson, "Smooth interpolation of large sets of scattered data", 1980:
@@ -20,7 +20,7 @@ import numpy as np
 import scipy
 
 from enliven.arrays import Bool, Float, Float32, Int, Int32
-from enliven.deformation.arap.riders import coarse_faces, followed, riding_on, spread, with_riders
+from enliven.deformation.arap.riders import add_tiny_shells, coarse_faces, find_tiny_shells, followed, spread
 from enliven.deformation.graph import dijkstra_workspace, settle_within, ways
 from enliven.errors import InputError
 from enliven.kernels import njit
@@ -28,30 +28,32 @@ from enliven.meshes import Mesh, shells, space_curve, weld
 
 _ERROR_CONTEXT = "puppet surface"
 _SAMPLES_PER_SQUARED_SPACING = 0.45
-"""Samples per squared spacing that dart throwing produces."""
+"""Number of samples per squared spacing that dart throwing produces."""
 _FOLLOW_RADIUS_SPACINGS = 1.5
-"""Spacings within which a vertex follows a sample. One sample is always nearer than 1."""
+"""Maximum distance, in spacings, of a sample that a vertex follows. At least one sample is nearer than 1
+spacing."""
 _MAX_PATH_RATIO = 1.25
 """Maximum ratio of a path along edges to the straight distance for the path to count as straight."""
-_MOST_ROUNDS = 6
-"""Maximum number of corrections of the spacing. After that, the last sample count is accepted even if it
-is more than 15 % off."""
+_MAX_SPACING_CORRECTIONS = 6
+"""Maximum number of corrections of the spacing. After that, the last sample count is accepted, even with an
+error above 15 %."""
 _MIN_SPACING_IN_EDGES = 1.5
 """Minimum spacing of samples in mean edge lengths of the mesh. Below it, nearly all vertices would be
 samples."""
 
 
 class CoarseSampling(NamedTuple):
-    """The samples of a mesh of V vertices, without those of its control points.
+    """The samples of a mesh of V vertices that do not depend on its control points.
 
     Attributes:
-        whole: the welded mesh, W vertices, ordered so that neighbours are near in memory.
+        whole: the welded mesh with W vertices, ordered so that neighbours are near in memory.
         welded: (V,) the vertex of ``whole`` for each vertex.
         net: the edges of ``whole`` as :func:`edges_around` returns them.
         spacing: metres between samples.
         samples: (B,) vertices of ``whole``.
-        riding: (W,) whether each vertex belongs to a tiny shell.
-        start, near, way: CSR over ``whole``: the samples near each vertex, and metres along the surface.
+        riding: (W,) True for vertices of tiny shells, which follow the nearest surface.
+        start, near, way: the samples near each vertex of ``whole`` (CSR), and their distances along the
+            surface in metres.
     """
 
     whole: Mesh
@@ -73,7 +75,7 @@ class Coarse(NamedTuple):
         links: (L, 2) neighbours that share no coarse face.
         held: (P,) the sample of each control point.
         start: (V + 1,) the index at which each vertex's samples begin.
-        near: (K,) the samples that it follows.
+        near: (K,) the samples that each vertex follows.
         weights: (K,) above 0, summing to 1 for each vertex.
         notes: sentences for the user about the sampling.
         base: the samples that do not depend on the control points.
@@ -91,7 +93,7 @@ class Coarse(NamedTuple):
     added: Int
 
 
-def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -> Coarse:
+def sample_coarse_surface(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -> Coarse:
     """Returns about ``count`` samples of the mesh, including those of ``held`` (P,).
 
     Args:
@@ -112,12 +114,12 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
     numbers = order[np.searchsorted(samples, own, sorter=order)]
     if before is not None and before.base is base and np.array_equal(before.added, added):
         return before._replace(held=numbers)
-    start, near, way = _with_more(base, added)
+    start, near, way = _add_samples(base, added)
     points, reach = base.whole.vertices, _FOLLOW_RADIUS_SPACINGS * base.spacing
     faces, links = coarse_faces(base.whole.faces, _nearest_samples(start, near, way))
     start, near, weights = followed(points, points[samples], start, near, way, reach, _MAX_PATH_RATIO)
     if base.riding.any():
-        start, near, weights = with_riders(base.whole, base.riding, start, near, weights)
+        start, near, weights = add_tiny_shells(base.whole, base.riding, start, near, weights)
     start, near, weights = spread(base.welded, start, near, weights)
     coarse = Mesh(points[samples], faces, mesh.name)
     notes = _coarsening_notes(base, len(samples))
@@ -125,10 +127,10 @@ def coarse_of(mesh: Mesh, held: Int, count: int, before: Coarse | None = None) -
 
 
 def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseSampling:
-    """Returns samples of the mesh and their neighbourhoods. Shells at the positions ``awake`` (A, 3) are
-    sampled.
+    """Returns samples of the mesh and their neighbourhoods. Shells at the positions ``awake`` (A, 3) always
+    get samples.
     """
-    whole, welded = _in_order(*weld(mesh))
+    whole, welded = _reorder_along_curve(*weld(mesh))
     net = edges_around(whole.vertices, whole.faces)
     label = shells(whole.faces, len(whole.vertices))
     held = np.empty(0, np.int64)
@@ -136,8 +138,8 @@ def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseS
         held = label[scipy.spatial.cKDTree(whole.vertices).query(awake)[1]]
     spacing = float(np.sqrt(whole.area / (_SAMPLES_PER_SQUARED_SPACING * count)))
     finest = _MIN_SPACING_IN_EDGES * float(net[2].mean()) if len(net[2]) else 0.0
-    for _ in range(_MOST_ROUNDS):
-        riding = riding_on(whole.vertices, label, held, spacing)
+    for _ in range(_MAX_SPACING_CORRECTIONS):
+        riding = find_tiny_shells(whole.vertices, label, held, spacing)
         order = np.random.default_rng(0).permutation(np.flatnonzero(~riding))
         samples = poisson_disk_samples(*net, order, spacing)
         if 0.85 * count <= len(samples) <= 1.15 * count or spacing <= finest:
@@ -147,7 +149,7 @@ def _find_samples(mesh: Mesh, count: int, awake: Float | None = None) -> CoarseS
     return CoarseSampling(whole, welded, net, spacing, samples, riding, *near)
 
 
-def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
+def _reorder_along_curve(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
     """Returns the mesh and its welding, with vertices and faces along a space-filling curve for cache
     locality.
     """
@@ -159,8 +161,9 @@ def _in_order(whole: Mesh, welded: Int) -> tuple[Mesh, Int]:
     return Mesh(whole.vertices[order], faces.astype(np.int32), whole.name), place[welded]
 
 
-def _with_more(base: CoarseSampling, added: Int) -> tuple[Int, Int32, Float]:
-    """Returns the base's CSR with the samples ``added`` (A,), numbered after its own."""
+def _add_samples(base: CoarseSampling, added: Int) -> tuple[Int, Int32, Float]:
+    """Returns the CSR of ``base`` with the additional samples ``added`` (A,), numbered after the existing
+    ones."""
     if not len(added):
         return base.start, base.near, base.way
     limit = _MAX_PATH_RATIO * _FOLLOW_RADIUS_SPACINGS * base.spacing

@@ -5,8 +5,7 @@
     vertices = surface.settle(places)       # independent of earlier frames, for scrubbing and export
 
 A mesh of more than ``coarse_above`` vertices is solved coarsely, on an evenly spread subset of its vertices
-(:mod:`enliven.deformation.arap.coarse`). The other vertices are carried by the cells near them, with all
-detail.
+(:mod:`enliven.deformation.arap.coarse`). The other vertices follow the cells near them, with all detail.
 """
 
 from __future__ import annotations
@@ -18,21 +17,22 @@ from time import perf_counter
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.arap.coarse import Coarse, coarse_of
+from enliven.deformation.arap.coarse import Coarse, sample_coarse_surface
 from enliven.deformation.arap.detail import carry
-from enliven.deformation.arap.guide import Guide, handles_of, rows_of, settle_from_rest
+from enliven.deformation.arap.guide import Guide, handles_from_vertices, settle_from_rest, targets_from_places
 from enliven.deformation.arap.solver import ArapSolver
 from enliven.deformation.arap.surface import check_mesh
-from enliven.deformation.arap.threads import ThreadChoice, shared
+from enliven.deformation.arap.threads import ThreadChoice, run_on_threads
 from enliven.document import ArapSettings
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 
 _ERROR_CONTEXT = "puppet surface"
 _MIN_GUIDE_VERTEX_RATIO = 3
-"""Minimum ratio of the solver's vertices to the guide's for which a guide saves more time than it costs."""
+"""Minimum ratio of the solver's number of vertices to the guide's. Below it, a guide costs more time than it
+saves."""
 _DETAIL_SETTLING_FRAMES = 6
-"""Frames after the guide in which local details settle."""
+"""Number of frames after the guide in which local details converge."""
 
 
 class PuppetSurface:
@@ -43,7 +43,7 @@ class PuppetSurface:
         held: (P,) the vertex of each control point.
         weights: (P,) weight of each control point as a soft handle; None means hard. Without weights, all are
             hard.
-        settings: of the solver.
+        settings: settings of the solver.
 
     Attributes:
         mesh: the given mesh.
@@ -63,8 +63,8 @@ class PuppetSurface:
     ) -> None:
         self.mesh, self._settings = mesh, settings or ArapSettings()
         check_mesh(mesh, self._settings.most_carried)
-        self._aside: PuppetSurface | None = None
-        self._pace = ThreadChoice()
+        self._second_surface: PuppetSurface | None = None
+        self._thread_choice = ThreadChoice()
         self._body: tuple[ArapSolver, Coarse | None] | None = None
         self.hold(held, weights)
 
@@ -80,7 +80,7 @@ class PuppetSurface:
             raise InputError(f"{len(pulls)} weights for {len(vertices)} control points", where=_ERROR_CONTEXT)
         solver, coarse = self._solver_with_coarse(vertices)
         solved = vertices if coarse is None else coarse.held
-        solver.set_handles(handles_of(solved, pulls))
+        solver.set_handles(handles_from_vertices(solved, pulls))
         solver.reset()
         self._solver, self._coarse, self._guide = solver, coarse, None
         if (
@@ -89,19 +89,21 @@ class PuppetSurface:
         ):
             self._guide = Guide(solver, solved, pulls)
         hard = np.array([k for k, weight in enumerate(pulls) if weight is None], np.int64)
-        self._pins = (hard, hard) if coarse is None else _welded_to(coarse.base.welded, vertices, hard)
-        self._body, self._held, self._aside = (solver, coarse), vertices, None
+        self._pins = (
+            (hard, hard) if coarse is None else _find_welded_vertices(coarse.base.welded, vertices, hard)
+        )
+        self._body, self._held, self._second_surface = (solver, coarse), vertices, None
         self.notes = solver.notes if coarse is None else coarse.notes
-        self.pose = _read_only(self.mesh.vertices.copy())
+        self.pose = _as_read_only(self.mesh.vertices.copy())
 
     def _solver_with_coarse(self, held: Int) -> tuple[ArapSolver, Coarse | None]:
-        """Returns the solver and its coarse surface (None: it solves the whole mesh), created if
-        necessary.
+        """Returns the solver and its coarse surface, created if necessary. The surface is None if the solver
+        solves the whole mesh.
         """
         if len(self.mesh.vertices) <= self._settings.coarse_above:
             return (ArapSolver(self.mesh, self._settings), None) if self._body is None else self._body
         before = None if self._body is None else self._body[1]
-        coarse = coarse_of(self.mesh, held, self._settings.coarse_vertices, before)
+        coarse = sample_coarse_surface(self.mesh, held, self._settings.coarse_vertices, before)
         if self._body is not None and before is not None and coarse.mesh is before.mesh:
             return self._body[0], coarse
         return ArapSolver(coarse.mesh, self._settings, coarse.links), coarse
@@ -119,12 +121,12 @@ class PuppetSurface:
             InputError: if the places have the wrong shape, are not finite or are too far away. The last valid
                 pose stays.
         """
-        wanted = self._checked_places(places)
-        if len(wanted):
+        targets = self._checked_places(places)
+        if len(targets):
             if self._guide is not None:
-                self._guide.take(self._solver, wanted)
-            self._solver.solve(rows_of(wanted))
-            self.pose = self._carried_vertices(wanted)
+                self._guide.take(self._solver, targets)
+            self._solver.solve(targets_from_places(targets))
+            self.pose = self._carried_vertices(targets)
         return self.pose
 
     def settle(self, places: Float) -> Float:
@@ -134,27 +136,27 @@ class PuppetSurface:
         Raises:
             InputError: if the places have the wrong shape, or are not finite. The last valid pose stays.
         """
-        wanted = self._checked_places(places)
-        if not len(wanted):
+        targets = self._checked_places(places)
+        if not len(targets):
             return self.pose
-        self._solver.check(rows_of(wanted))
+        self._solver.check(targets_from_places(targets))
         if self._guide is None:
-            settle_from_rest(self._solver, self.mesh.vertices[self._held], wanted)
+            settle_from_rest(self._solver, self.mesh.vertices[self._held], targets)
         else:
-            self._solver.start_from(self._guide.settle(wanted), self._guide.pressure)
+            self._solver.start_from(self._guide.settle(targets), self._guide.pressure)
         for _ in range(_DETAIL_SETTLING_FRAMES):
-            self._solver.solve(rows_of(wanted))
-        self.pose = self._carried_vertices(wanted)
+            self._solver.solve(targets_from_places(targets))
+        self.pose = self._carried_vertices(targets)
         return self.pose
 
-    def aside(self, places: Float) -> Float:
-        """Returns the result of :meth:`settle` from a second solver; the pose of a drag is not changed.
+    def settle_separately(self, places: Float) -> Float:
+        """Returns the result of :meth:`settle` from a second solver, without changing the current pose.
 
-        It may be called from another thread than the other methods, one call at a time.
+        It may be called from another thread than the other methods, but not by two threads at once.
         """
-        if self._aside is None:
-            self._aside = self._twin_surface()
-        return self._aside.settle(places)
+        if self._second_surface is None:
+            self._second_surface = self._twin_surface()
+        return self._second_surface.settle(places)
 
     def _twin_surface(self) -> PuppetSurface:
         """Returns a second surface at rest with the same control points; it shares the factor and the
@@ -165,33 +167,33 @@ class PuppetSurface:
         other._guide = None if self._guide is None else self._guide.twin()
         return other
 
-    def _carried_vertices(self, wanted: Float) -> Float:
+    def _carried_vertices(self, targets: Float) -> Float:
         """Returns (V, 3) the mesh's vertices carried by the solver's pose."""
         coarse = self._coarse
         if coarse is None:
             return self._solver.pose
         out, maps = np.empty_like(self.mesh.vertices), self._solver.maps()
         follow = (maps, coarse.start, coarse.near, coarse.weights, self.mesh.vertices, out)
-        threads, start = self._settings.threads or self._pace.threads(), perf_counter()
-        shared(carry, len(out), threads, *follow)
-        self._pace.note(threads, perf_counter() - start)
+        threads, start = self._settings.threads or self._thread_choice.threads(), perf_counter()
+        run_on_threads(carry, len(out), threads, *follow)
+        self._thread_choice.note(threads, perf_counter() - start)
         vertices, rows = self._pins
-        out[vertices] = wanted[rows]
-        return _read_only(out)
+        out[vertices] = targets[rows]
+        return _as_read_only(out)
 
     def _checked_places(self, places: Float) -> Float:
-        wanted = np.array(places, np.float64)
-        if wanted.shape != (len(self._held), 3):
+        targets = np.array(places, np.float64)
+        if targets.shape != (len(self._held), 3):
             raise InputError(
-                f"places are {wanted.shape}, expected ({len(self._held)}, 3)",
+                f"places are {targets.shape}, expected ({len(self._held)}, 3)",
                 where=_ERROR_CONTEXT,
                 mend="Give one row for each control point.",
             )
-        return wanted
+        return targets
 
 
-def _welded_to(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
-    """Returns (X,) the vertices at the position of a hard control point, and (X,) the number of that
+def _find_welded_vertices(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
+    """Returns (X,) the vertices at the position of a hard control point, and (X,) the number of that control
     point.
     """
     number = np.full(int(welded.max()) + 1, -1)
@@ -201,6 +203,6 @@ def _welded_to(welded: Int, held: Int, hard: Int) -> tuple[Int, Int]:
     return vertices, numbers[vertices]
 
 
-def _read_only(array: Float) -> Float:
+def _as_read_only(array: Float) -> Float:
     array.setflags(write=False)
     return array

@@ -1,8 +1,8 @@
-"""Transfers the detail of a surface from the cells of a coarse one.
+"""Transfers the motion of a coarse surface's cells to a fine surface with all of its detail.
 
-Each cell defines an affine map. It takes the cell's vertex to its solved position, and the surroundings by
-the map that fits the cell's edges best. In directions in which a cell has no extent (the normal of a flat
-one), the map is that of its rotation and volume, V_i R_i.
+Each cell defines an affine map. The map moves the cell's vertex to its solved position, and its linear part
+fits the cell's edges best. In directions in which a cell has no extent (the normal of a flat cell), the map
+is that of its rotation and volume, V_i R_i.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""A sparse Cholesky factor for many solves with three right-hand sides: supernodes, float32, vector
+"""A sparse Cholesky factor for many solves with three right-hand sides, with supernodes in float32 for vector
 registers.
 
 SciPy's SuperLU orders (multiple minimum degree) and factorizes once. Columns with the same pattern are
 gathered into supernodes. Narrow supernodes are merged if that adds few zeros. A supernode is a dense panel,
-cut into blocks of four columns. Its indices are then read once, and a row is four multiplications into one
-register of x, y, z. The triangle on the diagonal is stored inverted, which avoids divisions and their
-latency. Values are float32: the solver only needs corrections, and the next iteration corrects their
-rounding.
+cut into blocks of four columns. So its indices are read only once, and each row takes four multiplications
+into one register of x, y, z. The triangle on the diagonal is stored inverted, which avoids divisions and
+their latency. Values are float32, because the solver only needs corrections, and the next iteration removes
+their rounding errors.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ more multiplications than the merged indices save."""
 
 
 class Factor(NamedTuple):
-    """C with C Cᵀ = A, in elimination order; S supernodes.
+    """The factor C with C Cᵀ = A, in elimination order, with S supernodes.
 
     Attributes:
         order: (V,) the vertex that is eliminated at each position.
@@ -38,9 +38,9 @@ class Factor(NamedTuple):
         value_start: (S + 1,) the index in ``values`` at which its panel begins.
         values: blocks of four columns (the last one padded with zeros): the inverted triangle, then the rows
             below, four numbers per row. A single column is not padded.
-        parent: (S,) the supernode of its first row below; -1 at the root.
+        parent: (S,) the supernode that contains its first row below the diagonal. -1 at the root.
         node_of: (V,) the supernode of each column.
-        tallest: the maximum number of rows of a panel.
+        tallest: the number of rows of the tallest panel.
     """
 
     order: Int

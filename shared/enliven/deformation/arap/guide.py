@@ -1,8 +1,10 @@
-"""A coarse proxy of a surface that finds large bends, for which the fine surface needs hundreds of frames.
+"""A coarse proxy of a surface that solves large bends at once. The fine surface alone would need hundreds of
+frames.
 
 Alternating between rotations and positions propagates a bend by about one edge per iteration. On ten thousand
-vertices, an arm takes hundreds of iterations. A proxy of a few hundred vertices bends at once and carries the
-fine surface along (:mod:`enliven.deformation.arap.detail`). The fine surface then only settles its details.
+vertices, an arm takes hundreds of iterations. A proxy of a few hundred vertices bends at once, and moves the
+fine surface with it (:mod:`enliven.deformation.arap.detail`). After that, only the details of the fine
+surface have to converge.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.deformation.arap.coarse import coarse_of
+from enliven.deformation.arap.coarse import sample_coarse_surface
 from enliven.deformation.arap.detail import carry
 from enliven.deformation.arap.input import Handle
 from enliven.deformation.arap.solver import ArapSolver
@@ -21,16 +23,16 @@ from enliven.meshes import Mesh
 from enliven.rotation import nearest_quaternion, to_matrix
 
 _PATH_STEPS = 24
-"""Steps from rest to the handles' targets: about eight degrees per step for a limb that turns by 180
-degrees."""
+"""Number of steps from rest to the handles' targets: about eight degrees per step for a limb that rotates by
+180 degrees."""
 _SETTLING_FRAMES = 40
-"""Frames at the targets before the last one, in which the proxy converges."""
+"""Number of additional frames at the targets, in which the proxy converges."""
 _PROXY_ITERATIONS = 6
-"""Iterations of the proxy in a frame. It is small, so using more of them than the fine surface costs
-little."""
+"""Number of iterations of the proxy per frame. The proxy is small, so more iterations than on the fine
+surface cost little."""
 _MIN_PROXY_FOLLOW = 0.01
-"""Minimum ``ArapSettings.follow`` of the proxy. If the handles' motion is rigid except for this fraction,
-the whole proxy moves with it."""
+"""Minimum ``ArapSettings.follow`` of the proxy. If the handles' motion is rigid except for this fraction, the
+whole proxy moves with the handles."""
 
 
 class Guide:
@@ -39,7 +41,7 @@ class Guide:
     Args:
         fine: the solver of the mesh.
         held: (P,) the vertex of each control point.
-        weights: (P,) None is hard.
+        weights: (P,) weight of each control point as a soft handle. None means hard.
 
     Attributes:
         carried: (V, 3) metres, the mesh as carried by the proxy.
@@ -53,10 +55,14 @@ class Guide:
     ) -> None:
         mesh, settings = fine.mesh, fine.settings
         faces = np.concatenate([mesh.faces, fine.joints[:, [0, 1, 1]]]).astype(np.int32)
-        self._coarse = coarse_of(Mesh(mesh.vertices, faces, mesh.name), held, settings.guide_vertices)
-        own = replace(settings, iterations=_PROXY_ITERATIONS, follow=max(settings.follow, _MIN_PROXY_FOLLOW))
-        self._solver = ArapSolver(self._coarse.mesh, own, self._coarse.links)
-        self._solver.set_handles(handles_of(self._coarse.held, weights))
+        self._coarse = sample_coarse_surface(
+            Mesh(mesh.vertices, faces, mesh.name), held, settings.guide_vertices
+        )
+        proxy_settings = replace(
+            settings, iterations=_PROXY_ITERATIONS, follow=max(settings.follow, _MIN_PROXY_FOLLOW)
+        )
+        self._solver = ArapSolver(self._coarse.mesh, proxy_settings, self._coarse.links)
+        self._solver.set_handles(handles_from_vertices(self._coarse.held, weights))
         self._rest, self._home, self._places = mesh.vertices, mesh.vertices[held], mesh.vertices[held]
         self.carried = mesh.vertices
 
@@ -68,10 +74,10 @@ class Guide:
         Raises:
             InputError: if the places have the wrong shape, or are not finite; nothing has changed then.
         """
-        self._solver.solve(rows_of(places))
-        turn, _, _ = rigid_between(self._places, places)
+        self._solver.solve(targets_from_places(places))
+        turn, _, _ = fit_rigid_motion(self._places, places)
         before, self.carried, self._places = self.carried, self._carried_vertices(), places
-        fine.go_along(before, self.carried, turn)
+        fine.move_with_proxy(before, self.carried, turn)
 
     def settle(self, places: Float) -> Float:
         """Returns (V, 3) metres, the mesh moved from rest to ``places`` in small steps, independent of
@@ -107,26 +113,26 @@ def settle_from_rest(solver: ArapSolver, home: Float, places: Float) -> None:
     applied in the last step. Spread over the steps, it would press the figure through its own middle.
     """
     solver.reset()
-    turn, old, new = rigid_between(home, places)
+    turn, old, new = fit_rigid_motion(home, places)
     near = (places - new) @ turn + old
     for step in range(1, _PATH_STEPS + 1):
-        solver.solve(rows_of(home + (near - home) * (step / _PATH_STEPS)))
+        solver.solve(targets_from_places(home + (near - home) * (step / _PATH_STEPS)))
     for _ in range(_SETTLING_FRAMES):
         solver.solve()
-    solver.solve(rows_of(places))
+    solver.solve(targets_from_places(places))
 
 
-def handles_of(vertices: Int, weights: Sequence[float | None]) -> list[Handle]:
+def handles_from_vertices(vertices: Int, weights: Sequence[float | None]) -> list[Handle]:
     """Returns one handle per control point, named by its number."""
     return [Handle(str(k), (int(v),), w) for k, (v, w) in enumerate(zip(vertices, weights, strict=True))]
 
 
-def rows_of(places: Float) -> dict[str, Float]:
-    """Returns the targets (P, 3) for :func:`handles_of`."""
+def targets_from_places(places: Float) -> dict[str, Float]:
+    """Returns the targets (P, 3) for :func:`handles_from_vertices`."""
     return {str(k): place[None] for k, place in enumerate(places)}
 
 
-def rigid_between(home: Float, places: Float) -> tuple[Float, Float, Float]:
+def fit_rigid_motion(home: Float, places: Float) -> tuple[Float, Float, Float]:
     """Returns the rotation (3, 3) and the two centres (3,) of the best rigid motion of points (P, 3)."""
     old, new = home.mean(0), places.mean(0)
     covariance = (places - new).T @ (home - old)

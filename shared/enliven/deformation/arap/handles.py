@@ -1,4 +1,4 @@
-"""Adds handles to a factor of the Laplacian alone, exactly and without a new factorization.
+"""Adds handles to a factor of the Laplacian, exactly and without a new factorization.
 
 The factor is of the Laplacian alone (with vertex 0 fixed, which gives one of its solutions). The forces f on
 the handle vertices E and a translation c of the whole are found from
@@ -31,11 +31,11 @@ class HeldVertices(NamedTuple):
     """H handle vertices.
 
     Attributes:
-        places: (H,) each vertex's position in the solver's order.
+        places: (H,) the index of each vertex in the solver's order.
         start: (H + 1,) the index at which its column of U begins.
-        rows: (K,) its positions in elimination order.
-        values: (K,) its values.
-        inverse: (H + 1, H + 1) of the matrix above.
+        rows: (K,) the positions of the column's entries in elimination order.
+        values: (K,) the values of these entries.
+        inverse: (H + 1, H + 1) the inverse of the matrix above.
         soft: (H,) 2 / weight; 0 for a hard handle.
     """
 
@@ -50,12 +50,12 @@ class HeldVertices(NamedTuple):
 def hold(
     factor: Factor, eliminated: Int32, places: Int, soft: Float, known: dict[int, tuple[Int32, Float]]
 ) -> HeldVertices:
-    """Returns the handle vertices at ``places`` (H,), in which no hard one occurs twice.
+    """Returns the handle vertices at ``places`` (H,). No hard one may occur twice.
 
     Args:
         eliminated: (V,) the position of each vertex in elimination order.
         soft: (H,) 2 / weight; 0 for a hard handle.
-        known: cache of columns of U by position, kept for the next change.
+        known: cache of the columns of U by position, which also serves the next change.
     """
     for place in set(places.tolist()) - known.keys():
         known[place] = unit_column(factor, int(eliminated[place]))
@@ -127,13 +127,13 @@ def pull(held, frames, targets, z):
 
 @njit(cache=True, nogil=True)
 def follow(held, frames, shown, targets, share):
-    """Moves the whole with the handles, if one rigid motion explains all but the fraction ``share`` of it
-    (squared).
+    """Moves the whole surface with the handles, if one rigid motion explains their squared motion except for
+    the fraction ``share``.
 
     Without this, a rotation of all handles would reach the inner cells only over many frames.
 
     Args:
-        shown: (V, 3) the positions shown last, which move too.
+        shown: (V, 3) the positions that were shown last. They are moved too.
     """
     count = len(held.places)
     old, new = np.zeros(3), np.zeros(3)

@@ -11,7 +11,7 @@ from enliven.arrays import Float
 from enliven.deformation.arap.surface import PreparedSurface
 from enliven.errors import InputError
 
-WHERE = "deformation"
+ERROR_CONTEXT = "deformation"
 _MAX_HANDLE_DISTANCE_RATIO = 1e3
 """Maximum distance of a handle from the mesh, as a multiple of the mesh's size."""
 
@@ -22,8 +22,9 @@ class Handle:
 
     Attributes:
         name: unique among the solver's handles.
-        vertices: of the mesh.
-        weight: weight of a soft handle, relative to the surface's cotangent weights of about 1; None is hard.
+        vertices: its vertices of the mesh.
+        weight: weight of a soft handle, relative to the surface's cotangent weights of about 1. None means
+            hard.
     """
 
     name: str
@@ -53,7 +54,9 @@ def checked_target(name: str, value: Float, handles: Mapping[str, Handle], surfa
     """Returns (K, 3) the checked target of a handle."""
     if name not in handles:
         handle_names = ", ".join(handles) or "none"
-        raise InputError(f"the handle {name!r} does not exist", where=WHERE, mend=f"Known: {handle_names}.")
+        raise InputError(
+            f"the handle {name!r} does not exist", where=ERROR_CONTEXT, mend=f"Known: {handle_names}."
+        )
     handle = handles[name]
     target = np.array(value, np.float64)
     if target.shape == (3,) and len(handle.vertices) == 1:

@@ -3,10 +3,10 @@
 trace(RᵀS) is largest for the rotation that has the top eigenvector of Horn's traceless symmetric 4x4 matrix K
 of S as its quaternion ("Closed-form solution of absolute orientation using unit quaternions", 1987). With |S|
 = 1, its characteristic polynomial is x⁴ - 2x² - 8 det(S) x + 1 - 4 |cof S|². Laguerre's method starts at the
-square root of 3, which is above every eigenvalue, and descends to the top one. (Newton's method took three
-times as many steps if the next eigenvalue is near.) The eigenvector is a column of the adjugate of K - x. The
-code has no branch and no loop of unknown length, so the compiler vectorizes it. If the top eigenvalue is
-nearly double (cells on a line, inverted cells), a slow but robust method is used.
+square root of 3, which is above every eigenvalue, and descends to the top one. (Newton's method needs three
+times the number of steps if the next eigenvalue is near.) The eigenvector is a column of the adjugate of K -
+x. The code has no branch and no loop of unknown length, so the compiler vectorizes it. If the top eigenvalue
+is nearly double (cells on a line, inverted cells), a slow but robust method is used.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from enliven.kernels import njit
 from enliven.rotation import nearest_quaternion, rotation_matrix
 
 N = 64
-"""Cells of a block. A block is one array; row k of it is ``block[k * N : (k + 1) * N]``."""
+"""Number of cells in a block. A block is one array. Its row k is ``block[k * N : (k + 1) * N]``."""
 S = 0
 """First row of a block's matrix, column by column."""
 R = 9
@@ -29,7 +29,7 @@ TRACE = 18
 CLEAR = 19
 """Row of the derivative of the characteristic polynomial at its top root: 0 if the eigenvalue is double."""
 ROWS = 20
-"""Rows of a block."""
+"""Number of rows of a block."""
 _MAX_UNRELIABLE_DERIVATIVE = 0.05
 """Maximum derivative at which the adjugate is too small for a reliable eigenvector in float64."""
 

@@ -1,4 +1,4 @@
-"""Vertices that follow those of a coarse surface, their weights, and the coarse faces."""
+"""Computes the samples that each vertex of a fine surface follows, their weights, and the coarse faces."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from enliven.kernels import njit
 from enliven.meshes import Mesh, shells
 
 _MAX_DUST_SIZE_SPACINGS = 2.0
-"""Maximum size, in spacings, of a shell that follows the nearest surface as a whole."""
+"""Maximum size, in spacings, of a tiny shell, which follows the nearest surface rigidly."""
 
 
 @njit(cache=True, nogil=True)
@@ -49,8 +49,8 @@ def followed(points, samples, start, near, way, reach, detour):
     return offsets, kept[:size].copy(), weights[:size].copy()
 
 
-def riding_on(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
-    """Returns (W,) whether each vertex is on a small shell (numbered by ``label``) that is not ``awake``."""
+def find_tiny_shells(points: Float, label: Int, awake: Int, spacing: float) -> Bool:
+    """Returns (W,) True for vertices on a tiny shell (numbered by ``label``) that is not ``awake``."""
     count = int(label.max()) + 1
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     for c in range(3):
@@ -71,35 +71,35 @@ def coarse_faces(faces: Int32, nearest: Int) -> tuple[Int32, Int]:
     three = corners[(corners != corners[:, [1, 2, 0]]).all(1)]
     low, middle, high = np.sort(three, 1).T
     coarse = three[np.unique((low * count + middle) * count + high, return_index=True)[1]]
-    pairs = np.setdiff1d(sides_of(corners, count), sides_of(coarse, count))
+    pairs = np.setdiff1d(unique_sides(corners, count), unique_sides(coarse, count))
     pairs = np.stack([pairs // count, pairs % count], 1)
     return coarse.astype(np.int32), pairs[pairs[:, 0] != pairs[:, 1]]
 
 
-def sides_of(corners: Int, count: int) -> Int:
+def unique_sides(corners: Int, count: int) -> Int:
     """Returns (S,) the sides of faces without duplicates, as lower * count + higher."""
     turned = corners[:, [1, 2, 0]]
     return np.unique(np.minimum(corners, turned) * count + np.maximum(corners, turned))
 
 
-def with_riders(
+def add_tiny_shells(
     whole: Mesh, riding: Bool, start: Int, near: Int32, weights: Float32
 ) -> tuple[Int, Int32, Float32]:
-    """Returns the same CSR, in which each tiny shell follows, as a whole, the samples of its nearest
+    """Returns the CSR with tiny shells added. All vertices of a tiny shell follow the samples of its nearest
     surface vertex.
     """
     rest = np.flatnonzero(~riding)
     label = shells(whole.faces, len(whole.vertices))[riding]
     number = np.unique(label, return_inverse=True)[1].reshape(-1)
-    share = np.bincount(number).astype(float)
-    middle = np.stack([np.bincount(number, whole.vertices[riding, c]) / share for c in range(3)], 1)
+    counts = np.bincount(number).astype(float)
+    middle = np.stack([np.bincount(number, whole.vertices[riding, c]) / counts for c in range(3)], 1)
     host = np.arange(len(riding))
     host[riding] = rest[scipy.spatial.cKDTree(whole.vertices[rest]).query(middle)[1]][number]
     return spread(host, start, near, weights)
 
 
 def spread(of: Int, start: Int, near: Int32, weights: Float32) -> tuple[Int, Int32, Float32]:
-    """Returns a CSR with row ``of[v]`` of the given one as row v."""
+    """Returns a CSR with row v equal to row ``of[v]`` of the given CSR."""
     sizes = np.diff(start)[of]
     offsets = np.concatenate([[0], np.cumsum(sizes)])
     rows = np.repeat(start[of] - offsets[:-1], sizes) + np.arange(offsets[-1])

@@ -6,7 +6,7 @@ that share a vertex, or a position, are neighbours and never cross. Faces that o
 not cross either.
 
     crossing = SelfIntersection(mesh)
-    faces = crossing.newly_crossing(surface)       # (K,) that cross and did not at rest
+    faces = crossing.newly_crossing(surface)       # (K,) faces that cross now and did not at rest
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class SelfIntersection:
     """A test of one mesh, pose by pose, for faces that cross.
 
     Args:
-        mesh: at rest; its own crossings are computed at the first query.
+        mesh: the mesh at rest. Its crossings at rest are computed at the first query.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -40,15 +40,15 @@ class SelfIntersection:
         )
 
     def newly_crossing(self, vertices: Float) -> Int:
-        """Returns (K,) those of :meth:`crossing` that do not cross at rest."""
+        """Returns (K,) the faces of :meth:`crossing` that do not cross at rest."""
         if self._rest is None:
             self._rest = self.crossing(self._mesh.vertices)
         return newly_crossing(self._rest, self.crossing(vertices))
 
 
 def newly_crossing(rest_crossings: Int, crossings: Int) -> Int:
-    """Returns (K,) the faces that cross now and did not at rest. A mesh of interpenetrating parts crosses
-    at rest.
+    """Returns (K,) the faces that cross now and did not at rest. A mesh with interpenetrating parts has
+    crossings at rest.
     """
     return np.setdiff1d(crossings, rest_crossings)
 

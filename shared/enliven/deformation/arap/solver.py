@@ -9,11 +9,12 @@ U. Celikcan, I. O. Yaz and T. Capin, "Example-based retargeting of human motion 
 
 A frame takes a few iterations from the last frame's shape. In the shape state, each cell takes its best
 rotation and uniform scale (eq. 4 to 9), which never raises the energy. The last iteration is the pose state's
-(eq. 10 to 13). Its volume-preserving V_i R_i make the pose that is shown, which is never fed back.
+(eq. 10 to 13). Its volume-preserving V_i R_i give the pose that is shown. The next frame does not start from
+this pose.
 
-Each solve gives a correction: the residual of eq. 9 is computed in float64 and solved by a float32 factor.
-Handles are added to the factor exactly (:mod:`enliven.deformation.arap.handles`). Adding one costs less than
-a frame.
+Each solve gives a correction of the positions: the residual of eq. 9 is computed in float64 and solved by a
+float32 factor. Handles are added to the factor exactly (:mod:`enliven.deformation.arap.handles`). Adding one
+costs less than a frame.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ from enliven.arrays import Float, Int, Int32
 from enliven.deformation.arap.cells import residual, turn_and_scale, turn_and_squash
 from enliven.deformation.arap.detail import cell_maps
 from enliven.deformation.arap.handles import HeldVertices, follow, hold, pull
-from enliven.deformation.arap.input import WHERE, Handle, check_handle, checked_target
+from enliven.deformation.arap.input import ERROR_CONTEXT, Handle, check_handle, checked_target
 from enliven.deformation.arap.solves import backward, forward
 from enliven.deformation.arap.step import carry_positions, moved, set_zero, write_pose
-from enliven.deformation.arap.surface import surface_of
-from enliven.deformation.arap.threads import ThreadChoice, shared
+from enliven.deformation.arap.surface import prepare_surface
+from enliven.deformation.arap.threads import ThreadChoice, run_on_threads
 from enliven.deformation.arap.volume import press
 from enliven.document import ArapSettings
 from enliven.errors import InputError
@@ -41,9 +42,9 @@ from enliven.meshes import Mesh
 
 _SAME_TARGET_FRACTION = 1e-6
 """Maximum distance, as a fraction of the mesh's size, at which two hard handles on one vertex agree."""
-_MOST_HELD = 2000
+_MAX_HANDLE_VERTICES = 2000
 """Maximum number of vertices of all handles. A frame multiplies by a dense square matrix of this size."""
-_MOST_KEPT = 4000
+_MAX_CACHED_COLUMNS = 4000
 """Maximum number of cached factor columns of removed handles. Each takes about 10 kB."""
 
 
@@ -54,18 +55,19 @@ class ArapSolver:
         mesh: any triangle mesh, in metres; triangle soups, several shells, open borders and needles are
             allowed.
         settings: may be replaced between frames (all but ``most_vertices``).
-        links: (L, 2) vertices that are connected without a face; no vertex is loose then.
+        links: (L, 2) pairs of vertices that are connected without a face. With links, vertices without a face
+            are allowed.
 
     Attributes:
         notes: sentences about repairs to the mesh.
         pose: (V, 3) the last valid result, read-only.
-        handles: by name.
-        pressure: of the last frame (:mod:`enliven.deformation.arap.volume`).
+        handles: the handles by name.
+        pressure: the pressure in the last frame (:mod:`enliven.deformation.arap.volume`).
     """
 
     def __init__(self, mesh: Mesh, settings: ArapSettings | None = None, links: Int | None = None) -> None:
         self.mesh, self.settings = mesh, settings or ArapSettings()
-        self._surface = surface_of(mesh, self.settings.most_vertices, links)
+        self._surface = prepare_surface(mesh, self.settings.most_vertices, links)
         self.notes = self._surface.notes
         count = len(self._surface.rest)
         self._frames = np.zeros((count, 16))
@@ -73,7 +75,7 @@ class ArapSolver:
         self._z = np.zeros(4 * (count + 4), np.float32)
         self._room = np.zeros(4 * (self._surface.factor.tallest + 4), np.float32)
         self._columns: dict[int, tuple[Int32, Float]] = {}
-        self._pace, self._threads = ThreadChoice(), 1
+        self._thread_choice, self._threads = ThreadChoice(), 1
         self.handles: dict[str, Handle] = {}
         self._held: HeldVertices | None = None
         self._wanted: dict[str, Float] = {}
@@ -95,7 +97,7 @@ class ArapSolver:
             check_handle(handle, self._surface)
         names = [handle.name for handle in handles]
         if len(set(names)) < len(names):
-            raise InputError(f"two handles have one name: {', '.join(names)}", where=WHERE)
+            raise InputError(f"two handles have one name: {', '.join(names)}", where=ERROR_CONTEXT)
         places = np.array([self._surface.place_of[v] for h in handles for v in h.vertices], np.int64)
         soft = np.array([0.0 if h.weight is None else 2.0 / h.weight for h in handles for _ in h.vertices])
         # If several hard handles hold the same vertex, add it only once. solve() checks that their targets
@@ -103,14 +105,14 @@ class ArapSolver:
         chosen = np.ones(len(places), bool)
         hard = np.flatnonzero(soft == 0.0)
         chosen[np.setdiff1d(hard, hard[np.unique(places[hard], return_index=True)[1]])] = False
-        if chosen.sum() > _MOST_HELD:
+        if chosen.sum() > _MAX_HANDLE_VERTICES:
             raise InputError(
-                f"the handles hold {chosen.sum()} vertices, more than {_MOST_HELD}",
-                where=WHERE,
+                f"the handles hold {chosen.sum()} vertices, more than {_MAX_HANDLE_VERTICES}",
+                where=ERROR_CONTEXT,
                 mend="Give fewer vertices per handle; a few dozen are enough.",
             )
         held = None
-        if len(self._columns) > _MOST_KEPT:
+        if len(self._columns) > _MAX_CACHED_COLUMNS:
             self._columns.clear()
         if chosen.any():
             factor, eliminated = self._surface.factor, self._surface.cells.eliminated
@@ -135,9 +137,9 @@ class ArapSolver:
             InputError: if targets have the wrong shape, are not finite or contradict each other. The last
                 valid pose stays.
         """
-        wanted, held, rows = self.check(targets)
+        all_targets, held, rows = self.check(targets)
         settings, surface = self.settings, self._surface
-        self._threads, start = settings.threads or self._pace.threads(), perf_counter()
+        self._threads, start = settings.threads or self._thread_choice.threads(), perf_counter()
         frames = self._frames.reshape(-1)
         follow(held, frames, self._shown, rows, settings.follow)
         for _ in range(max(settings.iterations - settings.squash_and_stretch, 1)):
@@ -155,13 +157,15 @@ class ArapSolver:
         write_pose(frames, self._z, shift, surface.cells.eliminated, surface.place_of, surface.centre, pose)
         if not np.isfinite(pose).all():
             self.start_from(self.pose, 0.0)
-            raise InputError("the handles leave no finite shape", where=WHERE, mend="Move them less far.")
+            raise InputError(
+                "the handles leave no finite shape", where=ERROR_CONTEXT, mend="Move them less far."
+            )
         vertices, of = self._exact
-        pose[vertices] = np.concatenate([wanted[name] for name in self.handles])[of]
+        pose[vertices] = np.concatenate([all_targets[name] for name in self.handles])[of]
         pose.setflags(write=False)
         self._shown[surface.place_of] = pose - surface.centre
-        self._wanted, self.pose = wanted, pose
-        self._pace.note(self._threads, perf_counter() - start)
+        self._wanted, self.pose = all_targets, pose
+        self._thread_choice.note(self._threads, perf_counter() - start)
         return pose
 
     def check(
@@ -170,12 +174,12 @@ class ArapSolver:
         """Returns the targets, handle vertices and rows of :meth:`solve`, with its errors, without
         changing anything.
         """
-        wanted = self._wanted | {
+        all_targets = self._wanted | {
             name: checked_target(name, value, self.handles, self._surface)
             for name, value in (targets or {}).items()
         }
-        held, rows = self._merged_handles(wanted)
-        return wanted, held, rows
+        held, rows = self._merged_handles(all_targets)
+        return all_targets, held, rows
 
     def _fit_cells(self) -> None:
         """Computes each cell's best rotation and scale at the current positions."""
@@ -185,13 +189,13 @@ class ArapSolver:
 
     def _run_over_vertices(self, kernel: Callable[..., Any], *arguments: Any) -> None:
         """Runs the kernel over all vertices."""
-        shared(kernel, len(self._surface.rest), self._threads, *arguments)
+        run_on_threads(kernel, len(self._surface.rest), self._threads, *arguments)
 
     def _solve_global_step(
         self, held: HeldVertices, rows: Float, volume: float = 0.0
     ) -> tuple[float, float, float]:
-        """Writes the correction of eq. 9 (or 13, with a pressure) into ``_z``, and returns the translation
-        of the whole.
+        """Writes the correction of eq. 9 (or 13, with a pressure) into ``_z``, and returns the translation of
+        the whole surface.
         """
         surface, frames = self._surface, self._frames.reshape(-1)
         self._run_over_vertices(residual, surface.cells, frames, self._z)
@@ -220,8 +224,9 @@ class ArapSolver:
         self._frames[self._surface.place_of, 12:15] = shown - self._surface.centre
         self._shown[:] = self._frames[:, 12:15]
 
-    def go_along(self, before: Float, after: Float, turn: Float) -> None:
-        """Carries the shape with a proxy, from the proxy's vertices before (V, 3) to those after (V, 3).
+    def move_with_proxy(self, before: Float, after: Float, turn: Float) -> None:
+        """Moves the shape with a proxy, from the mesh as moved by the proxy before (V, 3) to the mesh after
+        (V, 3).
 
         Args:
             turn: (3, 3) the rotation of the shape's offsets from the proxy.
@@ -255,8 +260,8 @@ class ArapSolver:
         vertices = np.flatnonzero(rows >= 0)
         return vertices, rows[vertices]
 
-    def _merged_handles(self, wanted: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
-        """Returns the handle vertices and (H, 3) targets about the centre.
+    def _merged_handles(self, all_targets: Mapping[str, Float]) -> tuple[HeldVertices, Float]:
+        """Returns the handle vertices and their targets (H, 3), relative to the centre.
 
         Raises:
             InputError: without any handle, or if hard handles contradict each other.
@@ -264,10 +269,10 @@ class ArapSolver:
         if self._held is None:
             raise InputError(
                 "the mesh has no handle",
-                where=WHERE,
+                where=ERROR_CONTEXT,
                 mend="Add a handle; without one the mesh stays at rest.",
             )
-        everything = np.concatenate([wanted[name] for name in self.handles]) - self._surface.centre
+        everything = np.concatenate([all_targets[name] for name in self.handles]) - self._surface.centre
         if len(self._chosen) < len(everything):
             self._check_agreement(everything)
         return self._held, np.ascontiguousarray(everything[self._chosen])
@@ -285,6 +290,6 @@ class ArapSolver:
             if gap > _SAME_TARGET_FRACTION * self._surface.extent:
                 raise InputError(
                     f"handles {names[other]!r} and {names[k]!r} hold the same vertex, {gap:.3g} m apart",
-                    where=WHERE,
+                    where=ERROR_CONTEXT,
                     mend="Remove one, or give it a weight.",
                 )

@@ -1,4 +1,4 @@
-"""Small kernels of a frame: add corrections to positions, and write positions out."""
+"""Small kernels of a frame: they add corrections to positions, and write positions to the output."""
 
 from __future__ import annotations
 

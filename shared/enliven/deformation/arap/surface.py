@@ -1,4 +1,5 @@
-"""Prepares a mesh for deformation: welds it, joins it to one component, reorders and factorizes it."""
+"""Prepares a mesh for deformation: welds it, joins it to one component, reorders it, and factorizes its
+Laplacian."""
 
 from __future__ import annotations
 
@@ -9,25 +10,26 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from enliven.arrays import Bool, Float, Int
-from enliven.deformation.arap.cells import Cells, cells_of
+from enliven.deformation.arap.cells import Cells, build_cells
 from enliven.deformation.arap.factor import Factor, factorise
-from enliven.deformation.arap.volume import Volume, volume_of
-from enliven.deformation.arap.weights import VIRTUAL, surface_edges, virtual_edges
+from enliven.deformation.arap.volume import Volume, enclosed_volume
+from enliven.deformation.arap.weights import VIRTUAL_EDGE_WEIGHT, surface_edges, virtual_edges
 from enliven.deformation.graph import components
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
 
 
 class PreparedSurface(NamedTuple):
-    """A welded, connected, reordered and factorized mesh; V vertices, P places, E edges.
+    """A welded, connected, reordered and factorized mesh of V vertices, with P welded vertices (places) and E
+    edges.
 
     Attributes:
         place_of: (V,) the place of each vertex of the mesh in the solver's order; welded ones share it.
-        rest: (P, 3) metres about ``centre``, in the solver's order.
+        rest: (P, 3) metres relative to ``centre``, the positions at rest in the solver's order.
         centre: (3,) the centre of the mesh's box, so that a mesh far from the origin loses no precision.
         extent: metres, the box's diagonal.
-        loose: (V,) whether each vertex belongs to no face.
-        edges: (E, 2) places; virtual ones last.
+        loose: (V,) True for vertices that belong to no face.
+        edges: (E, 2) pairs of places. Virtual edges are last.
         weights: (E,) above 0.
         joints: (J, 2) vertices of the mesh that are connected without a face.
         volume: the enclosed volume, or None.
@@ -48,7 +50,7 @@ class PreparedSurface(NamedTuple):
     notes: tuple[str, ...]
 
 
-def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> PreparedSurface:
+def prepare_surface(mesh: Mesh, most_vertices: int, links: Int | None = None) -> PreparedSurface:
     """Returns the prepared surface of any mesh that has a face.
 
     Args:
@@ -76,22 +78,22 @@ def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Prep
         notes.append(f"{(~used).sum()} vertices belong to no face; they follow the nearest surface.")
     edges, weights = surface_edges(points, welded.faces)
     edges = np.concatenate([edges, more])
-    weights = np.concatenate([weights, np.full(len(more), VIRTUAL)])
+    weights = np.concatenate([weights, np.full(len(more), VIRTUAL_EDGE_WEIGHT)])
     shells = int(components(len(points), edges).max()) + 1
     links, held = virtual_edges(points, edges)
     if shells > 1:
         notes.append(f"{shells} separate shells were joined by {len(links)} virtual edges.")
     edges, weights = np.concatenate([edges, links]), np.concatenate([weights, held])
     joints = np.unique(of, return_index=True)[1][np.concatenate([more, links])]
-    order = _neighbours_near(len(points), edges)
+    order = _cache_friendly_order(len(points), edges)
     place = np.empty(len(points), np.int64)
     place[order] = np.arange(len(points))
     edges, rest = place[edges], np.ascontiguousarray((points - centre)[order])
     factor = factorise(len(points), edges, weights)
     eliminated = np.empty(len(points), np.int32)
     eliminated[factor.order] = np.arange(len(points))
-    cells = cells_of(rest, edges, weights, eliminated)
-    volume = volume_of(rest, place[welded.faces], cells, factor)
+    cells = build_cells(rest, edges, weights, eliminated)
+    volume = enclosed_volume(rest, place[welded.faces], cells, factor)
     return PreparedSurface(
         place[of],
         rest,
@@ -108,7 +110,7 @@ def surface_of(mesh: Mesh, most_vertices: int, links: Int | None = None) -> Prep
     )
 
 
-def _neighbours_near(count: int, edges: Int) -> Int:
+def _cache_friendly_order(count: int, edges: Int) -> Int:
     """Returns (P,) an order in which the neighbours of a vertex are near in memory."""
     ones = np.ones(len(edges), bool)
     graph = coo_matrix((ones, (edges[:, 0], edges[:, 1])), (count, count)).tocsr()
@@ -116,7 +118,7 @@ def _neighbours_near(count: int, edges: Int) -> Int:
 
 
 def check_mesh(mesh: Mesh, most_vertices: int) -> None:
-    """Rejects a mesh that cannot be deformed.
+    """Raises an error for a mesh that cannot be deformed.
 
     Raises:
         InputError: if there are no faces, positions are not finite, or there are too many vertices.

@@ -2,8 +2,8 @@
 
 The kernels release the global interpreter lock (GIL) and are serial themselves. Calling parallel kernels from
 several threads of one process is not safe on every platform. The range is split into pieces, and each thread
-takes the next piece when it is idle. A second core that is busy with other work then costs less. Small meshes
-stay in one thread. Each piece writes only its own vertices, so the result is the same.
+takes the next piece when it is idle. So a second core that is busy with other work delays a call less. Small
+meshes stay in one thread. Each piece writes only its own vertices, so the result is the same.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from functools import cache
 from typing import Any
 
 _RANGE_PIECES = 8
-"""Pieces of a range. If one thread is delayed, the other one can take most of them."""
+"""Number of pieces of a range. If one thread is delayed, the other one can take most of the pieces."""
 _BLOCK_VERTICES = 64
-"""Vertices per piece are a multiple of this, because the kernels work on blocks of this many cells."""
+"""The number of vertices in a piece is a multiple of this block size of the kernels."""
 _MIN_THREADED_VERTICES = 4000
 """Minimum number of vertices for two threads. Below it, waking the second thread costs as much as it
 saves."""
 _RETIMING_CALLS = 40
 """Number of calls after which the slower thread count is timed again."""
 _TIME_INFLATION_FACTOR = 1.01
-"""Factor on the minimum times per call, so that a past load is forgotten within about 70 calls."""
+"""Factor on the minimum times at each call. So the effect of a past load vanishes within about 70 calls."""
 
 
 class ThreadChoice:
@@ -57,7 +57,7 @@ def _second_thread() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(1, "enliven-arap")
 
 
-def shared(kernel: Callable[..., Any], count: int, threads: int, *arguments: Any) -> None:
+def run_on_threads(kernel: Callable[..., Any], count: int, threads: int, *arguments: Any) -> None:
     """Runs ``kernel(*arguments, first, last)`` over 0 to ``count``, in one or two threads."""
     if threads < 2 or count < _MIN_THREADED_VERTICES:
         kernel(*arguments, 0, count)

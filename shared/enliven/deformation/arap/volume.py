@@ -1,12 +1,12 @@
 """Volume preservation of a closed surface where it is stretched: a pressure in the pose state.
 
-V_i of eq. 12 preserves the volume of a cell, but a surface has none. A ball that is stretched between two
-hands gains length by straightening its curves, which no cell notices, and its volume grows. So the pose state
-has a pressure: eq. 13 with - 4 p Vol(x'). The gradient of Vol at a vertex is a third of its faces' area
-vectors. The pressure acts only where cells are stretched, so that a squashed head does not inflate the tail.
-A single global constraint would do that (J. Huang et al., "Subspace gradient domain mesh deformation", 2006).
-From frame to frame, p approaches the value that restores the rest volume. It is on the right-hand side of the
-pose's solve, so no further solve is needed.
+V_i of eq. 12 preserves the volume of a cell, but the cells of a surface have no volume. If a ball is
+stretched between two hands, its curved surface straightens. No cell is deformed by that, but the volume
+grows. So the pose state has a pressure: eq. 13 with - 4 p Vol(x'). The gradient of Vol at a vertex is a third
+of its faces' area vectors. The pressure acts only where cells are stretched, so that a squashed head does not
+inflate the tail. A single global volume constraint would inflate it (J. Huang et al., "Subspace gradient
+domain mesh deformation", 2006). Over the frames, the pressure p approaches the value that restores the rest
+volume. It only changes the right-hand side of the pose's solve, so no additional solve is needed.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ class Volume(NamedTuple):
 
     Attributes:
         faces: (F, 3) of the solver's places.
-        border: (B,) places at open edges; the volume is computed about their centre. Empty if closed.
+        border: (B,) places at open edges. The volume is computed about their centre. Empty for a closed
+            surface.
         rest: cubic metres at rest, above 0.
         ease: growth of the volume under a pressure of 1 on the whole surface, at rest.
     """
@@ -49,7 +50,7 @@ class Volume(NamedTuple):
     ease: float
 
 
-def volume_of(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume | None:
+def enclosed_volume(rest: Float, faces: Int, cells: Cells, factor: Factor) -> Volume | None:
     """Returns the volume of a surface of places (P, 3), or None if it encloses nothing."""
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1)
     keys, uses = np.unique(sides[:, 0] * len(rest) + sides[:, 1], return_counts=True)

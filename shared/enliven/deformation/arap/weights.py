@@ -19,19 +19,20 @@ from enliven.deformation.graph import components
 
 _MIN_ANGLE_SINE = np.sin(np.radians(1.0))
 """Sine of the smallest angle that is used for cotangents. Thinner triangles would give unbounded weights."""
-LEAST = 0.01
+MIN_EDGE_WEIGHT = 0.01
 """Minimum weight of an edge; an edge of the equilateral triangle has 0.58."""
-VIRTUAL = 0.5
+VIRTUAL_EDGE_WEIGHT = 0.5
 """The weight of an edge that is not in the mesh."""
 _LINKS_PER_SHELL = 4
-"""Number of vertices on each side that link a shell to the next. Three are enough to prevent rotation."""
+"""Number of vertices on each side that link a shell to the next. Three links are enough to prevent a rotation
+of one shell relative to the next."""
 _MAX_EXACTLY_JOINED_SHELLS = 64
 """Maximum number of shells that are joined at their exactly nearest vertices."""
 
 
 def surface_edges(vertices: Float, faces: Int32) -> tuple[Int, Float]:
     """Returns (E, 2) the mesh's edges, lower vertex first, without duplicates, and (E,) weights of at
-    least ``LEAST``.
+    least ``MIN_EDGE_WEIGHT``.
     """
     count = len(vertices)
     ends, halves = [], []
@@ -45,9 +46,9 @@ def surface_edges(vertices: Float, faces: Int32) -> tuple[Int, Float]:
         halves.append(np.clip(cotangent, -1 / _MIN_ANGLE_SINE, 1 / _MIN_ANGLE_SINE) / 2)
     pairs, values = np.concatenate(ends), np.concatenate(halves)
     proper = pairs[:, 0] != pairs[:, 1]
-    keys, where = np.unique(pairs[proper, 0] * count + pairs[proper, 1], return_inverse=True)
-    weights = np.bincount(where.ravel(), values[proper], len(keys))
-    return np.stack([keys // count, keys % count], 1), np.maximum(weights, LEAST)
+    keys, edge_numbers = np.unique(pairs[proper, 0] * count + pairs[proper, 1], return_inverse=True)
+    weights = np.bincount(edge_numbers.ravel(), values[proper], len(keys))
+    return np.stack([keys // count, keys % count], 1), np.maximum(weights, MIN_EDGE_WEIGHT)
 
 
 def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
@@ -74,7 +75,7 @@ def virtual_edges(vertices: Float, edges: Int) -> tuple[Int, Float]:
         label = components(count, np.concatenate([edges, *edge_groups]))
     links = np.concatenate([np.empty((0, 2), np.int64), *edge_groups])
     links = np.unique(np.sort(links, 1), axis=0)
-    return links, np.full(len(links), VIRTUAL)
+    return links, np.full(len(links), VIRTUAL_EDGE_WEIGHT)
 
 
 def _joining_edges(vertices: Float, inside: Int, outside: Int, label: Int) -> Int:

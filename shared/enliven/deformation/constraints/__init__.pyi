@@ -6,4 +6,4 @@ from .observed import (
 )
 from .planes import PlaneConstraints as PlaneConstraints, PointConstraints as PointConstraints
 from .self_contact import SelfContact as SelfContact, SelfContactSettings as SelfContactSettings
-from .soft import joined_planes as joined_planes
+from .soft import join_planes as join_planes

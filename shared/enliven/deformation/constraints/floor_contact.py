@@ -1,8 +1,9 @@
 """Floor contact and foot lock: no part of the mesh sinks into the floor, and a standing foot does not slide.
 
-A mesh can be raised as a whole, by the depth of its lowest point, which keeps its shape and never jumps. Or
-it can be bent by planes. A straight leg that is pushed up from below can bend to either side, and may switch
-from one frame to the next. So bend soft or hanging meshes, and raise meshes that stand on stiff legs.
+There are two methods. A mesh can be raised as a whole by the depth of its lowest point, which keeps its shape
+and never jumps. Or planes can bend the parts that would sink. A straight leg that is pushed up from below can
+bend to either side, and may switch sides from one frame to the next. So bend soft or hanging meshes, and
+raise meshes that stand on stiff legs.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Float, Int
 from enliven.deformation.constraints.planes import PlaneConstraints
-from enliven.deformation.constraints.soft import Points, grid_subsample, joined_planes
+from enliven.deformation.constraints.soft import Points, grid_subsample, join_planes
 from enliven.document import Character
 from enliven.settings import setting
 
@@ -25,7 +26,7 @@ _FEET_SAMPLE_COUNT = 96
 _BODY_SAMPLE_COUNT = 160
 """Number of sample points for the rest of the mesh."""
 _FOOT_HEIGHT_FRACTION = 0.04
-"""Fraction of the height up to which a vertex belongs to a foot."""
+"""Maximum height of a vertex of a foot, as a fraction of the mesh's height."""
 
 
 @dataclass(frozen=True)
@@ -67,27 +68,28 @@ class FloorSettings:
 
 @dataclass
 class Foot:
-    """One foot, and whether it stands.
+    """One foot and its state of contact.
 
     Attributes:
         points: indices of its points among those of the soles.
-        stood: (P, 2) metres, x and z where it stands; None while it does not stand.
-        whole: (N, 2) metres, x and z of all nodes when the foot started to stand.
-        firm: 0..1 how firmly it is locked; while it is released, the remaining fraction of the way to
-            ``drawn``.
-        drawn: (P, 2) metres, x and z where the motion of the whole mesh would take it.
-        since: seconds for which it has been still.
+        contact_points: (P, 2) metres, x and z of its points when it started to stand. None while it does not
+            stand.
+        nodes_at_contact: (N, 2) metres, x and z of all nodes when the foot started to stand.
+        lock_strength: 0..1, the strength of the lock. During a release, it falls as the foot moves to
+            ``free_points``.
+        free_points: (P, 2) metres, x and z of its points if they only followed the motion of the whole mesh.
+        still_seconds: seconds since it became still.
         last: (P, 3) metres, its points in the last frame.
     """
 
     points: Int
-    stood: Float | None = None
-    whole: Float | None = None
-    firm: float = 0.0
-    since: float = 0.0
+    contact_points: Float | None = None
+    nodes_at_contact: Float | None = None
+    lock_strength: float = 0.0
+    still_seconds: float = 0.0
     last: Float | None = None
-    drawn: Float | None = None
-    letting_go: bool = False
+    free_points: Float | None = None
+    is_released: bool = False
 
 
 class FloorContact:
@@ -113,9 +115,9 @@ class FloorContact:
         """Releases all feet, because the mesh was placed elsewhere."""
         self.feet = [Foot(foot.points) for foot in self.feet]
 
-    def raised(self, linear: Float, positions: Float, floor: float = 0.0) -> Float:
-        """Returns (N, 3) metres, the positions, raised together until no point is below the floor; see
-        ``planes``.
+    def raise_above_floor(self, linear: Float, positions: Float, floor: float = 0.0) -> Float:
+        """Returns the positions (N, 3) in metres, all raised until no point is below the floor. Arguments as
+        in ``planes``.
         """
         lowest = float(self._all.moved(linear, positions)[:, 1].min())
         return np.asarray(positions + np.array([0.0, max(min(floor, self._lowest) - lowest, 0.0), 0.0]))
@@ -126,12 +128,12 @@ class FloorContact:
         """Returns the floor's planes for the current mesh.
 
         Args:
-            linear: (N, 3, 3) of the nodes now.
-            positions: (N, 3) of the nodes now.
-            seconds: since the last call.
+            linear: (N, 3, 3) the nodes' current linear parts.
+            positions: (N, 3) metres, the nodes' current positions.
+            seconds: time since the last call.
             floor: metres, the floor's height in the rest space.
         """
-        own = self.settings
+        settings = self.settings
         floor = min(floor, self._lowest)
         now = self._all.moved(linear, positions)
         low = now[:, 1] < floor + 0.1 * self.height
@@ -140,49 +142,63 @@ class FloorContact:
         low[: len(self.soles)] |= low.any()
         near = np.flatnonzero(low)
         up = np.tile([0.0, 1.0, 0.0], (len(near), 1))
-        sets = [self._all.planes(near, up, floor, own.weight, True)]
-        if own.use == "stand":
+        sets = [self._all.planes(near, up, floor, settings.weight, True)]
+        if settings.use == "stand":
             for foot in self.feet:
                 self._update_foot_state(
                     foot, now[foot.points], positions[self._upper][:, [0, 2]], seconds, floor
                 )
-            sets += [planes for foot in self.feet if foot.firm > 0 for planes in self._foot_lock_planes(foot)]
-        return joined_planes(sets)
+            sets += [
+                planes
+                for foot in self.feet
+                if foot.lock_strength > 0
+                for planes in self._foot_lock_planes(foot)
+            ]
+        return join_planes(sets)
 
     def _update_foot_state(self, foot: Foot, now: Float, whole: Float, seconds: float, floor: float) -> None:
         """Updates whether a foot stands, from its points (P, 3), and x and z of the nodes above (M, 2)."""
-        own, tall = self.settings, self.height
+        settings, height = self.settings, self.height
         speed = np.inf
         if foot.last is not None and seconds > 0:
             speed = float(np.linalg.norm((now - foot.last).mean(0))) / seconds
         foot.last = now
-        down = now[:, 1].min() < floor + own.touch * tall
-        if foot.stood is not None and foot.whole is not None:
-            foot.drawn = _carried_points(foot.whole, whole, foot.stood)
-            far = float(np.linalg.norm((foot.drawn - foot.stood).mean(0))) > own.give * tall
-            foot.letting_go = foot.letting_go or not down or far
-        step = seconds / own.ease if own.ease > 0 else 1.0
-        if foot.stood is None:
-            foot.since = foot.since + seconds if down and speed < own.still * tall else 0.0
-            if foot.since > own.dwell:
-                foot.stood, foot.whole = now[:, [0, 2]].copy(), whole
-                foot.firm, foot.letting_go = min(step, 1.0), False
+        down = now[:, 1].min() < floor + settings.touch * height
+        if foot.contact_points is not None and foot.nodes_at_contact is not None:
+            foot.free_points = _carried_points(foot.nodes_at_contact, whole, foot.contact_points)
+            far = (
+                float(np.linalg.norm((foot.free_points - foot.contact_points).mean(0)))
+                > settings.give * height
+            )
+            foot.is_released = foot.is_released or not down or far
+        step = seconds / settings.ease if settings.ease > 0 else 1.0
+        if foot.contact_points is None:
+            foot.still_seconds = (
+                foot.still_seconds + seconds if down and speed < settings.still * height else 0.0
+            )
+            if foot.still_seconds > settings.dwell:
+                foot.contact_points, foot.nodes_at_contact = now[:, [0, 2]].copy(), whole
+                foot.lock_strength, foot.is_released = min(step, 1.0), False
         else:
-            foot.firm = max(0.0, foot.firm - step) if foot.letting_go else min(1.0, foot.firm + step)
-            if foot.firm == 0.0:
-                foot.stood, foot.whole, foot.since = None, None, 0.0
+            foot.lock_strength = (
+                max(0.0, foot.lock_strength - step)
+                if foot.is_released
+                else min(1.0, foot.lock_strength + step)
+            )
+            if foot.lock_strength == 0.0:
+                foot.contact_points, foot.nodes_at_contact, foot.still_seconds = None, None, 0.0
 
     def _foot_lock_planes(self, foot: Foot) -> list[PlaneConstraints]:
-        """Returns planes across x and z that lock a foot in place, or move it towards ``drawn`` during
+        """Returns planes across x and z that lock a foot in place, or move it towards ``free_points`` during
         release.
         """
-        assert foot.stood is not None
-        weight, places = self.settings.weight * foot.firm**4, foot.stood
-        if foot.letting_go and foot.drawn is not None:
-            share = 1.0 - foot.firm
-            share = share * share * (3 - 2 * share)
-            weight = self.settings.weight * foot.firm**2
-            places = places + share * (foot.drawn - places)
+        assert foot.contact_points is not None
+        weight, places = self.settings.weight * foot.lock_strength**4, foot.contact_points
+        if foot.is_released and foot.free_points is not None:
+            release = 1.0 - foot.lock_strength
+            release = release * release * (3 - 2 * release)
+            weight = self.settings.weight * foot.lock_strength**2
+            places = places + release * (foot.free_points - places)
         count = len(foot.points)
         return [
             self.soles.planes(foot.points, np.tile(way, (count, 1)), places[:, k], weight, False)
@@ -191,7 +207,8 @@ class FloorContact:
 
 
 def _carried_points(start: Float, end: Float, points: Float) -> Float:
-    """Returns (P, 2) the points moved like (M, 2) others: rotated and shifted over the floor (Procrustes)."""
+    """Returns (P, 2) ``points``, moved like the points from ``start`` to ``end`` (M, 2): rotated and shifted
+    over the floor (Procrustes)."""
     a, b = start - start.mean(0), end - end.mean(0)
     cosine, sine = float((a * b).sum()), float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
     length = np.hypot(cosine, sine)

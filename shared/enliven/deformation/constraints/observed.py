@@ -1,4 +1,4 @@
-"""Constraints directly from depth: the surface follows the observed points, without any skeleton.
+"""Constraints from depth points: the surface follows the observed points directly, without a skeleton.
 
 KinÊtre proposes this as future work ("data could be derived directly from the depth map"): non-rigid ICP with
 the deformation graph as its prior. In each frame, every observed point is matched to the nearest compatible
@@ -90,30 +90,30 @@ class ObservedSurface:
         """Returns the planes that pull the current surface onto the observed points.
 
         Args:
-            linear: (N, 3, 3) of the nodes now.
-            positions: (N, 3) of the nodes now.
+            linear: (N, 3, 3) the nodes' current linear parts.
+            positions: (N, 3) metres, the nodes' current positions.
             points: (M, 3) metres, rest space, on the observed surface.
             normals: (M, 3) their outward unit normals.
             metre: metres of the rest space per metre of the performer.
         """
-        own = self.settings
+        settings = self.settings
         fine = np.flatnonzero(np.isfinite(points).all(1) & np.isfinite(normals).all(1))
-        few = fine[:: max(1, math.ceil(len(fine) / own.points))]
+        few = fine[:: max(1, math.ceil(len(fine) / settings.points))]
         points, normals = np.ascontiguousarray(points[few], np.float64), normals[few].astype(np.float64)
         surface = self.points.moved(linear, positions)
         facing = self._tips.moved(linear, positions) - surface
         facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
-        farthest = own.farthest * metre
+        farthest = settings.farthest * metre
         nearest, lengths = _compatible_surface_points(
-            points, normals, surface, facing, farthest, math.cos(own.angle)
+            points, normals, surface, facing, farthest, math.cos(settings.angle)
         )
         met = nearest >= 0
         nearest, points, normals, lengths = nearest[met], points[met], normals[met], lengths[met]
-        gap = np.einsum("ma,ma->m", normals, surface[nearest] - points) / (own.doubt * metre)
+        gap = np.einsum("ma,ma->m", normals, surface[nearest] - points) / (settings.doubt * metre)
         # Fade the weight to zero at the maximum distance, so that the weight does not jump when a match
         # appears or disappears.
         fade = 1.0 - (lengths / max(farthest, 1e-12)) ** 2
-        weights = own.weight * fade / (1.0 + gap * gap) ** 2
+        weights = settings.weight * fade / (1.0 + gap * gap) ** 2
         offsets = np.einsum("ma,ma->m", normals, points)
         return self.points.planes(nearest, normals, offsets, weights, False)
 

@@ -12,15 +12,15 @@ from enliven.errors import InputError
 
 
 class PointConstraints(Protocol):
-    """Points of the rest space and the nodes that move them; an Attachment is one, or several combined."""
+    """The protocol of points in the rest space with the nodes that move them. An Attachment fulfils it."""
 
     @property
     def points(self) -> Float:
-        """(L, 3) metres."""
+        """(L, 3) metres, the points at rest."""
 
     @property
     def node_indices(self) -> Int32:
-        """(L, 4) nodes."""
+        """(L, 4) the nodes that move each point."""
 
     @property
     def node_weights(self) -> Float:
@@ -38,7 +38,7 @@ class PlaneConstraints:
         normals: (M, 3) unit normals n of the planes, in the frame of the targets.
         offsets: (M,) metres, b.
         weights: (M,) not negative, w, multiplied by the solver's own weight of planes; 0 disables a plane.
-        one_sided: (M,) true if the plane only pushes: it is active while n·φ(p) < b.
+        one_sided: (M,) True if a plane only pushes: it is active while n·φ(p) < b.
     """
 
     points: Float

@@ -37,8 +37,8 @@ class SelfContactSettings:
 
 
 class SelfContact:
-    """One ball per node, inside the mesh. Pairs of balls are tested that are far apart along the graph and
-    apart at rest.
+    """Self-contact with one ball per node, inside the mesh. It tests pairs of balls that are far apart along
+    the graph and do not overlap at rest.
     """
 
     def __init__(
@@ -63,10 +63,12 @@ class SelfContact:
         a, b = graph.edges[:, 0], graph.edges[:, 1]
         lengths = np.maximum(np.linalg.norm(graph.positions[a] - graph.positions[b], axis=1), 1e-9)
         count = len(graph.positions)
-        ways = dijkstra(csr_matrix((lengths, (a, b)), (count, count)), directed=False)
+        path_lengths = dijkstra(csr_matrix((lengths, (a, b)), (count, count)), directed=False)
         reach = self.radii[:, None] + self.radii[None]
         apart = np.linalg.norm(centres[:, None] - centres[None], axis=2)
-        return np.asarray((apart > reach) & (ways > self.settings.detour * np.maximum(reach, spacing)))
+        return np.asarray(
+            (apart > reach) & (path_lengths > self.settings.detour * np.maximum(reach, spacing))
+        )
 
     def planes(self, linear: Float, positions: Float) -> PlaneConstraints:
         """Returns two planes for each pair that overlaps, or nearly does; each keeps one ball on its side."""
@@ -110,8 +112,8 @@ def _inner_radii(points, normals, surface, largest):
 
 @njit(cache=True, nogil=True)
 def _near_pairs(centres, radii, pairs, sides):
-    """Returns (P,) whether each pair nearly overlaps, and updates ``sides`` (P, 3): directions from second to
-    first.
+    """Returns (P,) True for pairs that overlap or nearly overlap, and updates ``sides`` (P, 3), the
+    directions from the second to the first ball.
 
     While a pair is near, its direction rotates but never flips. If the balls overlap deeply, it does not even
     rotate. Balls that passed through each other are then pushed back the way they came.

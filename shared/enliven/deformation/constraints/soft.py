@@ -22,7 +22,7 @@ class Points:
     Attributes:
         at: (P, 3) metres, rest space.
         nodes: (P, 4) int32.
-        weights: (P, 4) they sum to one.
+        weights: (P, 4) weights of these nodes, which sum to one.
         pivots: (N, 3) metres, the nodes at rest.
     """
 
@@ -70,8 +70,8 @@ class Points:
         )
 
 
-def joined_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
-    """Returns several sets as one; None if they are empty."""
+def join_planes(sets: Sequence[PlaneConstraints]) -> PlaneConstraints | None:
+    """Joins several sets of planes to one. Returns None if all are empty."""
     sets = [planes for planes in sets if len(planes)]
     if len(sets) < 2:
         return sets[0] if sets else None
@@ -87,19 +87,19 @@ def grid_subsample(points: Float | Float32, most: int) -> Int:
         return np.arange(len(points))
     low = points.min(0)
     cell = float(np.linalg.norm(np.ptp(points, axis=0))) / max(most, 1) ** 0.5 + 1e-12
-    few = _one_a_cell(points, low, cell)
+    few = _first_point_per_cell(points, low, cell)
     while len(few) < most:
         cell, last = cell / 1.25, few
-        few = _one_a_cell(points, low, cell)
+        few = _first_point_per_cell(points, low, cell)
         if len(few) > most:
             return last
     while len(few) > most:
         cell *= 1.1
-        few = _one_a_cell(points, low, cell)
+        few = _first_point_per_cell(points, low, cell)
     return few
 
 
-def _one_a_cell(points: Float | Float32, low: Float | Float32, cell: float) -> Int:
+def _first_point_per_cell(points: Float | Float32, low: Float | Float32, cell: float) -> Int:
     """Returns the first point in each cell of a grid."""
     cells = np.floor((points - low) / cell).astype(np.int64)
     return np.sort(np.unique(cells, axis=0, return_index=True)[1])

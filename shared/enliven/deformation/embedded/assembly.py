@@ -18,7 +18,7 @@ from enliven.lanes import fma8, load8, store8
 
 @njit(cache=True, nogil=True)
 def turned(frames, node, v, out):
-    """Computes v (3,) rotated like the node into ``out`` (3,)."""
+    """Rotates v (3,) by the node's rotation, into ``out`` (3,)."""
     at = 9 * node
     for a in range(3):
         out[a] = frames[at + a] * v[0] + frames[at + 3 + a] * v[1] + frames[at + 6 + a] * v[2]
@@ -197,7 +197,7 @@ def _add_outer(lower, block, j, first, second, w):
 
 @njit(cache=True, nogil=True)
 def _add_planes(planes, s):
-    """Adds the planes: a row of six numbers per node.
+    """Adds the planes. Each plane gives a row of six numbers per node.
 
     The pattern does not contain the couplings of planes. If it does not couple two nodes, their product is
     bounded by 2 ab <= a^2 + b^2, so the matrix stays above the true one.

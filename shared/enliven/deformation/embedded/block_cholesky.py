@@ -1,11 +1,11 @@
 """Sparse factorization A = L D Lᵀ in 6x6 blocks: one symbolic analysis, numeric factorization on demand.
 
 One node of a deformation graph is one block (its rotation and its translation), so the index work is a 36th
-of that of a scalar factorization. Everything that depends on the pattern alone (order, fill, target of each
-product) is computed beforehand. L has the identity on its diagonal and D consists of blocks, so that no node
-waits for a division by another's block. During factorization, blocks are float32, six rows of eight lanes, so
-that a row is one vector register (:mod:`enliven.lane_blocks`). A product of two takes 10 to 15 ns, compared
-with 60 to 95 ns in plain Numba loops.
+of that of a scalar factorization. Everything that depends only on the pattern (order, fill, target of each
+product) is computed in advance. L has identity blocks on its diagonal, and D consists of blocks. So no node
+waits for a division by another node's block. During factorization, a block has float32 numbers in six rows of
+eight lanes, so that a row is one vector register (:mod:`enliven.lane_blocks`). A product of two blocks takes
+10 to 15 ns, compared with 60 to 95 ns in plain Numba loops.
 
 Solving is limited by memory bandwidth: a matrix of 1,024 nodes is larger than a core's cache. So L is stored
 row by row, in int16 with one scale per block (resolution 1.5e-5 of the block's largest number; any L keeps
@@ -27,9 +27,10 @@ from enliven.lane_blocks import invert6, loadshort8, mirror6, shorten6, totals6,
 from enliven.lanes import fma8, load8, splat8, store8
 
 SIZE = 48
-"""Numbers per block for calculations: six rows of eight, the last two of each row 0."""
+"""Numbers per block for calculations: six rows of eight. The last two numbers of each row are 0."""
 CLOSE = 36
-"""Numbers per block for solving: six rows of six int16 with a scale, because solving is memory-bound."""
+"""Numbers per block for solving: six rows of six int16 numbers. They are this small because solving is
+memory-bound."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class BlockPattern:
         return int(np.diff(self.start).max())
 
     def block_of(self, pairs: Int) -> Int32:
-        """Returns (M,) the block at (row, column) of each of ``pairs`` (M, 2), row >= column."""
+        """Returns (M,) the block at each (row, column) of ``pairs`` (M, 2), with row >= column."""
         column = np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
         keys = column.astype(np.int64) * len(self.start) + self.row
         wanted = pairs[:, 1].astype(np.int64) * len(self.start) + pairs[:, 0]
@@ -127,7 +128,7 @@ def analyse(count: int, pairs: Int) -> BlockPattern:
 
 @njit(cache=True, nogil=True)
 def factorise(pattern, lower, column, rows, scales, inverse):
-    """Computes A = L D Lᵀ; returns whether A was positive definite.
+    """Factorizes A = L D Lᵀ. Returns True if A was positive definite.
 
     Args:
         pattern: start, product and by_row of a :class:`BlockPattern`.

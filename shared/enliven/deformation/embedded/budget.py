@@ -1,8 +1,8 @@
-"""Converts a budget in milliseconds into a number of steps, with costs that are timed in advance on this
+"""Converts a budget in milliseconds to a number of steps. The cost of a step is measured in advance on this
 machine.
 
 No clock is read while a frame is solved. If other programs load the machine, a clock could end a frame before
-any step, and the mesh would lag when the image is late already.
+its first step. The mesh would then lag in addition to the late image.
 """
 
 from __future__ import annotations
@@ -16,30 +16,36 @@ from enliven.deformation.embedded.lbfgs import Allowance, SolverBuffers, full_st
 from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
 
 _MEASURED_COSTS_MS: dict[tuple[int, int], tuple[float, float, float]] = {}
-"""Milliseconds of a step, a matrix and a gradient, by a graph's number of nodes and edges. A new hold then
-does not measure them again, which takes a frame."""
+"""Measured milliseconds of a step, a matrix and a gradient, by a graph's number of nodes and edges. They are
+cached, because a measurement takes as long as a frame."""
 _TIMING_REPEATS = 4
-"""Number of times that each kind of work is timed. The minimum is its cost on an idle machine."""
+"""Number of measurements of each kind of work. Their minimum is the cost on an idle machine."""
 _FIXED_FRAME_COST_STEPS = 2.0
 """Cost of a frame's fixed parts, in steps: choosing its start and writing its state out."""
 
 
-def allowance_of(budget_ms: float, x: Float, terms: Terms, planes: Planes, system: RigidSystem) -> Allowance:
-    """Returns the allowance of a frame of ``budget_ms``; ``x`` (16 N,) is the state at which the work is
-    timed.
+def measure_allowance(
+    budget_ms: float, x: Float, terms: Terms, planes: Planes, system: RigidSystem
+) -> Allowance:
+    """Returns the allowance of a frame for a budget. ``x`` (16 N,) is the state at which the costs are
+    measured.
     """
     size = len(terms.stretch), len(terms.edges)
     if size not in _MEASURED_COSTS_MS:
         work = SolverBuffers.empty(len(terms.stretch))
         at = x.copy()
-        matrix = _least_ms(lambda: refactor(at, terms, planes, work.raw, system))
-        step = _least_ms(lambda: full_step(at, terms, planes, system, work))
-        _MEASURED_COSTS_MS[size] = step, matrix, _least_ms(lambda: gradient(at, terms, planes, work.raw))
+        matrix = _fastest_run_ms(lambda: refactor(at, terms, planes, work.raw, system))
+        step = _fastest_run_ms(lambda: full_step(at, terms, planes, system, work))
+        _MEASURED_COSTS_MS[size] = (
+            step,
+            matrix,
+            _fastest_run_ms(lambda: gradient(at, terms, planes, work.raw)),
+        )
     step, matrix, retry = _MEASURED_COSTS_MS[size]
     return Allowance(budget_ms / step - _FIXED_FRAME_COST_STEPS, matrix / step, retry / step)
 
 
-def _least_ms(do: Callable[[], object]) -> float:
+def _fastest_run_ms(do: Callable[[], object]) -> float:
     """Returns the milliseconds of the fastest of several runs, after a first one that compiles."""
     do()
     least = float("inf")

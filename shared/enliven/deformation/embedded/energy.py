@@ -16,15 +16,15 @@ from enliven.lanes import fma4, load4, splat4, store4, total4
 
 
 class Planes(NamedTuple):
-    """Soft planes, in the form that the solver takes; see ``PlaneConstraints``.
+    """Soft planes in the solver's format; see ``PlaneConstraints``.
 
     Attributes:
-        nodes: (M, 4) int32 in elimination order, ascending.
-        rows: (M, 4, 4) the coefficients, like those of the constraints.
+        nodes: (M, 4) int32 the nodes that move each point, by ascending elimination order.
+        rows: (M, 4, 4) the coefficients, as in :class:`Terms`.
         normals: (M, 4) unit normals and a 0.
         offsets: (M,) metres.
         weights: (M,) including the solver's own weight.
-        one_sided: (M,).
+        one_sided: (M,) True if a plane only pushes.
     """
 
     nodes: Int32
@@ -42,17 +42,17 @@ class Terms(NamedTuple):
         edges: (E, 2) int32 nodes i, j.
         offsets: (E, 3) g_j - g_i.
         rigid: (K,) int32 the edges of E_rig.
-        turning: 1.0 compares the translations of E_rig in the middle of the edge, which is zero for any rigid
-            motion; 0.0 is eq. 7 as printed, |t_k - t_j|^2.
-        nodes: (L, 4) int32 the nodes of each constraint, ascending; those without weight are skipped.
+        turning: 1.0 compares the translations of E_rig in the middle of the edge, which gives zero for any
+            rigid motion. 0.0 uses eq. 7 as printed, |t_k - t_j|^2.
+        nodes: (L, 4) int32 the nodes of each constraint, ascending. Nodes without weight are skipped.
         rows: (L, 4, 4) the constraint's coefficients: w (p - g) and w for each of its nodes.
         held_start: (N + 1,) int32 the index at which the holds of each node start (constraints with a weight
             on it).
         held_by: (H,) int32 the constraint of each hold.
-        arms: (4 H,) its coefficients, those of ``rows``.
+        arms: (4 H,) the coefficients of each hold, copied from ``rows``.
         forces: (4 L,) scratch space for the derivative by each phi(p).
         targets: (L, 4) q_l and a 0.
-        pulls: (L,) w_con times the weight of each constraint, 0 if it is lost.
+        pulls: (L,) w_con times the weight of each constraint, or 0 if its target is lost.
         stretch: (N,) w_rot of each node.
         smooth: (E,) w_reg of each edge.
         hanging: (K,) w_rig of each rigid edge.
@@ -148,7 +148,7 @@ def _deformed_point(x, nodes, rows, m):
 
 @njit(cache=True, nogil=True)
 def _add_point_gradient(nodes, rows, m, force, out):
-    """Adds the derivative by phi(p) to the nodes of point ``m``."""
+    """Adds the derivative with respect to phi(p) to the nodes of point ``m``."""
     for k in range(4):
         at = 16 * nodes[m, k]
         if rows[m, k, 3] != 0.0:
@@ -190,7 +190,7 @@ def _constraint_energy(x, t, out):
 
 @njit(cache=True, nogil=True)
 def constraint_energy(x, t):
-    """Returns E_con alone, weighted. It is the only term that new targets change while the nodes stay."""
+    """Returns only E_con, weighted. New targets change no other term while the nodes do not move."""
     energy = splat4(0.0)
     flat = t.targets.reshape(-1)
     for m in range(t.nodes.shape[0]):

@@ -1,4 +1,5 @@
-"""Solves a frame of the deformation in one call: takes the inputs, descends, and writes the result."""
+"""Solves a frame of the deformation in one call: reads the inputs, minimizes the energy, and writes the
+result."""
 
 from __future__ import annotations
 
@@ -29,8 +30,8 @@ class SolverState(NamedTuple):
 
     Attributes:
         x, rest: (16 N,) the unknowns, and those of the rest pose.
-        order: (N,) the graph's own number of each node.
-        terms, work: of the energy, and buffers for the descent.
+        order: (N,) the number of each node in the graph.
+        terms, work: the constants of the energy, and buffers for the descent.
         pull: the weight of all constraints.
         most, tolerance: the settings ``iterations`` and ``tolerance``.
         allowance: the maximum cost of a frame.
@@ -49,11 +50,11 @@ class SolverState(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def next_frame(state, planes, system, targets, weights, linear, positions):
-    """Minimizes the energy for new targets; returns the number of iterations, and whether the matrix has
-    aged.
+    """Minimizes the energy for new targets. Returns the number of iterations, and True if the matrix is
+    outdated.
 
-    No step turns a node inside out. A node that is inside out in a bad start is set upright first. A node
-    that is pressed flat at the end is given some volume again.
+    No step turns a node inside out. If a node is inside out in a bad start, it is first replaced by a
+    rotation. If a node is pressed flat at the end, it gets some volume again.
 
     Args:
         state, planes, system: a :class:`SolverState`, ``Planes`` and a ``RigidSystem``, held.

@@ -1,4 +1,5 @@
-"""Converts the solver's inputs to the kernels' form: nodes in elimination order, only valid measurements."""
+"""Converts the solver's inputs to the kernels' format, with nodes in elimination order and without invalid
+measurements."""
 
 from __future__ import annotations
 
@@ -24,11 +25,11 @@ NO_PLANES = Planes(
 """A frame without planes."""
 
 
-def rows_of(
+def coefficient_rows(
     points: PointConstraints | PlaneConstraints, positions: Float, places: Int
 ) -> tuple[Int32, Float]:
-    """Returns (L, 4) nodes in elimination order, ascending, without duplicates, and (L, 4, 4) their
-    coefficients.
+    """Returns (L, 4) the nodes of each point, by ascending elimination order and without duplicates, and (L,
+    4, 4) their coefficients.
 
     Args:
         positions: (N, 3) metres, the nodes at rest.
@@ -50,11 +51,11 @@ def rows_of(
     return place.astype(np.int32), np.ascontiguousarray(rows)
 
 
-def holds_of(nodes: Int32, rows: Float, count: int) -> tuple[Int32, Int32, Float]:
-    """Sorts the constraints by the nodes that they hold, in the form of :class:`Terms`.
+def sort_by_node(nodes: Int32, rows: Float, count: int) -> tuple[Int32, Int32, Float]:
+    """Sorts the constraints by the nodes that they hold, in the format of :class:`Terms`.
 
     Args:
-        nodes, rows: (L, 4) and (L, 4, 4), of :func:`rows_of`; a node without weight is not held.
+        nodes, rows: (L, 4) and (L, 4, 4), of :func:`coefficient_rows`; a node without weight is not held.
         count: N, the number of nodes.
 
     Returns:
@@ -68,16 +69,16 @@ def holds_of(nodes: Int32, rows: Float, count: int) -> tuple[Int32, Int32, Float
     return start, constraint[order].astype(np.int32), rows[constraint, place][order].reshape(-1)
 
 
-def planes_of(planes: PlaneConstraints | None, weight: float, positions: Float, places: Int) -> Planes:
-    """Returns the frame's planes in the kernels' form; planes that are not finite get no weight.
+def convert_planes(planes: PlaneConstraints | None, weight: float, positions: Float, places: Int) -> Planes:
+    """Returns the frame's planes in the kernels' format. Planes that are not finite get zero weight.
 
     Args:
-        weight: of all planes.
-        positions, places: see :func:`rows_of`.
+        weight: factor on the weights of all planes.
+        positions, places: see :func:`coefficient_rows`.
     """
     if planes is None or not len(planes):
         return NO_PLANES
-    nodes, rows = rows_of(planes, positions, places)
+    nodes, rows = coefficient_rows(planes, positions, places)
     normals = np.zeros((len(nodes), 4))
     normals[:, :3] = planes.normals
     weights = weight * np.asarray(planes.weights, np.float64)
@@ -107,7 +108,7 @@ def take_usable(targets, weights, scale, out, pulls):
 
 
 def checked_stiffness(stiffness: Float | None, count: int) -> Float:
-    """Returns (N,) the factors, 1 if None; or raises InputError."""
+    """Returns the stiffness factors (N,) after checking them, or ones if ``stiffness`` is None."""
     if stiffness is None:
         return np.ones(count)
     factors = np.asarray(stiffness, np.float64)

@@ -1,4 +1,4 @@
-"""The descent of a frame: L-BFGS preconditioned with the solver's matrix, in compiled loops.
+"""The descent of a frame: L-BFGS, preconditioned with the solver's matrix.
 
 See :mod:`enliven.deformation.embedded.solver` for the reasons.
 """
@@ -17,32 +17,33 @@ from enliven.kernels import copy_row, njit
 from enliven.lanes import fma8, load8, splat8, store8, total8
 
 _REMEMBERED_STEPS = 5
-"""Number of steps that L-BFGS remembers. Each costs a thirtieth of a step in every later one."""
+"""Number of steps that L-BFGS stores. Each stored step makes a step about a thirtieth slower."""
 _MATRIX_RENEWAL_STEPS = 12
-"""Number of steps after which the matrix is computed again within a frame, because the nodes have moved
+"""Number of steps within a frame after which the matrix is computed again, because the nodes have moved
 far."""
 _ASSEMBLY_STEPS = 2
 """Cost, in steps, of assembling the terms of a new matrix."""
 _NEGLIGIBLE_ENERGY = 1e-9
-"""An invisible energy. With the default weights, it means that every point is 3 micrometres off."""
+"""Energy below which a state counts as exact. With the default weights, every point is then within 3
+micrometres."""
 _MAX_WEIGHT_CHANGE = 0.1
 """Maximum change of weights, relative to the strongest, before the matrix is computed again."""
 _ARMIJO_FRACTION = 1e-4
-"""Minimum fraction of the linear decrease that a step must reach: the usual constant of Armijo's
+"""Minimum decrease by a step, as a fraction of the linear prediction: the usual constant of Armijo's
 condition."""
 _MAX_STEP_HALVINGS = 30
 """Maximum number of halvings of a step before the frame ends without it: 2^-30 of a step is below float32
 resolution."""
 _SOFT_DECREASE_RATIO = 1.3
-"""Ratio of actual to promised decrease above which the energy counts as softer than the matrix: 2 - d.Hd /
-d.Md."""
+"""Ratio of actual to predicted decrease, 2 - d.Hd / d.Md, above which the energy counts as softer than the
+matrix."""
 _SOFT_TOLERANCE_FRACTION = 0.1
 """Fraction of the tolerance below which a step in a soft direction ends the frame."""
 
 
 _MIN_REMAINING_STEPS = 4
-"""Minimum number of steps that a frame with a budget must have left after a new matrix that is due to age
-alone."""
+"""Minimum number of steps that a frame with a budget must have left after renewing a matrix only because of
+its age."""
 
 
 class Allowance(NamedTuple):
@@ -60,21 +61,22 @@ class Allowance(NamedTuple):
 
 
 UNLIMITED = Allowance(np.inf, 0.0, 0.0)
-"""No budget: only the number of steps ends a frame."""
+"""The allowance of a frame without budget: only the number of steps ends the frame."""
 
 
 class SolverBuffers(NamedTuple):
-    """The arrays of the descent for N nodes, P step pairs; nothing else is allocated in a frame.
+    """The arrays of the descent for N nodes and P step pairs. Nothing else is allocated in a frame.
 
     Attributes:
         steps: (P, 16 N) the last steps, s.
         changes: (P, 16 N) the changes of the gradient, y.
         curvatures: (P,) s.y.
-        now, before: (16 N,) the derivative in the node frames, here and one step ago.
+        now, before: (16 N,) the derivative in the node frames, now and one step ago.
         own: (16 N,) the step in the node frames.
-        raw, from_here, trial: (16 N,) in the plain unknowns.
+        raw, from_here, trial: (16 N,) the gradient, the start of the line search and its trial state, in the
+            plain unknowns.
         last: (16 N,) the unknowns one frame ago.
-        energies: (6,) of the state: E_rot, E_reg, E_con, E_rig, E_planes, E.
+        energies: (6,) energies of the state: E_rot, E_reg, E_con, E_rig, E_planes and their sum E.
         age: (4,) of the matrix: the number of frames that used it; their steps; 1 if the last frame ended by
             its stopping rule, 0 if it ran out of steps; and the steps of the last frame.
     """
@@ -135,7 +137,8 @@ def record_energies(work, energies):
 
 @njit(cache=True, nogil=True)
 def worth_of(system):
-    """Returns the cost of a new matrix in steps: its products of blocks over the blocks of a solve."""
+    """Returns the cost of a new matrix in steps: its number of block products divided by the number of blocks
+    of a solve."""
     return _ASSEMBLY_STEPS + system.product.shape[0] // system.row.shape[0]
 
 
@@ -155,25 +158,25 @@ def note_age(age, done):
 
 @njit(cache=True, nogil=True)
 def is_aged(age, worth):
-    """Returns whether the last frame took more steps than the mean per frame, including the ``worth`` of a
+    """Returns True if the last frame took more steps than the mean per frame, including the ``worth`` of a
     new matrix.
 
-    From there on, the mean would rise: it is minimal when the next frame takes as many steps as the mean.
-    This needs no estimate of the steps with a new matrix.
+    If the old matrix were kept longer, the mean would rise. This criterion needs no estimate of the steps
+    with a new matrix.
     """
     return age[0] * age[3] > worth + age[1]
 
 
 @njit(cache=True, nogil=True)
 def descend(x, t, planes, system, work, most, tolerance, allowance):
-    """Runs L-BFGS from ``x``, in place; returns the number of iterations.
+    """Runs L-BFGS from ``x``, in place. Returns the number of iterations.
 
     ``work.raw`` is the gradient at ``x``, and ``work.energies`` are its energies.
 
-    The descent ends with the first step that promised to lower the energy by less than the fraction
-    ``tolerance``. A step leaves only a small part of its promise. If this step or the one before gained more
-    than promised, the energy is softer there than the matrix, and the promise is not a bound. A smaller
-    promise is then required.
+    The descent ends with the first step with a predicted decrease of the energy below the fraction
+    ``tolerance``. Normally, little of the predicted decrease remains after a step. If this step or the one
+    before gained more than predicted, the energy is softer there than the matrix, and the prediction is not a
+    bound. A smaller prediction is then required.
 
     ``work.age[2]`` is 1 if it ended like this, and 0 if it ended after ``most`` iterations or at the limit of
     the ``allowance``. One step is always made. Before it, the matrix is computed if there is none for these
@@ -233,11 +236,11 @@ def descend(x, t, planes, system, work, most, tolerance, allowance):
 
 @njit(cache=True, nogil=True)
 def _line_search(x, slope, t, planes, work):
-    """Moves along ``work.own`` as far as it lowers the energy; returns the number of lengths tried, negative
-    on failure.
+    """Moves along ``work.own`` by a length that lowers the energy. Returns the number of lengths tried,
+    negative on failure.
 
-    ``work.now`` receives the derivative there, and ``work.own`` the step that was taken. The full step is
-    nearly always accepted.
+    ``work.now`` receives the derivative at the new state, and ``work.own`` the accepted step. The full step
+    is nearly always accepted.
     """
     here = work.from_here
     copy_row(here, x)
@@ -262,7 +265,7 @@ def _line_search(x, slope, t, planes, work):
 
 @njit(cache=True, nogil=True)
 def _remember_step(work, kept):
-    """Stores the last step and its change of the gradient; returns the number of stored pairs, 0 to
+    """Stores the last step and its change of the gradient. Returns the number of stored pairs, or 0 to
     restart.
     """
     place = kept % _REMEMBERED_STEPS
@@ -276,7 +279,7 @@ def _remember_step(work, kept):
 
 @njit(cache=True, nogil=True)
 def _search_direction(now, work, kept, system):
-    """Computes the search direction into ``work.own``; returns the slope there.
+    """Computes the search direction into ``work.own``. Returns the slope along it.
 
     This is the two-loop recursion of L-BFGS (J. Nocedal 1980).
     """
@@ -301,8 +304,8 @@ def _search_direction(now, work, kept, system):
 
 @njit(cache=True, nogil=True)
 def full_step(x, t, planes, system, work):
-    """Takes a step with all pairs stored, and undoes it, to measure the cost of a step; ``work`` is
-    scratch space.
+    """Takes and undoes a step with all pairs stored, to measure the cost of a step. ``work`` is scratch
+    space.
     """
     for m in range(_REMEMBERED_STEPS):
         work.curvatures[m] = 1.0

@@ -1,5 +1,5 @@
-"""The per-node blocks of the matrix: the stretch of each node, and the geometric stiffness of its lever
-arms.
+"""The per-node blocks of the matrix: the block of each node's stretch, and the geometric stiffness of its
+lever arms.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from enliven.lanes import fma4, fma8, load4, load8, splat4, splat8, store4, stor
 
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 """Rows and columns of a symmetric stretch's six numbers, as in node frames. They are arrays, because Numba
-compiles an index into a tuple to a switch."""
+compiles an index into a tuple to a slow switch."""
 _ZERO_OFF_DIAGONAL_FRACTION = 1e-10
 """Fraction of the squared diagonal below which an off-diagonal entry counts as 0. The positive part stays
 positive, with an error of 1e-5."""
@@ -59,8 +59,8 @@ def decouple(lower, own, coupling, coupled, compliance, at, block, inverse):
     receives the inverse of the Schur complement C - Bᵀ A⁻¹ B. Returns whether that is positive definite; if
     not, ``coupling`` stays unchanged. ``inverse`` (48,) is scratch space.
 
-    A stretch alone moves all points that the node holds. Combined with the rotation and translation that
-    respond to it, it hardly does. The two parts of the matrix then become nearly independent.
+    A stretch alone moves all points that the node holds. Together with the rotation and translation that
+    respond to it, it hardly moves them. So the two parts of the matrix become nearly independent.
     """
     mirror6(lower, own, inverse, 0, -1.0)
     if not invert6(inverse, 0, -1.0):

@@ -1,10 +1,10 @@
 """Steps and forces in node frames: the rotation, stretch and translation of each node.
 
-A node's R and position have twelve numbers, and so has a step: a rotation w, a translation, and a symmetric
-stretch S, with dR = (w x R) + R S. These numbers are relative to the node. When the node rotates, its columns
-change and these numbers stay the same. L-BFGS' step pairs therefore stay valid after a step. In the plain
-unknowns they do not, because a rotation there is bound to a direction that rotates away. Steps after the
-first one then had nearly no effect.
+A node's R and position have twelve numbers. A step also has twelve: a rotation w, a translation, and a
+symmetric stretch S, with dR = (w x R) + R S. These numbers are relative to the node. When the node rotates,
+its columns change and these numbers stay the same. L-BFGS' step pairs therefore stay valid after a step. In
+the plain unknowns they would not stay valid, because there a rotation is stored as a change of directions
+that later rotate. In that case, only the first step had much effect.
 
 Sixteen numbers per node: w and a 0, the translation and a 0, S00 S11 S22 and a 0, S01 S02 S12 and a 0.
 """

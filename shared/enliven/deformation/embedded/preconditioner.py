@@ -6,11 +6,11 @@ stretches, and E_reg, E_con and E_rig constrain rotations and translations. So o
 translation per node form a sparse system of 6x6 blocks, with an eighth of the work of one with all twelve
 unknowns. The stretch of each node is a separate 6x6 matrix. Points that pull at a node's side couple the two
 parts. Most of this coupling disappears if each stretch is combined with the response of its node's rotation
-and translation (``node_blocks``). Relative to this matrix, the true one has eigenvalues between 0.46 and 1.7
-on the worn chair; without that, between 0.2 and 2.4.
+and translation (``node_blocks``). Relative to this matrix, the true second derivative has eigenvalues between
+0.46 and 1.7 in the test with a possessed chair. Without the combination, they are between 0.2 and 2.4.
 
-If all nodes rotate alike, the matrix rotates with them (``align``), as in corotational finite elements. It
-ages only when neighbours rotate relative to each other.
+The matrix rotates with the nodes (``align``), as in corotational finite elements. So it becomes outdated only
+when neighbours rotate relative to each other.
 """
 
 from __future__ import annotations
@@ -61,15 +61,16 @@ class RigidSystem(NamedTuple):
     Attributes:
         start, row, product, row_start, column, by_row: of
             :class:`enliven.deformation.embedded.block_cholesky.BlockPattern`.
-        unit: metres, the unit of translations, a power of two near an edge's length. The numbers of a block
-            are then of similar size, however large the mesh, and none is lost next to the largest in int16.
+        unit: the unit of translations in metres, a power of two near an edge's length. So the numbers of a
+            block have similar sizes for any size of the mesh, and int16 resolves all of them.
         edge_block: (E,) int32 the block that couples the ends of an edge.
         pair_block: (L, 10) int32 the blocks that couple a constraint's nodes: (0, 0), (1, 0), (1, 1), ...
         lower: (48 B,) float32 the matrix, which the factorization overwrites.
         room: (48 C,) float32 scratch space for the longest column.
         rows, scales, inverse: (36 (B - N) + 8,) int16, (B - N,) and (48 N,) float32 the factor.
         linear, frames: (9 N,) and (12 N,) the columns of each node's R, and those orthonormalized with a 0.
-        turns: (24 N,) float32 each node's rotation since then, in rows of four, and its transpose.
+        turns: (24 N,) float32 each node's rotation since the factorization, in rows of four, and its
+            transpose.
         held, first: (9 N,), (3 N,) the sums of w u uᵀ and w u over the arms u that pull at a node.
         coupling, coupled: (48 N,) float32 the rotation and translation that respond to each number of a
             node's stretch, and their transpose.
@@ -118,7 +119,7 @@ class RigidSystem(NamedTuple):
             pattern.row_start,
             pattern.column,
             pattern.by_row,
-            _unit_of(terms.offsets),
+            _translation_unit(terms.offsets),
             pattern.block_of(ends),
             pattern.block_of(pairs.reshape(-1, 2)).reshape(-1, len(places)),
             np.zeros(SIZE * pattern.blocks, np.float32),
@@ -145,7 +146,7 @@ class RigidSystem(NamedTuple):
         return self._replace(**{n: np.zeros_like(v) for n, v in self._asdict().items() if n not in pattern})
 
 
-def _unit_of(offsets: Float) -> float:
+def _translation_unit(offsets: Float) -> float:
     """Returns the power of two nearest to the root mean square length of (E, 3) offsets; 1 if there are
     none.
     """
@@ -174,10 +175,10 @@ def _scale_to_units(lower, unit):
 
 @njit(cache=True, nogil=True)
 def outdated(t, planes, s, repulled):
-    """Returns whether the matrix was made for other constraints.
+    """Returns True if the matrix was computed for other constraints.
 
-    That is so if a weight has changed by more than the fraction ``repulled`` of the strongest, or if there
-    are planes, which change in every frame.
+    This is the case if a weight has changed by more than the fraction ``repulled`` of the strongest weight,
+    or if there are planes, which change in every frame.
     """
     strongest, change = 0.0, 0.0
     for m in range(t.pulls.shape[0]):
@@ -226,7 +227,8 @@ def align(x, s):
     """Rotates the matrix with the nodes: computes each node's rotation since the matrix was made, into
     ``s.turns``.
 
-    The rotation is N Uᵀ, where N and U are the orthonormal frames now and then; its transpose follows.
+    The rotation is N Uᵀ, where N and U are the orthonormal frames now and at the factorization. Its transpose
+    is stored after it.
     """
     frames, turns = s.frames, s.turns
     now = np.empty(12)

@@ -1,8 +1,8 @@
 """Computes the next matrix on a second thread, between two frames.
 
-Computing it took half of a frame with 1,024 nodes and made single frames slow. The next frame always uses the
-matrix that was started at the end of the last one, and waits for it if necessary. So the same input gives the
-same frames, however fast the machine is. The matrix rotates with the nodes like any other
+Within a frame, this took half of the time with 1,024 nodes, and made single frames slow. The next frame
+always uses the matrix that was started at the end of the last frame, and waits for it if necessary. So the
+same input gives the same result on fast and slow machines. The matrix rotates with the nodes like any other
 (``preconditioner.align``).
 """
 
@@ -16,7 +16,7 @@ from enliven.deformation.embedded.energy import Planes, Terms
 from enliven.deformation.embedded.preconditioner import RigidSystem, refactor
 from enliven.kernels import HeldArguments, hold
 
-_MANY_NODES = 200
+_MIN_NODES_FOR_RENEWAL = 200
 """Number of nodes above which a matrix is computed after every frame. With fewer nodes, waking the thread
 and moving the matrix between the cores' caches takes as long as the steps that it saves."""
 
@@ -30,43 +30,43 @@ class MatrixRenewal:
     """The matrix in use, and buffers for its successor.
 
     Args:
-        system: empty.
-        always: whether a matrix is computed after every frame, even for small graphs.
+        system: an empty system, which defines the sizes of the buffers.
+        always: True to compute a matrix after every frame, even for small graphs.
 
     Attributes:
-        system, held: the matrix in use, and the same held.
-        always: whether one is computed after every frame; else only when it has aged.
+        system, held: the matrix in use, and its prepared form as an argument of kernels.
+        always: True if a matrix is computed after every frame, and False if only when it is outdated.
     """
 
     def __init__(self, system: RigidSystem, always: bool) -> None:
-        self._two: list[tuple[RigidSystem, HeldArguments]] = [
+        self._systems: list[tuple[RigidSystem, HeldArguments]] = [
             (twin, hold(twin)) for twin in (system, system.twin())
         ]
-        self.always = always or len(system.start) > _MANY_NODES
-        self._under_way: Future[None] | None = None
+        self.always = always or len(system.start) > _MIN_NODES_FOR_RENEWAL
+        self._pending: Future[None] | None = None
 
     @property
     def system(self) -> RigidSystem:
         """The matrix in use."""
-        return self._two[0][0]
+        return self._systems[0][0]
 
     @property
     def held(self) -> HeldArguments:
-        """The matrix in use, held."""
-        return self._two[0][1]
+        """The matrix in use, prepared as an argument of kernels."""
+        return self._systems[0][1]
 
     def renew(self, x: Float, terms: Terms, planes: Planes, raw: Float) -> None:
-        """Starts to compute the matrix at ``x`` (16 N,), with ``raw`` (16 N,) = dE/dx.
+        """Starts to compute the matrix at ``x`` (16 N,) in the background, with ``raw`` (16 N,) = dE/dx.
 
-        None of these may change until :meth:`latest`.
+        The arguments must not change until :meth:`latest` is called.
         """
-        self._under_way = _second_thread().submit(refactor, x, terms, planes, raw, self._two[1][0])
+        self._pending = _second_thread().submit(refactor, x, terms, planes, raw, self._systems[1][0])
 
     def latest(self) -> bool:
         """Switches to the matrix that was started, once it is complete; returns False if none was started."""
-        if self._under_way is None:
+        if self._pending is None:
             return False
-        self._under_way.result()
-        self._under_way = None
-        self._two.reverse()
+        self._pending.result()
+        self._pending = None
+        self._systems.reverse()
         return True

@@ -12,7 +12,7 @@ _MIN_SOUND_DETERMINANT = 0.02
 _LEAST_VOLUME = 0.05
 """Minimum determinant of a node that is pressed flat: a twentieth of its thickness."""
 _NEWTON_STEPS = 8
-"""Newton steps to that determinant. Each squares the error, and three are enough from 0.02."""
+"""Number of Newton steps to that determinant. Each step squares the error, and three are enough from 0.02."""
 
 
 @njit(cache=True, nogil=True)
@@ -21,7 +21,7 @@ def set_upright(flat, edges):
     neighbours.
 
     A mirrored node has zero E_rot, and on a flat surface also zero E_reg, so the descent does not always
-    repair it. Returns whether any was found.
+    repair it. Returns True if any node was replaced.
     """
     x = flat.reshape(-1, 4, 4)
     count = x.shape[0]
@@ -65,7 +65,7 @@ def thicken(flat):
     """Gives each node of ``flat`` (16 N,) at least the minimum volume, if it is pressed flatter.
 
     The cofactors of R have its singular vectors, and are largest in the direction in which R is flattest.
-    Along them the energy hardly changes. Returns whether any was found.
+    A change along the cofactors hardly changes the energy. Returns True if any node was changed.
     """
     x = flat.reshape(-1, 4, 4)
     has_flat = False

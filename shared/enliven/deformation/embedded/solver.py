@@ -1,23 +1,24 @@
-"""The embedded deformation solver of a frame: one symbolic analysis, and a small matrix that is refactored at
-times.
+"""The embedded deformation solver: one symbolic analysis at the start, and a small matrix that is refactored
+now and then.
 
 KinÊtre, eq. 8, is minimized by L-BFGS. The preconditioner is a matrix of six unknowns per node, a rotation
 and a translation, and a block of each node's stretch (:mod:`enliven.deformation.embedded.preconditioner`),
 factorized in 6x6 blocks (``block_cholesky``). Steps are taken in the nodes' own frames along rotations and
-stretches that cannot turn a node inside out (``node_frame``). A step is full if the energy falls, else
-shortened.
+stretches that cannot turn a node inside out (``node_frame``). A full step is taken if the energy falls, and a
+shorter one otherwise.
 
 The matrix rotates with the nodes: each node's rotation since the matrix was made is applied before and after
-it. Thirty frames later, its eigenvalues relative to the true second derivative are then within 0.15 and 5.6;
-without this, within 0.007 and 91 (a dancing creature of 128 nodes). So the matrix is kept as long as that
-lowers the mean number of steps of its frames, including the cost of a new one (``lbfgs.is_aged``).
+it. After thirty frames, its eigenvalues relative to the true second derivative are between 0.15 and 5.6.
+Without this rotation, they are between 0.007 and 91 (a dancing creature of 128 nodes). So the matrix is kept
+as long as that lowers the mean number of steps of its frames, including the cost of a new one
+(``lbfgs.is_aged``).
 
-A frame is complete after a step that promised little: half of g.Bg, where B is the inverse of the matrix,
-updated by L-BFGS. If the matrix is accurate, this bounds the gap to the minimum. If the last steps gained
-more than they promised, the energy is softer than the matrix, and a ten times smaller promise is required. Of
-16,300 frames of creatures in fast motion, 29 ended more than 0.2 % above the minimum. In these, a limb was
-about to buckle, which no gradient shows. ``settled`` is False then (``afterwards``), and the next frame
-begins below.
+A frame is complete after a step with a small predicted decrease: half of g.Bg, where B is the inverse of the
+matrix, updated by L-BFGS. If the matrix is accurate, this bounds the distance to the minimum. If the last
+steps gained more than predicted, the energy is softer than the matrix, and a ten times smaller prediction is
+required. Of 16,300 frames of creatures in fast motion, 29 ended more than 0.2 % above the minimum. In these,
+a limb was about to buckle, which no gradient shows. ``settled`` is then False (``final_refinement``), and the
+next frame starts from the lower state.
 """
 
 from __future__ import annotations
@@ -30,16 +31,16 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.deformation.constraints import PlaneConstraints, PointConstraints
 from enliven.deformation.embedded.block_cholesky import analyse, elimination_order
-from enliven.deformation.embedded.budget import allowance_of
+from enliven.deformation.embedded.budget import measure_allowance
 from enliven.deformation.embedded.energy import Terms, gradient
-from enliven.deformation.embedded.final_refinement import lower_state
+from enliven.deformation.embedded.final_refinement import find_lower_state
 from enliven.deformation.embedded.frame import SolverState, next_frame
 from enliven.deformation.embedded.inputs import (
     NO_PLANES,
     checked_stiffness,
-    holds_of,
-    planes_of,
-    rows_of,
+    coefficient_rows,
+    convert_planes,
+    sort_by_node,
     take_usable,
 )
 from enliven.deformation.embedded.lbfgs import UNLIMITED, SolverBuffers, record_energies, start_anew
@@ -52,7 +53,7 @@ from enliven.kernels import hold
 from enliven.settings import setting
 
 _STALE_MATRIX_AGE = 1 << 30
-"""Number of steps that represents an age at which a matrix is always computed again."""
+"""Value of the step count that marks a matrix as outdated, so that it is computed again in any case."""
 _MAX_STILL_FRAME_STEPS = 2
 """Maximum number of steps of a frame that has not moved enough to need another matrix."""
 
@@ -107,7 +108,7 @@ class EmbeddedSolver:
             its motion.
 
     Attributes:
-        iterations: of the last frame.
+        iterations: number of iterations of the last frame.
     """
 
     def __init__(
@@ -145,8 +146,8 @@ class EmbeddedSolver:
     def _terms_of(self, attachment: PointConstraints, stiffness: Float) -> Terms:
         """Returns the energy's constants, with the nodes numbered in elimination order."""
         graph, settings = self.graph, self.settings
-        nodes, rows = rows_of(attachment, graph.positions, self._place)
-        held_start, held_by, arms = holds_of(nodes, rows, len(graph.positions))
+        nodes, rows = coefficient_rows(attachment, graph.positions, self._place)
+        held_start, held_by, arms = sort_by_node(nodes, rows, len(graph.positions))
         edges, rigid = graph.edges, np.flatnonzero(graph.rigid).astype(np.int32)
         along = np.sqrt(stiffness[edges[:, 0]] * stiffness[edges[:, 1]])
         return Terms(
@@ -168,11 +169,12 @@ class EmbeddedSolver:
         )
 
     def _state_of(self, settings: EmbeddedSettings) -> SolverState:
-        """Returns the state that frames share; with a budget, steps are timed at the present state."""
+        """Returns the state that persists between frames. With a budget, the cost of a step is measured at
+        the current state."""
         x, rest, terms, work = self._x.reshape(-1), self._rest.reshape(-1), self._terms, self._work
         allowance = UNLIMITED
         if settings.budget_ms > 0.0:
-            allowance = allowance_of(settings.budget_ms, x, terms, self._planes, self._current_matrix)
+            allowance = measure_allowance(settings.budget_ms, x, terms, self._planes, self._current_matrix)
         limits = int(settings.iterations), float(settings.tolerance), allowance
         return SolverState(x, rest, self._order, terms, work, float(settings.constraint), *limits)
 
@@ -195,18 +197,20 @@ class EmbeddedSolver:
         """Minimizes the energy, starting from the last frame's result.
 
         Args:
-            targets: (L, 3) metres, q_l; a target that is not finite, or farther than 10 km, frees its point.
-            weights: (L,) not negative, the weight of each constraint; 1 if None.
+            targets: (L, 3) metres, q_l. A point with a target that is not finite, or farther than 10 km, is
+                free.
+            weights: (L,) the weight of each constraint, not negative. If None, all weights are 1.
             planes: soft planes of this frame.
 
         Returns:
-            (N, 3, 3) the nodes' linear parts R_j and (N, 3) their positions g_j + t_j; always finite.
+            (N, 3, 3) the nodes' linear parts R_j and (N, 3) their positions g_j + t_j. Both are always
+            finite.
         """
         if self._matrix.latest():
             start_anew(self._work.age)
         targets, weights = self._checked_targets(targets, weights)
         if planes is not None or self._planes is not NO_PLANES:
-            self._planes = planes_of(planes, self.settings.planes, self.graph.positions, self._place)
+            self._planes = convert_planes(planes, self.settings.planes, self.graph.positions, self._place)
             self._held_planes = hold(self._planes)
         self._leave_ridge(targets, weights)
         linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
@@ -224,27 +228,28 @@ class EmbeddedSolver:
 
     @property
     def settled(self) -> bool:
-        """Whether the last frame ended within 0.1 % of the minimum below it.
+        """True if the last frame ended within 0.1 % of the minimum below it.
 
         It is False if the frame ran out of its ``iterations`` or its ``budget_ms``, or ended on a ridge. The
-        next frame starts from its result, or from below the ridge, and compensates for it. The value is
-        computed on request by continuing the descent, which takes as long as a few frames.
+        next frame starts from its result, or from the state below the ridge, and continues the descent. The
+        value is computed on request by continuing the descent, which takes as long as a few frames.
         """
         ended = bool(self._work.age[2])
         if ended and not self._lower:
             self._lower.append(
-                lower_state(self._x.reshape(-1), self._terms, self._planes, self._current_matrix)
+                find_lower_state(self._x.reshape(-1), self._terms, self._planes, self._current_matrix)
             )
         return ended and self._lower[0] is None
 
     @property
     def energy(self) -> dict[str, float]:
-        """The terms "rotation", "smoothness", "constraint", "rigidity", "planes" and "total", weighted."""
+        """The weighted energies "rotation", "smoothness", "constraint", "rigidity", "planes" and "total"."""
         names = ("rotation", "smoothness", "constraint", "rigidity", "planes", "total")
         return dict(zip(names, self._work.energies.tolist(), strict=True))
 
     def _leave_ridge(self, targets: Float, weights: Float) -> None:
-        """Starts below the ridge where the last frame ended, if that is better now."""
+        """Continues from the state below the ridge on which the last frame ended, if that state is better
+        now."""
         beyond = self._lower.pop() if self._lower else None
         if beyond is None:
             return
@@ -261,7 +266,7 @@ class EmbeddedSolver:
         return self._matrix.system
 
     def state(self) -> tuple[Float, Float]:
-        """Returns (N, 3, 3) linear parts and (N, 3) positions, current values."""
+        """Returns the current linear parts (N, 3, 3) and positions (N, 3) of the nodes."""
         linear, positions = np.empty((len(self._x), 3, 3)), np.empty((len(self._x), 3))
         plain_state(self._x, self._order, linear, positions)
         return linear, positions
@@ -271,7 +276,7 @@ class EmbeddedSolver:
         take_usable(targets, weights, self.settings.constraint, self._terms.targets, self._terms.pulls)
 
     def _checked_targets(self, targets: Float, weights: Float | None) -> tuple[Float, Float]:
-        """Returns (L, 3) the frame's targets and (L,) weights; or raises InputError."""
+        """Returns the frame's targets (L, 3) and weights (L,) after checking their shapes and values."""
         targets = np.ascontiguousarray(targets, np.float64)
         weights = self._ones if weights is None else np.ascontiguousarray(weights, np.float64)
         count = len(self._ones)

@@ -22,9 +22,9 @@ def choose_start(x, rest, t, planes, work):
     rigidly.
 
     The rigid motion is the one that best moves the points to their targets. It does not change E_rot and
-    E_reg, so a body that leaps costs nothing. A state that wild targets have spoilt is abandoned as soon as
-    the rest pose is better. The rigid candidates are tried only if the others are bad. Returns whether
-    ``work.raw`` and ``work.energies`` already belong to the start.
+    E_reg, so a leap of the whole body does not increase the energy. A state that was distorted by wrong
+    targets is abandoned as soon as the rest pose is better. The rigid candidates are tried only if the others
+    are bad. Returns True if ``work.raw`` and ``work.energies`` already belong to the chosen start.
     """
     before = work.energies
     least = before[0] + before[1] + constraint_energy(x, t) + before[3] + before[4]
@@ -54,7 +54,7 @@ def choose_start(x, rest, t, planes, work):
 
 @njit(cache=True, nogil=True)
 def _go_on(x, last, out):
-    """Extrapolates the nodes' motion and rotation between two frames by another frame, into ``out``.
+    """Extrapolates the nodes' motion between the last two frames by one frame, into ``out``.
 
     R(1) = R + d + w x (w x R) to second order, where d = R - R(-1) and w is its rotation.
     """
@@ -80,7 +80,7 @@ def _go_on(x, last, out):
 
 @njit(cache=True, nogil=True)
 def _rotated_state(x, turn, middle, goal, out):
-    """Computes ``x`` rotated about ``middle``, which moves to ``goal``, into ``out``."""
+    """Rotates ``x`` about ``middle`` and moves that point to ``goal``, into ``out``."""
     for j in range(x.shape[0] // 16):
         for c in range(4):
             at = 16 * j + 4 * c
@@ -94,7 +94,8 @@ def _rotated_state(x, turn, middle, goal, out):
 
 @njit(cache=True, nogil=True)
 def _rigid_motion(x, t, turn, middle, goal):
-    """Computes the rotation about ``middle``, which moves to ``goal``; returns False if nothing pulls."""
+    """Computes the rigid motion of the points to their targets: a rotation about ``middle``, which moves to
+    ``goal``. Returns False if no constraint has weight."""
     count = t.nodes.shape[0]
     points = np.zeros((count, 3))
     middle[:] = 0.0

@@ -12,5 +12,5 @@ from .graph import (
 from .surface_ends import LimbEnds as LimbEnds, extremities as extremities, limb_ends as limb_ends
 from .sampling import scatter as scatter
 from .stiffness import painted_stiffness as painted_stiffness, stiffness_at as stiffness_at
-from .surface import SurfaceNet as SurfaceNet, net_of as net_of
+from .surface import SurfaceNet as SurfaceNet, build_net as build_net
 from .surface_kernels import insert as insert

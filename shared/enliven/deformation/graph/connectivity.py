@@ -17,7 +17,7 @@ def components(count: int, edges: Int32 | Int) -> Int:
     return np.asarray(connected_components(graph, directed=False)[1], np.int64)
 
 
-def joints(count: int, edges: Int32 | Int, distances: Float) -> Int32:
+def joining_edges(count: int, edges: Int32 | Int, distances: Float) -> Int32:
     """Returns (C - 1, 2) the edges that join C components into one, with the smallest sum of distances.
 
     KinÊtre, "Mesh Connectivity and Regularization": the minimum spanning tree over the components. The
@@ -41,7 +41,7 @@ def joints(count: int, edges: Int32 | Int, distances: Float) -> Int32:
 
 @njit(cache=True, nogil=True)
 def _shortest_ways_out(distances, label):
-    """Returns (C, 2) for each component the nearest pair of one of its nodes and a node outside."""
+    """Returns (C, 2) for each component the nearest pair of a node inside and a node outside."""
     count = label.max() + 1
     best = np.full(count, np.inf)
     out = np.zeros((count, 2), np.int64)
@@ -53,14 +53,14 @@ def _shortest_ways_out(distances, label):
     return out
 
 
-def weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
+def find_weak_edges(count: int, edges: Int32) -> tuple[Bool, Bool, Bool]:
     """Returns the bridges and cut vertices of a connected graph, by Tarjan's low-link algorithm.
 
     Returns:
         bridges: (E,) true for an edge that splits the graph when removed.
         cut_vertices: (N,) true for a node that splits the graph when removed.
-        hanging: (E,) true for the bridges, and for the edges that join any part but the largest to a cut
-            vertex.
+        hanging: (E,) true for bridges, and for edges from a cut vertex to any of its parts except the
+            largest.
     """
     offsets, neighbours, edge_of = _neighbours_with_edges(count, edges)
     bridges, cuts = _bridges_and_cut_vertices(offsets, neighbours, edge_of, len(edges))

@@ -12,8 +12,8 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def spread(offsets, neighbours, lengths, sources):
-    """Runs Dijkstra from all sources at once: (C,) metres to the nearest (infinite: none), and its number
-    (-1: none).
+    """Runs Dijkstra from all sources at once. Returns (C,) metres to the nearest source (infinite without
+    one), and (C,) its number (-1 without one).
     """
     count = offsets.shape[0] - 1
     metres, owner = np.full(count, np.inf), np.full(count, -1, np.int64)
@@ -82,8 +82,8 @@ def ways(offsets, neighbours, lengths, sources, count, limit):
 
 @njit(cache=True, nogil=True)
 def around(offsets, neighbours, lengths, limit):
-    """Returns CSR: offsets (C + 1,), the points within ``limit`` metres of each, nearest first, and their
-    metres.
+    """Returns for each point the points within ``limit`` metres, nearest first, as CSR: offsets (C + 1,),
+    points and metres.
     """
     metres, keys, items, reached = dijkstra_workspace(offsets, neighbours)
     count = metres.shape[0]
@@ -104,7 +104,8 @@ def around(offsets, neighbours, lengths, limit):
 
 @njit(cache=True, nogil=True)
 def dijkstra_workspace(offsets, neighbours):
-    """Returns the buffers of :func:`settle_within`: metres (infinite), the heap, and the points reached."""
+    """Returns the buffers of :func:`settle_within`: distances (all infinite), the heap, and the reached
+    points."""
     total = offsets.shape[0] - 1
     room = neighbours.shape[0] + 2
     return np.full(total, np.inf), np.empty(room), np.empty(room, np.int64), np.empty(total, np.int64)
@@ -112,8 +113,8 @@ def dijkstra_workspace(offsets, neighbours):
 
 @njit(cache=True, nogil=True)
 def settle_within(offsets, neighbours, lengths, source, limit, metres, keys, items, reached):
-    """Runs Dijkstra from one source; returns the number of points within ``limit``, listed in ``reached``,
-    nearest first.
+    """Runs Dijkstra from one source. Returns the number of points within ``limit``, and lists them in
+    ``reached``, nearest first.
     """
     metres[source] = 0.0
     size = push(keys, items, np.int64(0), 0.0, source)

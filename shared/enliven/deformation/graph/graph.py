@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Bool, Float, Int, Int32
-from enliven.deformation.graph.connectivity import joints, weak_edges
+from enliven.deformation.graph.connectivity import find_weak_edges, joining_edges
 from enliven.deformation.graph.sampling import (
     SurfaceSamples,
     distance_matrix,
@@ -19,18 +19,18 @@ from enliven.deformation.graph.sampling import (
 )
 from enliven.deformation.graph.surface import (
     VoronoiCells,
-    between_nodes,
-    net_of,
+    build_net,
+    node_distances,
+    path_lengths,
     voronoi_cells,
-    ways_from_nodes,
 )
-from enliven.deformation.graph.weights import DETOUR, SLACK, blending_weights, carriers
+from enliven.deformation.graph.weights import DETOUR, SLACK, blending_weights, choose_carriers
 from enliven.document import Character, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
 
 NEIGHBOURS = 4
-"""The paper's k, for edges and for the number of nodes that a point follows."""
+"""Number of neighbours of a node, and of nodes that a point follows: the paper's k."""
 _MAX_NEIGHBOUR_SPACINGS = 2.5
 """Maximum distance of a neighbour along the surface, in node spacings."""
 _MAX_FOLLOW_SPACINGS = 4.5
@@ -65,15 +65,16 @@ class DeformationGraph:
 
     @staticmethod
     def build(mesh: Mesh, nodes: int = 128, seed: int = 0, radius: float | None = None) -> DeformationGraph:
-        """Samples the mesh and links the samples; the same input gives the same graph.
+        """Samples the mesh and links the samples. The same input always gives the same graph.
 
         Nodes are linked with their four nearest under D (eq. 6), with three additions to the paper:
 
-        - Nodes that are near only through the air are not linked: two nodes of one shell that are much
-          farther apart along the surface (two legs), or nodes of two shells that do not nearly touch.
-        - If the surface bends much, few nodes face the same way, and the four nearest under D may be a metre
-          away. Neighbours lie within 2.5 node spacings along the surface. A node with fewer than four of them
-          takes those that are nearest along the surface.
+        - Nodes that are near in space but not along the surface are not linked. These are two nodes of one
+          shell that are much farther apart along the surface (two legs), or nodes of two shells that do not
+          nearly touch.
+        - If the surface bends much, few nodes have similar normals, and the four nearest under D may be a
+          metre away. So neighbours must lie within 2.5 node spacings along the surface. A node with fewer
+          than four such neighbours also gets those that are nearest along the surface.
         - The two faces of a part thinner than half a node spacing are linked, each node with the nearest one
           opposite. Thin parts then keep their thickness.
 
@@ -83,7 +84,7 @@ class DeformationGraph:
         Args:
             mesh: any triangles, in metres.
             nodes: the number of nodes, unless ``radius`` defines their spacing.
-            seed: of the sampling.
+            seed: seed of the random sampling.
             radius: metres between nodes under D, or None.
 
         Raises:
@@ -91,12 +92,13 @@ class DeformationGraph:
         """
         welded = weld(mesh)
         samples = poisson_disk(mesh, nodes, radius, seed, welded)
-        net = net_of(mesh, _mean_spacing(mesh.area, len(samples.positions)), welded)
+        net = build_net(mesh, _mean_spacing(mesh.area, len(samples.positions)), welded)
         return _linked_graph(samples, voronoi_cells(net, samples.positions, samples.faces))
 
     @staticmethod
     def of_nodes(mesh: Mesh, positions: Float, edges: Int32) -> DeformationGraph:
-        """Returns the graph of known nodes: of a received character, or of a part that was cut off.
+        """Returns the graph of given nodes, such as those of a received character or of a part that was cut
+        off.
 
         If the edges leave several components, these are joined by their nearest nodes.
 
@@ -112,8 +114,10 @@ class DeformationGraph:
             raise InputError(problem, where=mesh.name, mend="Give a mesh with faces.")
         count, pairs = len(positions), np.sort(np.asarray(edges).reshape(-1, 2), 1)
         distances = np.linalg.norm(positions[:, None] - positions[None], axis=2)
-        pairs = np.unique(np.concatenate([pairs, joints(count, pairs, distances)]), axis=0).astype(np.int32)
-        bridges, cuts, hanging = weak_edges(count, pairs)
+        pairs = np.unique(np.concatenate([pairs, joining_edges(count, pairs, distances)]), axis=0).astype(
+            np.int32
+        )
+        bridges, cuts, hanging = find_weak_edges(count, pairs)
         near = nearest_on_surface(mesh, positions)
         return DeformationGraph(positions, near.normals, near.faces, pairs, hanging, bridges, cuts, 0.0)
 
@@ -132,16 +136,17 @@ class DeformationGraph:
         spacing = _mean_spacing(mesh.area, len(self.positions))
         cells = self.cells
         if cells is None or cells.net.mesh is not mesh:
-            cells = voronoi_cells(net_of(mesh, spacing), self.positions, self.faces)
-        ways = between_nodes(len(self.positions), cells.borders, cells.lengths)
-        followed = carriers(self.positions, ways, spacing)
-        leaps = self.edges[np.isinf(ways[self.edges[:, 0], self.edges[:, 1]])]
-        near = ways_from_nodes(cells, followed, leaps, spacing, _MAX_FOLLOW_SPACINGS * spacing)
+            cells = voronoi_cells(build_net(mesh, spacing), self.positions, self.faces)
+        surface_distances = path_lengths(len(self.positions), cells.borders, cells.lengths)
+        followed = choose_carriers(self.positions, surface_distances, spacing)
+        leaps = self.edges[np.isinf(surface_distances[self.edges[:, 0], self.edges[:, 1]])]
+        near = node_distances(cells, followed, leaps, spacing, _MAX_FOLLOW_SPACINGS * spacing)
         return blending_weights(cells.net, near, self.positions, spacing, NEIGHBOURS)
 
 
 def graph_of(character: Character) -> DeformationGraph:
-    """Returns the deformation graph of a character, from its transmitted data: the same on every machine."""
+    """Returns the deformation graph of a character. It depends only on transmitted data, so it is the same on
+    every machine."""
     mesh = Mesh(np.asarray(character.vertices, np.float64), character.faces, character.id)
     return DeformationGraph.of_nodes(mesh, np.asarray(character.pivots, np.float64), character.edges)
 
@@ -170,7 +175,8 @@ def _mean_spacing(area: float, count: int) -> float:
 def _opposite_face_nodes(positions: Float, normals: Float, spacing: float) -> Bool:
     """Returns (N, N) true for nodes on the two faces of a part that is thinner than half the node spacing.
 
-    Each lies behind the other's surface, at a small depth. Two legs that face each other lie in front of it.
+    Each of the two nodes lies behind the other's surface, at a small depth. The nodes of two adjacent legs
+    lie in front of each other's surface.
     """
     way = positions[None] - positions[:, None]
     depth = -np.einsum("ija,ia->ij", way, normals)
@@ -184,11 +190,11 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     spacing = _mean_spacing(cells.net.mesh.area, count)
     apart = distance_matrix(samples)
     straight = np.linalg.norm(samples.positions[:, None] - samples.positions[None], axis=2)
-    ways = between_nodes(count, cells.borders, cells.lengths)
-    detours = ways > DETOUR * straight + SLACK * spacing
-    far = detours | (ways > _MAX_NEIGHBOUR_SPACINGS * spacing)
+    surface_distances = path_lengths(count, cells.borders, cells.lengths)
+    detours = surface_distances > DETOUR * straight + SLACK * spacing
+    far = detours | (surface_distances > _MAX_NEIGHBOUR_SPACINGS * spacing)
     # Sort pairs without a finite D after all others, by their distance along the surface.
-    around = np.where(detours, np.inf, apart[np.isfinite(apart)].max(initial=0.0) + ways)
+    around = np.where(detours, np.inf, apart[np.isfinite(apart)].max(initial=0.0) + surface_distances)
     np.fill_diagonal(around, np.inf)
     edges = _nearest_edges(np.where(far | np.isinf(apart), around, apart), NEIGHBOURS)
     through = _opposite_face_nodes(samples.positions, samples.normals, spacing) & ~detours
@@ -196,11 +202,11 @@ def _linked_graph(samples: SurfaceSamples, cells: VoronoiCells) -> DeformationGr
     edges = np.concatenate([edges, _nearest_edges(opposite, 1)])
     across = np.where(np.isfinite(apart), apart, straight)
     # Prefer paths along the surface: make every link between shells longer than all of these paths.
-    longest = float(ways[np.isfinite(ways)].max(initial=0.0))
-    links = np.where(np.isfinite(ways), ways, longest + across)
-    edges = np.concatenate([edges, joints(count, edges, links)])
+    longest = float(surface_distances[np.isfinite(surface_distances)].max(initial=0.0))
+    links = np.where(np.isfinite(surface_distances), surface_distances, longest + across)
+    edges = np.concatenate([edges, joining_edges(count, edges, links)])
     edges = np.unique(edges, axis=0).astype(np.int32)
-    bridges, cuts, hanging = weak_edges(count, edges)
+    bridges, cuts, hanging = find_weak_edges(count, edges)
     return DeformationGraph(
         samples.positions,
         samples.normals,

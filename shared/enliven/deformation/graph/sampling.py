@@ -13,8 +13,7 @@ from enliven.meshes import Mesh, face_areas, face_vectors, normals_of, weld
 from enliven.rotation import unit
 
 _DARTS_PER_NODE = 80
-"""Number of candidate points per node. With this many, there is hardly any gap left in which one more
-would fit."""
+"""Number of candidate points per node: so many that hardly any gap is left for one more sample."""
 _MIN_SMOOTH_COSINE = 0.75
 """Minimum cosine between a vertex normal and its faces' normals for the surface to count as smooth."""
 _ROUNDING_TOLERANCE = 1e-9
@@ -144,9 +143,9 @@ def _corner_normals(mesh: Mesh, faces: Int, welded: tuple[Mesh, Int]) -> Float:
     corners = welded_of[mesh.faces[faces]]
     wanted, number = np.unique(corners, return_inverse=True)
     normals, sharpest = normals_of(whole.vertices, whole.faces, wanted)
-    own = unit(face_vectors(mesh.vertices, mesh.faces[faces]))[:, None]
+    face_normals = unit(face_vectors(mesh.vertices, mesh.faces[faces]))[:, None]
     number = number.reshape(corners.shape)
-    return np.where((sharpest[number] > _MIN_SMOOTH_COSINE)[..., None], normals[number], own)
+    return np.where((sharpest[number] > _MIN_SMOOTH_COSINE)[..., None], normals[number], face_normals)
 
 
 def poisson_disk(
@@ -160,9 +159,10 @@ def poisson_disk(
 
     Dart throwing in a fixed random order over area-weighted candidates. With ``radius``, the number of points
     follows from it. Without it, there are exactly ``nodes`` points. R then starts at the paper's sqrt(A / N),
-    which gives fewer points on a plane and more on a strongly curved surface. It is bisected until the
-    maximal pattern over the same candidates has N points, or the fewest above N; the last ones drawn are then
-    left out. ``welded`` is the result of :func:`enliven.meshes.mesh.weld` for the mesh, if it is known.
+    which gives fewer points on a plane and more on a strongly curved surface. R is found by bisection such
+    that a maximal set of the candidates has N points, or as few more as possible. Any excess points are
+    dropped, the last ones first. ``welded`` is the result of :func:`enliven.meshes.mesh.weld` for the mesh,
+    if it is known.
 
     Raises:
         InputError: if the mesh has no area, there are no nodes, or the radius is not positive.
@@ -173,8 +173,8 @@ def poisson_disk(
         )
     rng = np.random.default_rng(seed)
     area = mesh.area
-    wanted = nodes if radius is None else max(1, min(int(4 * area / radius**2), 20_000))
-    darts = scatter(mesh, max(4000, _DARTS_PER_NODE * wanted), rng, welded)
+    count = nodes if radius is None else max(1, min(int(4 * area / radius**2), 20_000))
+    darts = scatter(mesh, max(4000, _DARTS_PER_NODE * count), rng, welded)
     order = rng.permutation(len(darts.positions))
     positions, normals = darts.positions[order], darts.normals[order]
     if radius is None:
@@ -185,7 +185,7 @@ def poisson_disk(
 
 
 def _largest_sample_radius(count: int, positions: Float, normals: Float, radius: float) -> tuple[float, Int]:
-    """Returns the largest radius found that gives at least ``count`` points, and ``count`` of its points."""
+    """Returns the largest radius with at least ``count`` points, and ``count`` of these points."""
     low, high = radius, radius
     chosen = throw_darts(positions, normals, low)
     while len(chosen) < count and low > 1e-9 * radius:
@@ -245,8 +245,8 @@ def throw_darts(positions: Float, normals: Float, radius: float) -> Int:
 
 @njit(cache=True, nogil=True)
 def _throw_darts(positions, normals, cell, near, radius):
-    """Computes :func:`throw_darts`, given ``cell`` (M,) of each candidate and ``near`` (C, 27) cells
-    around each.
+    """Kernel of :func:`throw_darts`, with the ``cell`` (M,) of each candidate and the cells ``near`` (C, 27)
+    each cell.
     """
     head = np.full(near.shape[0], -1, np.int64)
     below = np.empty(positions.shape[0], np.int64)

@@ -1,6 +1,7 @@
-"""Stiff and soft regions of a mesh (KinÊtre, per-node weights).
+"""Computes the stiffness of each node from stiff and soft regions of a mesh (KinÊtre, per-node weights).
 
-Spots are given as numbers, and paint is stored per vertex. Both are factors on the weights of the nodes.
+Spots are given as numbers in the settings, and paint is stored per vertex of the mesh. Both are factors on
+the weights of the nodes.
 """
 
 from __future__ import annotations
@@ -12,15 +13,17 @@ from enliven.document import Character
 from enliven.errors import InputError
 
 Spot = tuple[float, float, float, float, float]
-"""x, y, z and radius in metres of the mesh's rest space, and a factor: above 1 stiffer, below 1 softer."""
+"""A region: x, y, z and radius in metres of the mesh's rest space, and a factor (above 1 is stiffer, below 1
+softer)."""
 _MIN_WEIGHT_SUM = 1e-9
 """Sum of weights below which a node counts as having no vertices."""
 
 
 def stiffness_at(positions: Float, spots: tuple[Spot, ...]) -> Float | None:
-    """Returns (N,) the factor of each node: that of a spot at its centre, easing to 1 at its radius.
+    """Returns (N,) the factor of each node. It is a spot's factor at the spot's centre, and falls smoothly to
+    1 at its radius.
 
-    The factors of overlapping spots multiply. None without spots.
+    The factors of overlapping spots are multiplied. Returns None without spots.
 
     Args:
         positions: (N, 3) metres, the nodes at rest.

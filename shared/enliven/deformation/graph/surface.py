@@ -3,8 +3,9 @@
 Two legs may be near in space and far apart along the surface. So nodes are linked, and vertices follow nodes,
 by these distances. Paths run over a *net*. If the mesh is coarse, the net is the welded mesh's edges, halved
 until they are short enough. If it is fine, connected vertices within one cell of a grid become one point of
-the net. A million vertices then cost no more than ten thousand. A cell never joins two sheets that meet
-elsewhere. The net also has links through thin parts, and across the seams between shells.
+the net. A million vertices then cost no more than ten thousand. Two sheets that pass through the same cell,
+but are connected elsewhere, remain separate points. The net also has links through thin parts, and across the
+seams between shells.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from enliven.deformation.graph import surface_kernels as kernels
 from enliven.deformation.graph.connectivity import components
 from enliven.meshes import Mesh, longest_edge, split_long_edges, weld
 
-_MOST_VERTICES = 200_000
+_MAX_SUBDIVIDED_VERTICES = 200_000
 """Maximum number of vertices of a subdivided mesh, unless the mesh itself has more. It bounds the net's
 memory and time."""
 _CELLS_PER_SPACING = 6
-"""Cells of the net along one node spacing."""
+"""Number of cells of the net per node spacing."""
 _MAX_EDGE_IN_SPACINGS = 1 / 3
 """Maximum edge length, in node spacings. Longer edges are halved."""
 _MIN_SOUP_TEST_POINTS = 20_000
@@ -36,11 +37,13 @@ case."""
 _MIN_SOUP_PIECES_PER_CELL = 6
 """Minimum mean number of pieces per cell for a net of more than 20,000 points to count as a triangle soup."""
 _MAX_THROUGH_LINK_SPACINGS = 1 / 2
-"""Maximum distance, in spacings, of two points behind each other that are linked through the part."""
+"""Maximum distance, in spacings, of two points on opposite sides of a thin part that are linked through the
+part."""
 _MAX_SEAM_LINK_SPACINGS = 1 / 2
-"""The same for points of two shells if one shell continues the other."""
+"""Maximum distance, in spacings, of linked points of two shells if one shell continues the other across a
+seam."""
 _MAX_TOUCH_LINK_SPACINGS = 1 / 10
-"""The same for points of two shells with any orientation."""
+"""Maximum distance, in spacings, of linked points of two touching shells with any orientation."""
 
 
 class WeightedGraph(NamedTuple):
@@ -68,9 +71,10 @@ class SurfaceNet:
         of_vertex: (V,) int32, the point that represents each vertex of the mesh.
         shell: (C,) the number of the shell that each point is on.
         graph: along the surface, through thin parts, and across seams.
-        label: (W,) int32, the point that represents each vertex of the welded and subdivided mesh.
+        label: (W,) int32, the point that represents each vertex of the welded and subdivided mesh with W
+            vertices.
         faces: (G, 3) the faces of that mesh.
-        origin: (G,) the mesh's face that each was cut from, ascending; None if none was cut.
+        origin: (G,) the original face that contains each face, ascending. None if no face was subdivided.
     """
 
     mesh: Mesh
@@ -86,7 +90,7 @@ class SurfaceNet:
     origin: Int | None
 
 
-def net_of(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> SurfaceNet:
+def build_net(mesh: Mesh, spacing: float, welded: tuple[Mesh, Int] | None = None) -> SurfaceNet:
     """Returns the net of a mesh, for nodes about ``spacing`` metres apart.
 
     Args:
@@ -125,7 +129,7 @@ def _subdivided_mesh(welded: Mesh, longest: float) -> tuple[Float, Int32, Int | 
     origin: Int | None = None
     while longest_edge(vertices, faces) > longest:
         finer, split, _, source = split_long_edges(vertices, faces, longest)
-        if len(finer) > max(_MOST_VERTICES, len(welded.vertices)):
+        if len(finer) > max(_MAX_SUBDIVIDED_VERTICES, len(welded.vertices)):
             break
         vertices, faces, origin = finer, split, source if origin is None else origin[source]
     return vertices, faces, origin
@@ -164,7 +168,7 @@ class VoronoiCells:
         graph: the net's edges, and those that connect the nodes; node j is point C + j.
         owner: (C,) the node nearest to each point of the net, along the surface.
         borders: (B, 2) pairs of nodes with adjacent cells.
-        lengths: (B,) metres, the shortest path between the two across their border.
+        lengths: (B,) metres, the shortest path between the two nodes across their border.
     """
 
     net: SurfaceNet
@@ -208,7 +212,7 @@ def _graph_with_nodes(net: SurfaceNet, positions: Float, faces: Int32) -> Weight
     corner = net.label[inside]
     ties = np.unique(np.stack([corner, count + node], 1), axis=0).astype(np.int32)
     part = components(count + len(faces), np.concatenate([net.graph.edges, ties]))
-    ties = np.concatenate([ties, _adopting_links(net.points, part, positions)])
+    ties = np.concatenate([ties, _links_to_orphans(net.points, part, positions)])
     ends = np.concatenate([net.points, positions])
     lengths = np.linalg.norm(ends[ties[:, 0]] - ends[ties[:, 1]], axis=1)
     return WeightedGraph(
@@ -216,7 +220,7 @@ def _graph_with_nodes(net: SurfaceNet, positions: Float, faces: Int32) -> Weight
     )
 
 
-def _adopting_links(points: Float, part: Int, positions: Float) -> Int32:
+def _links_to_orphans(points: Float, part: Int, positions: Float) -> Int32:
     """Returns (O, 2) one connection, from its nearest point to the nearest node, for each part without a
     node.
     """
@@ -239,7 +243,7 @@ def _adjacency_lists(graph: WeightedGraph, count: int) -> tuple[Int, Int32, Floa
     return offsets, columns[order], np.concatenate([graph.lengths, graph.lengths])[order]
 
 
-def ways_from_nodes(
+def node_distances(
     cells: VoronoiCells, nodes: Int, joints: Int32, spacing: float, reach: float
 ) -> tuple[Int, Int32, Float]:
     """Returns the nodes within ``reach`` metres of each point of the net along the surface, and their
@@ -249,7 +253,8 @@ def ways_from_nodes(
 
     Args:
         nodes: (M,) the nodes that are considered, ascending.
-        joints: (E, 2) pairs of nodes without a path between them; they count as ``spacing`` metres apart.
+        joints: (E, 2) pairs of linked nodes without a path between them. They count as ``spacing`` metres
+            apart.
 
     Returns:
         CSR over the points: offsets (C + 1,), nodes (K,) ascending at each point, and metres (K,).
@@ -279,13 +284,13 @@ def points_around(net: SurfaceNet, reach: float) -> tuple[Int, Int32, Float]:
     return ends, points, metres
 
 
-def members(net: SurfaceNet) -> tuple[Int, Int32]:
-    """Returns CSR: offsets (C + 1,) and the vertices of each point."""
+def vertices_of_points(net: SurfaceNet) -> tuple[Int, Int32]:
+    """Returns the vertices that each point of the net represents, as CSR: offsets (C + 1,) and vertices."""
     starts, order = kernels.by_label(net.of_vertex, len(net.points))
     return starts, order
 
 
-def between_nodes(count: int, edges: Int, lengths: Float, limit: float = np.inf) -> Float:
+def path_lengths(count: int, edges: Int, lengths: Float, limit: float = np.inf) -> Float:
     """Returns (N, N) the shortest path between nodes over weighted edges; infinite beyond ``limit``
     metres.
     """

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from enliven.arrays import Float, Int
 from enliven.deformation.graph.geodesic_kernels import spread
-from enliven.deformation.graph.surface import SurfaceNet, net_of
+from enliven.deformation.graph.surface import SurfaceNet, build_net
 from enliven.errors import InputError
 from enliven.kernels import njit
 from enliven.meshes import Mesh, submesh
@@ -29,10 +29,11 @@ _PATH_SOURCE_COUNT = 32
 """Number of points, far from each other, with paths to all others. A vertex at a limb's end is far from
 most of them."""
 _MIN_END_PERSISTENCE = 0.02
-"""Minimum persistence of an end, as a fraction of the longest path along the mesh."""
+"""Minimum persistence of a limb's end, as a fraction of the longest path along the mesh."""
 
 _MAX_SMALL_SHELL_POINTS = 64
-"""Maximum number of points of a shell that is joined by searching its points' neighbours among all points."""
+"""Maximum size in points of a shell for which the nearest other shell is searched among the neighbours of its
+points."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class LimbEnds:
     longest: float
     ways: csr_matrix
 
-    def ways_from(self, points: Int) -> Float:
+    def distances_from(self, points: Int) -> Float:
         """Returns (P, C) metres along the surface from some points to all."""
         return np.atleast_2d(dijkstra(self.ways, indices=points))
 
@@ -71,16 +72,16 @@ def limb_ends(mesh: Mesh, most: int = 12, nodes: int = _NET_NODE_COUNT) -> LimbE
         raise InputError("the mesh has no area", where=mesh.name, mend="Give a mesh with faces.")
     # The submesh excludes vertices without a face.
     surface = submesh(mesh, np.ones(len(mesh.faces), np.bool_))
-    net = net_of(surface, float(np.sqrt(mesh.area / nodes)))
-    ways = _joined_net_edges(net)
-    from_sources = _spread_out(ways, _PATH_SOURCE_COUNT)
+    net = build_net(surface, float(np.sqrt(mesh.area / nodes)))
+    links = _joined_net_edges(net)
+    from_sources = _sample_far_points(links, _PATH_SOURCE_COUNT)
     far = from_sources.mean(0)
-    tips, persistence = _local_maxima(ways.indptr, ways.indices, far, np.argsort(-far, kind="stable"))
+    tips, persistence = _local_maxima(links.indptr, links.indices, far, np.argsort(-far, kind="stable"))
     persistence[np.argmax(persistence)] = np.inf
     order = np.argsort(-persistence, kind="stable")[:most]
     longest = float(from_sources.max())
     order = order[persistence[order] > _MIN_END_PERSISTENCE * longest]
-    return LimbEnds(net.points, tips[order], persistence[order], longest, ways)
+    return LimbEnds(net.points, tips[order], persistence[order], longest, links)
 
 
 def extremities(mesh: Mesh, most: int = 12) -> Int:
@@ -95,12 +96,12 @@ def extremities(mesh: Mesh, most: int = 12) -> Int:
     return np.asarray(used[tree.query(limbs.points[limbs.ends])[1]], np.int64)
 
 
-def _spread_out(ways: csr_matrix, count: int) -> Float:
+def _sample_far_points(links: csr_matrix, count: int) -> Float:
     """Returns (S, C) metres along the surface from some points that are far from each other."""
-    net = ways.indptr.astype(np.int64), ways.indices, ways.data
+    net = links.indptr.astype(np.int64), links.indices, links.data
     near, _ = spread(*net, np.array([0]))
     rows = list[Float]()
-    for _ in range(min(count, ways.shape[0])):
+    for _ in range(min(count, links.shape[0])):
         rows.append(spread(*net, np.array([near.argmax()]))[0])
         near = rows[0] if len(rows) == 1 else np.minimum(near, rows[-1])
     return np.array(rows)

@@ -7,10 +7,10 @@ the surface creases. This module differs in three steps:
 
 1. d(v, j) = e + 2 max(0, g - 1.5 e - s / 2). e is the Euclidean distance, g the geodesic distance along the
    surface, and s the node spacing. d equals e until the path along the surface is a detour; from there it
-   grows with the detour. With Euclidean distances, both faces of a thin board follow the same nodes; g leads
-   through thin parts (:mod:`enliven.deformation.graph.surface`). d is continuous along the surface, and so
-   are the weights, even when nodes enter and leave the four: a node enters with weight zero. d_max is at most
-   two spacings, so that the tip of an arm does not follow the other arms.
+   grows with the detour. With Euclidean distances, both faces of a thin board follow the same nodes. The
+   paths of g also go through thin parts (:mod:`enliven.deformation.graph.surface`). d is continuous along the
+   surface, and so are the weights, even when nodes enter and leave the four: a node enters with weight zero.
+   d_max is at most two spacings, so that the tip of an arm does not follow the other arms.
 2. Only *carriers* are followed: nodes that are not too near to each other along the surface. Eq. 6 clusters
    nodes where the surface bends. The other nodes act on the carriers through the graph.
 3. A vertex takes the mean of these weights over the surface around it. The four largest are kept, minus the
@@ -24,7 +24,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float, Int, Int32
-from enliven.deformation.graph.surface import SurfaceNet, members, points_around
+from enliven.deformation.graph.surface import SurfaceNet, points_around, vertices_of_points
 from enliven.deformation.graph.surface_kernels import insert
 from enliven.document import SkinWeights
 from enliven.kernels import njit
@@ -50,10 +50,10 @@ _MAX_SOURCE_POINTS = 64
 _MAX_NODES_PER_POINT = 12
 """Maximum number of nodes that a point of the net follows."""
 _MAX_CANDIDATE_NODES = 64
-"""Maximum number of nodes that the vertices of one point of the net choose from."""
+"""Maximum number of nodes that are considered for the vertices of one point of the net."""
 
 
-def carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> Int:
+def choose_carriers(positions: Float, ways: Float, spacing: float, least: int = 5) -> Int:
     """Returns (M,) the nodes that vertices follow, ascending: each one that is not near to an earlier one.
 
     If there would be fewer than ``least``, returns all nodes.
@@ -81,7 +81,7 @@ def blending_weights(
     Args:
         net: of the mesh.
         near: the carriers near each point of the net, and their distances along the surface
-            (:func:`enliven.deformation.graph.surface.ways_from_nodes`).
+            (:func:`enliven.deformation.graph.surface.node_distances`).
         positions: (N, 3) metres.
         spacing: metres, s.
         k: nodes per vertex, at most 4.
@@ -93,7 +93,7 @@ def blending_weights(
     )
     cells = np.array([_MAX_POINT_DISTANCE_CELLS, _MAX_PATH_LENGTH_CELLS]) * net.cell
     indices, weights = _at_vertices(
-        net.mesh.vertices, *members(net), net.points, nodes, shares, *around, cells, k
+        net.mesh.vertices, *vertices_of_points(net), net.points, nodes, shares, *around, cells, k
     )
     return SkinWeights(indices, weights)
 

@@ -1,5 +1,5 @@
 from .bake import BakedSurface as BakedSurface, bake_surface as bake_surface
-from .frames import SurfaceFrames as SurfaceFrames, states_of as states_of
+from .frames import SurfaceFrames as SurfaceFrames, evaluate_states as evaluate_states
 from .maps import stretch_axes as stretch_axes
 from .morphs import BakedMorphs as BakedMorphs, bake_morphs as bake_morphs
 from .nodes import EdgeGraph as EdgeGraph

@@ -25,7 +25,7 @@ from enliven.examples.baking.weights import fit_weights
 from enliven.meshes import Mesh, weld
 
 Frames = Callable[[], Iterable[Float]]
-"""Returns an iterator over the frames (V, 3) metres, from the first to the last, at each call."""
+"""A function that returns a new iterator over all frames (V, 3) metres at each call."""
 _CHUNK_FRAMES = 16
 """Number of frames that are processed together."""
 _MAX_REFITS = 3
@@ -44,10 +44,11 @@ class BakedSurface:
         pivots: (K, 3) metres, at rest, on the surface.
         edges: (E, 2) int32 pairs of neighbouring transforms.
         skin: four transforms per vertex.
-        linear: (F, K, 3, 3).
-        places: (F, K, 3) metres.
-        axes: (K, 3, 3) Q such that linear = R Q diag(s) Q', with a rotation R; None if linear may be any map.
-        error: over all frames.
+        linear: (F, K, 3, 3) linear maps.
+        places: (F, K, 3) metres, the positions of the pivots.
+        axes: (K, 3, 3) stretch axes Q with linear = R Q diag(s) Q' and a rotation R. None if linear may be
+            any map.
+        error: the error over all frames.
     """
 
     pivots: Float
@@ -70,18 +71,19 @@ def bake_surface(
     """Fits transforms to a surface.
 
     Args:
-        mesh: at rest.
-        frames: gives its vertices in each frame, in a frame of reference that moves with the whole mesh.
-        traits: (F, ...) numbers that distinguish frames, for example the positions of the control points.
-        held: vertices that get a transform in any case.
-        shear: allow any affine map, as in a deformation graph; else only maps that a glTF node can represent.
+        mesh: the mesh at rest.
+        frames: returns its vertices in each frame, in a coordinate frame that moves with the whole mesh.
+        traits: (F, ...) features that distinguish frames, for example the positions of the control points.
+        held: vertices that always get a transform.
+        shear: True to allow any affine map, as in a deformation graph. False allows only maps that a glTF
+            node can represent.
     """
     settings = settings or BakeSettings()
     welded, of = weld(mesh)
     first = np.unique(of, return_index=True)[1]
-    chosen = farthest(traits.reshape(len(traits), -1), settings.frames)
-    wanted = _gather_frames(frames, chosen, first)
-    fit = _Fit(welded, wanted, [int(of[v]) for v in held], settings, shear)
+    chosen = sample_farthest(traits.reshape(len(traits), -1), settings.frames)
+    frame_vertices = _gather_frames(frames, chosen, first)
+    fit = _Fit(welded, frame_vertices, [int(of[v]) for v in held], settings, shear)
     for _ in range(_MAX_REFITS):
         fit.run()
         missed = WorstFrames(settings.worst * fit.size)
@@ -94,8 +96,9 @@ def bake_surface(
     return BakedSurface(fit.pivots, fit.seeds.edges(), skin, linear, places, axes, error)
 
 
-def farthest(traits: Float, count: int) -> Int:
-    """Returns (C,) ascending rows of (F, D) by farthest point sampling from the first row."""
+def sample_farthest(traits: Float, count: int) -> Int:
+    """Selects ``count`` rows of (F, D) by farthest point sampling, starting with the first. Returns their
+    ascending indices (C,)."""
     if len(traits) <= count:
         return np.arange(len(traits))
     chosen = [0]
@@ -107,11 +110,11 @@ def farthest(traits: Float, count: int) -> Int:
 
 
 class WorstFrames:
-    """The worst of the frames with errors above the tolerance.
+    """The frames with the largest errors above the tolerance.
 
     Attributes:
-        most: metres, the tolerance.
-        frames: (V, 3) of each.
+        most: the tolerance in metres.
+        frames: the vertices (V, 3) of each recorded frame.
     """
 
     def __init__(self, most: float) -> None:
@@ -139,9 +142,9 @@ class _Fit:
     """
 
     def __init__(
-        self, mesh: Mesh, wanted: Float, held: Sequence[int], settings: BakeSettings, shear: bool
+        self, mesh: Mesh, frame_vertices: Float, held: Sequence[int], settings: BakeSettings, shear: bool
     ) -> None:
-        self._rest, self._wanted, self._settings, self._shear = mesh.vertices, wanted, settings, shear
+        self._rest, self._wanted, self._settings, self._shear = mesh.vertices, frame_vertices, settings, shear
         self._bound = False
         self.size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
         self._net = EdgeGraph(mesh)
@@ -152,7 +155,7 @@ class _Fit:
         self._assign_seeds()
 
     def run(self) -> None:
-        """Fits, and adds transforms until the tolerance or the maximum number is reached.
+        """Fits weights and maps, and adds transforms until the tolerance or the maximum number is reached.
 
         Maps may be any affine ones until the tolerance is reached. Only then are they restricted to their
         final form.
@@ -161,35 +164,37 @@ class _Fit:
         most = min(settings.nodes, len(self._rest))
         while True:
             self._alternate_fits(settings.rounds)
-            share = self._error_ratios()
-            if share.max() <= 1.0 and not self._shear:
+            error_ratios = self._error_ratios()
+            if error_ratios.max() <= 1.0 and not self._shear:
                 self._bound = True
-                self._better_maps()
+                self._fit_maps()
                 self._alternate_fits(_FINAL_ROUNDS)
-                share, self._bound = self._error_ratios(), False
+                error_ratios, self._bound = self._error_ratios(), False
             room = most - len(self.pivots)
-            if share.max() <= 1.0 or not self.seeds.grow(share, min(room, max(len(self.pivots) // 2, 4))):
+            if error_ratios.max() <= 1.0 or not self.seeds.grow(
+                error_ratios, min(room, max(len(self.pivots) // 2, 4))
+            ):
                 break
             self._assign_seeds()
         if not self._shear and self.maps.axes is None:
             self._bound = True
-            self._better_maps()
+            self._fit_maps()
             self._alternate_fits(_FINAL_ROUNDS)
 
     @property
     def room(self) -> bool:
-        """Whether transforms may be added."""
+        """True if more transforms may be added."""
         return len(self.pivots) < min(self._settings.nodes, len(self._rest))
 
     def take(self, frames: list[Float]) -> None:
         """Adds frames (V, 3) to the fit."""
         self._wanted = np.concatenate([self._wanted, np.stack(frames, 1)], 1)
-        self._better_maps()
+        self._fit_maps()
 
     def _alternate_fits(self, rounds: int) -> None:
         for _ in range(rounds):
-            self._better_weights()
-            self._better_maps()
+            self._fit_weights()
+            self._fit_maps()
 
     def _error_ratios(self) -> Float:
         """Returns (V,) each vertex's error divided by the tolerance: above 1 if it exceeds the tolerance."""
@@ -197,8 +202,10 @@ class _Fit:
         squares, worst, _ = self.errors(self._found, self._wanted)
         whole = np.sqrt(squares.mean() / frames) / max(settings.rms * self.size, 1e-300)
         # If the mean error is too large, blame the vertices with errors above the mean.
-        own = whole * np.sqrt(squares / max(squares.mean(), 1e-300)) if whole > 1.0 else 0.0 * squares
-        return np.asarray(np.maximum(own, np.sqrt(worst) / max(settings.worst * self.size, 1e-300)))
+        vertex_ratios = (
+            whole * np.sqrt(squares / max(squares.mean(), 1e-300)) if whole > 1.0 else 0.0 * squares
+        )
+        return np.asarray(np.maximum(vertex_ratios, np.sqrt(worst) / max(settings.worst * self.size, 1e-300)))
 
     def _assign_seeds(self) -> None:
         """Assigns each vertex to the nearest seed along the surface."""
@@ -208,9 +215,9 @@ class _Fit:
         self.indices[:, 0] = self._candidates[:, 0]
         self.weights = np.zeros((len(self._rest), 4))
         self.weights[:, 0] = 1.0
-        self._better_maps()
+        self._fit_maps()
 
-    def _better_maps(self) -> None:
+    def _fit_maps(self) -> None:
         self.maps = Maps(self._rest, self.pivots, self.indices, self.weights, self._settings.rigid)
         maps = self.maps.of(self._wanted)
         if self._bound:
@@ -218,34 +225,35 @@ class _Fit:
             maps = self.maps.of(self._wanted)
         self._found = maps
 
-    def _better_weights(self) -> None:
+    def _fit_weights(self) -> None:
         smooth = self._wanted.shape[1] * (self._settings.smooth * self.size) ** 2
         flat = self._wanted.reshape(len(self._rest), -1)
         by_node = np.ascontiguousarray(self._found.transpose(1, 2, 0, 3)).reshape(len(self.pivots), 4, -1)
         around = self._candidates, self._near, self._starts, smooth
         fit_weights(self._rest, flat, self.pivots, by_node, *around, self.indices, self.weights)
 
-    def errors(self, maps: Float, wanted: Float) -> tuple[Float, Float, Float]:
-        """Computes (V,) sums and (V,) maxima of square errors, and (F,) the maxima of each frame."""
+    def errors(self, maps: Float, frame_vertices: Float) -> tuple[Float, Float, Float]:
+        """Computes the sum (V,) and the maximum (V,) of each vertex's square errors, and the maximum (F,) of
+        each frame."""
         squares, worst = np.zeros(len(self._rest)), np.zeros(len(self._rest))
         parts = self._rest, self.pivots, self.indices, self.weights
-        return squares, worst, add_errors(*parts, maps, wanted, squares, worst)
+        return squares, worst, add_errors(*parts, maps, frame_vertices, squares, worst)
 
 
 def _gather_frames(frames: Frames, chosen: Int, first: Int) -> Float:
-    """Collects (V, C, 3) the chosen frames."""
-    wanted = np.empty((len(first), len(chosen), 3))
+    """Returns (V, C, 3) metres, the vertices in the chosen frames."""
+    frame_vertices = np.empty((len(first), len(chosen), 3))
     column = {int(frame): k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):
         if number in column:
-            wanted[:, column[number]] = vertices[first]
+            frame_vertices[:, column[number]] = vertices[first]
         if number == chosen[-1]:
             break
-    return wanted
+    return frame_vertices
 
 
 def _frame_chunks(frames: Frames, first: Int) -> Iterator[Float]:
-    """Yields the frames in chunks (V, C, 3)."""
+    """Yields chunks (V, C, 3) of consecutive frames."""
     kept: list[Float] = []
     for vertices in frames():
         kept.append(vertices[first])
@@ -262,12 +270,12 @@ def _measure_fit(
     """Computes the transforms of all frames, and the error of the surface."""
     linear, places = np.empty((count, len(fit.pivots), 3, 3)), np.empty((count, len(fit.pivots), 3))
     total, worst, frame, vertex, at = 0.0, 0.0, 0, 0, 0
-    for wanted in _frame_chunks(frames, first):
-        maps = fit.maps.of(wanted)
-        squares, most, of_frame = fit.errors(maps, wanted)
+    for frame_vertices in _frame_chunks(frames, first):
+        maps = fit.maps.of(frame_vertices)
+        squares, most, of_frame = fit.errors(maps, frame_vertices)
         total += float(squares.sum())
         for number, off in enumerate(np.sqrt(of_frame)):
-            missed.record(float(off), wanted[:, number])
+            missed.record(float(off), frame_vertices[:, number])
         if most.max() > worst:
             worst, frame, vertex = float(most.max()), at + int(of_frame.argmax()), int(first[most.argmax()])
         linear[at : at + len(maps)] = maps[:, :, :3].transpose(0, 1, 3, 2)

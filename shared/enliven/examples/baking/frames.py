@@ -1,4 +1,4 @@
-"""A puppet's surface over a range of times, frame by frame, and its frame in the world."""
+"""A puppet's surface over time, frame by frame, and the pose of its coordinate frame in the world."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ class SurfaceFrames:
     Attributes:
         puppet: the puppet with the surface.
         places: (F, P, 3) metres in the mesh's frame, the control points.
-        kept: MB. If all frames fit into this memory they are solved once, else at each call.
+        kept: memory in MB. If all frames fit into it, they are solved once. Otherwise they are solved at each
+            call.
     """
 
     puppet: Puppet
@@ -30,8 +31,8 @@ class SurfaceFrames:
     _known: list[Float32] = field(default_factory=list, init=False)
 
     def __call__(self) -> Iterator[Float]:
-        """Yields (V, 3) metres in the mesh's frame. The first frame is settled. Each other one starts at the
-        previous frame."""
+        """Yields (V, 3) metres in the mesh's frame. The first frame is solved from rest, and each other one
+        from the previous frame."""
         if len(self._known) == len(self.places):
             for frame in self._known:
                 yield frame.astype(np.float64)
@@ -49,21 +50,21 @@ class SurfaceFrames:
         self._known = solved
 
 
-def states_of(project: Project, puppet: Puppet, times: Float) -> tuple[Float, Float, Float]:
+def evaluate_states(project: Project, puppet: Puppet, times: Float) -> tuple[Float, Float, Float]:
     """Evaluates a puppet at ``times`` (F,).
 
     Returns:
-        (F, P, 3) its control points in the mesh's frame, metres; and its frame in the world: (F, 4) rotations
-        and (F, 3) positions in metres.
+        (F, P, 3) metres, its control points in the mesh's frame. (F, 4) rotations and (F, 3) metres, the pose
+        of the mesh's frame in the world.
     """
     states = [state_of(project, puppet, float(time)) for time in times]
-    turn, place = ways_of(puppet, states)
+    turn, place = frame_poses(puppet, states)
     return np.array([state.places for state in states]).reshape(len(times), -1, 3), turn, place
 
 
-def ways_of(puppet: Puppet, states: list[State]) -> tuple[Float, Float]:
-    """Returns (F, 4) rotations and (F, 3) positions of the puppet's frame in the world: x maps to turn x +
-    place."""
+def frame_poses(puppet: Puppet, states: list[State]) -> tuple[Float, Float]:
+    """Returns rotations (F, 4) and positions (F, 3) of the puppet's frame. A point x of it is at turn x +
+    place in the world."""
     yaws = np.array([state.yaw for state in states])
     about_y = from_rotation_vector(np.stack([0.0 * yaws, yaws, 0.0 * yaws], 1))
     roots = np.array([state.root for state in states])

@@ -1,8 +1,8 @@
-"""The transforms of a baked surface, all of a frame at once, by least squares.
+"""Solves all transforms of a frame of a baked surface together, by least squares.
 
 With the weights known, a frame's surface is linear in its K affine maps. The matrix of that system is the
-same for all frames, so it is factored once. The vertices of a frame are only needed for its right-hand side,
-12 numbers per transform; all other steps use these.
+same for all frames, so it is factored once. The vertices of a frame are only needed for its right-hand side
+of 12 numbers per transform. All other steps use these numbers.
 
 If maps must be those of a glTF node, A = R Q diag(s) Q' with constant axes Q per transform, they are found
 block by block (B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section 4.2,
@@ -21,8 +21,8 @@ from enliven.rotation import nearest_quaternion, nearest_rotation, rotation_matr
 _PIVOT_WEIGHT = 1e-6
 """Weight that keeps a pivot at the position given by its rotation if the surface does not determine it."""
 _GLOBAL_ROTATION_WEIGHT = 1e-3
-"""Weight of the whole surface's rotation in that of each transform. It resolves the ambiguity if its own
-surface is a line."""
+"""Weight of the whole surface's rotation in the rotation of each transform. It resolves the ambiguity if a
+transform's own vertices lie on a line."""
 _TRANSFORM_SWEEPS = 4
 """Number of passes over all transforms, each solved with the others fixed."""
 _MIN_SCALE = 0.1
@@ -38,7 +38,8 @@ class Maps:
         rest: (V, 3) metres.
         pivots: (K, 3) metres.
         indices, weights: (V, 4) int32 and float64.
-        rigid: strength with which a map is kept a rotation where the surface does not determine it.
+        rigid: strength of the pull towards a rotation in directions in which the surface does not determine
+            the map.
 
     Attributes:
         axes: (K, 3, 3) the axes Q of the scales, or None if any maps are allowed.
@@ -63,7 +64,8 @@ class Maps:
         self.axes: Float | None = None
 
     def of(self, vertices: Float) -> Float:
-        """Solves (F, K, 4, 3) maps of the frames ``vertices`` (V, F, 3): x = (v - pivot, 1) map."""
+        """Returns the least-squares maps (F, K, 4, 3) of the frames ``vertices`` (V, F, 3), with x = (v -
+        pivot, 1) map."""
         frames = vertices.shape[1]
         moments = moments_of(*self._parts, np.ascontiguousarray(vertices).reshape(len(vertices), -1))
         right = np.ascontiguousarray(moments.reshape(-1, 4, frames, 3).transpose(2, 0, 1, 3))

@@ -1,9 +1,9 @@
 """Converts a solved surface to morph targets (blend shapes): shapes that are summed with the weights of each
 frame.
 
-The targets are the principal components of the frames that differ most; the required error determines their
-number. Rotations of a part are not sums of shapes, so large ones need many targets. In that case transforms
-(:mod:`enliven.examples.baking.bake`) need fewer numbers.
+The targets are the principal components of the frames that differ most. The required error determines their
+number. A rotation of a part is not a sum of shapes, so large rotations need many targets. In that case,
+transforms (:mod:`enliven.examples.baking.bake`) need less data.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.examples.baking.bake import Frames, WorstFrames, farthest
+from enliven.examples.baking.bake import Frames, WorstFrames, sample_farthest
 from enliven.examples.baking.settings import BakeError, BakeSettings
 from enliven.meshes import Mesh
 
@@ -29,8 +29,8 @@ class BakedMorphs:
 
     Attributes:
         targets: (N, V, 3) metres.
-        normals: (N, V, 3) the same for the normals.
-        weights: (F, N), about -2 to 2.
+        normals: (N, V, 3) the change of the normals by each target.
+        weights: (F, N) the weights of the targets, about -2 to 2.
         error: over all frames.
     """
 
@@ -46,7 +46,7 @@ def bake_morphs(
     """Fits morph targets to a surface; see :func:`enliven.examples.baking.bake.bake_surface`."""
     settings = settings or BakeSettings()
     size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-    chosen = farthest(traits.reshape(len(traits), -1), settings.frames)
+    chosen = sample_farthest(traits.reshape(len(traits), -1), settings.frames)
     moved, normals = _gather_displacements(mesh, frames, chosen.tolist())
     for _ in range(_MAX_REFITS):
         shapes, spread = _principal_components(moved, settings.targets)
@@ -56,7 +56,7 @@ def bake_morphs(
         weights, error = _measure_weights(mesh, frames, len(traits), shapes, size, missed)
         if not missed.frames or count == settings.targets:
             break
-        more = [_displacements_of(mesh, vertices) for vertices in missed.frames]
+        more = [_vertex_displacements(mesh, vertices) for vertices in missed.frames]
         moved = np.concatenate([moved, [vertices for vertices, _ in more]])
         normals = np.concatenate([normals, [vertex_normals for _, vertex_normals in more]])
     moved_weights = moved @ shapes.T / spread
@@ -74,13 +74,13 @@ def _gather_displacements(mesh: Mesh, frames: Frames, chosen: list[int]) -> tupl
     row = {frame: k for k, frame in enumerate(chosen)}
     for number, vertices in enumerate(frames()):
         if number in row:
-            moved[row[number]], normals[row[number]] = _displacements_of(mesh, vertices)
+            moved[row[number]], normals[row[number]] = _vertex_displacements(mesh, vertices)
         if number == chosen[-1]:
             break
     return moved, normals
 
 
-def _displacements_of(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
+def _vertex_displacements(mesh: Mesh, vertices: Float) -> tuple[Float, Float]:
     """Returns (3 V,) displacements of vertices (V, 3) from rest, and the changes of their normals."""
     turned = Mesh(vertices, mesh.faces, mesh.name).vertex_normals() - mesh.vertex_normals()
     return (vertices - mesh.vertices).ravel(), turned.ravel()
@@ -103,7 +103,8 @@ def _principal_components(moved: Float, most: int) -> tuple[Float, Float]:
 
 
 def _needed_shapes(moved: Float, shapes: Float, settings: BakeSettings, size: float) -> int:
-    """Returns the number of shapes that suffice for frames ``moved`` (C, 3 V), or all if none suffices."""
+    """Returns the number of shapes that suffice for frames ``moved`` (C, 3 V), or the number of all shapes if
+    none suffices."""
     left = moved.copy()
     for count, shape in enumerate(shapes, 1):
         left -= np.outer(left @ shape, shape)

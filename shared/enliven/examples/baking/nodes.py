@@ -42,8 +42,8 @@ class Seeds:
     """Vertices with a transform, in the order in which they were added.
 
     Attributes:
-        vertices: of the welded mesh.
-        away: (S, V) metres from each along the surface.
+        vertices: the seeds, as vertices of the welded mesh.
+        away: (S, V) metres along the surface from each seed to each vertex.
     """
 
     def __init__(self, net: EdgeGraph, held: Sequence[int], count: int) -> None:

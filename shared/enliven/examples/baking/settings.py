@@ -60,8 +60,8 @@ class BakeError:
     """The difference between a baked surface and the solved one, over all vertices of all frames.
 
     Attributes:
-        rms: metres, root mean square.
-        worst: metres, of any vertex in any frame.
+        rms: root mean square error in metres.
+        worst: maximum error in metres, of any vertex in any frame.
         frame: the frame with the worst error.
         vertex: the vertex of the mesh with the worst error.
         size: metres, the diagonal of the mesh's bounding box at rest.
@@ -74,8 +74,8 @@ class BakeError:
     size: float
 
     def __str__(self) -> str:
-        share = 100.0 / self.size if self.size > 0 else 0.0
+        percent = 100.0 / self.size if self.size > 0 else 0.0
         return (
-            f"off by {1000 * self.rms:.2f} mm ({self.rms * share:.3f} % of its size) as a root mean square, "
-            f"at most {1000 * self.worst:.2f} mm ({self.worst * share:.2f} %) in frame {self.frame}"
+            f"off by {1000 * self.rms:.2f} mm ({self.rms * percent:.3f} % of its size) as a root mean "
+            f"square, at most {1000 * self.worst:.2f} mm ({self.worst * percent:.2f} %) in frame {self.frame}"
         )

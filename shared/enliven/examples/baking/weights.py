@@ -1,10 +1,10 @@
-"""Weights of a vertex over the transforms around it: bounded, at most four, with sum one.
+"""Fits the weights of each vertex for the transforms around it: not negative, at most four, with sum one.
 
 B. H. Le and Z. Deng, "Smooth skinning decomposition with rigid bones", 2012, section 4.1: with the transforms
 known, each vertex is a least-squares problem of its own. Let d_k(t) be the difference between the vertex
 moved by transform k at time t and its true position. Then w minimizes sum_t |sum_k w_k d_k(t)|² = w' D w,
 since the weights sum to one. Two parts are added here. A pull towards the mean of the neighbours' weights
-keeps the surface smooth between frames. The old weights are kept if the new ones are not better.
+keeps the surface smooth between frames. The old weights are kept if the new weights are not better.
 """
 
 from __future__ import annotations
@@ -96,7 +96,8 @@ def _dot_product(a, b):
 def solve_bounded(gram, pull, smooth, there, free, room, found):
     """Fills ``found`` with the weights, at most four above zero. Returns False if no solution exists.
 
-    Negative weights are dropped, the lowest first; then the smallest, until four are left.
+    First negative weights are removed, the lowest first. Then the smallest weights are removed until four are
+    left.
     """
     scale = 0.0
     for c in range(there):

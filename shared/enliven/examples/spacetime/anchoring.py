@@ -1,4 +1,4 @@
-"""Contact frame by frame: the control point that is the anchor, and the root motion that keeps it in
+"""Computes contact frame by frame: the control point that is the anchor, and the root motion that keeps it in
 place."""
 
 from __future__ import annotations
@@ -40,8 +40,9 @@ def stand(turned, feet, stands, grip, first, last, root, anchors):
 def _choose_anchor(places, feet, stands, before, highest):
     """Chooses the anchor after ``before`` (-1: none).
 
-    The anchor stays while the performer stands on it. Then it is the lowest standing foot. If ``stands`` is
-    unknown, the previous anchor stays while it is not above ``highest``; otherwise it is the lowest foot.
+    The previous anchor stays the anchor while the performer stands on it. Otherwise the lowest standing foot
+    becomes the anchor. If ``stands`` is unknown, the previous anchor stays while it is not above ``highest``,
+    and otherwise the lowest foot becomes the anchor.
     """
     has_standing = stands.any()
     best, height = -1, np.inf

@@ -22,7 +22,7 @@ class Band:
     """The factorization of one control point's system.
 
     Args:
-        give: (F, 3, 3) symmetric, positive semidefinite.
+        give: (F, 3, 3) the response of the positions to a pull, symmetric and positive semidefinite.
         weight: lambda.
     """
 
@@ -40,12 +40,13 @@ class Band:
 
 
 def accelerations(places: Float) -> Float:
-    """Computes (..., F - 2, 3) A c of positions (..., F, 3); (..., 0, 3) for fewer than three frames."""
+    """Computes the accelerations A c (..., F - 2, 3) of positions c (..., F, 3). The result is empty for
+    fewer than three frames."""
     return np.asarray(places[..., :-2, :] - 2.0 * places[..., 1:-1, :] + places[..., 2:, :])
 
 
 def pulled(forces: Float, frames: int) -> Float:
-    """Computes (..., F, 3) A' y of forces (..., F - 2, 3)."""
+    """Computes A' y (..., F, 3) for forces y (..., F - 2, 3)."""
     out = np.zeros((*forces.shape[:-2], frames, 3))
     if frames > 2:
         out[..., :-2, :] += forces

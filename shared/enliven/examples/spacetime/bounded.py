@@ -1,4 +1,4 @@
-"""Bounded weights: the exact solution of each frame's small quadratic program.
+"""Solves for bounded weights: the exact solution of each frame's small quadratic program.
 
 A node is one control point at one frame. Let q (3,) be the pull on it, w its weights, and r its offset from
 the weighted examples. They minimize
@@ -25,7 +25,8 @@ _JOINT_CHANGE_ROUNDS = 6
 
 @dataclass
 class Nodes:
-    """P points times F frames with E weights each. ``respond`` computes the arrays from ``still`` on."""
+    """The nodes of P points in F frames, with E weights each. ``respond`` computes the arrays from ``still``
+    on."""
 
     matrix: Float  # (P, F, E, E)
     right: Float  # (P, F, E)
@@ -184,7 +185,7 @@ def _is_wrong(matrix, f, g, state, w, low, high, e):
 
 @njit(cache=True, nogil=True, inline="always")
 def _pivot_states(matrix, f, work, low, high):
-    """Finds the states and weights for g = b - C q, starting at the trial states."""
+    """Finds the states and weights for g = b - C q by pivoting, starting at the trial states."""
     w, g, _, _, state = work
     most = len(w)
     for turn in range(_JOINT_CHANGE_ROUNDS + 50 * 2 ** min(most, 12)):

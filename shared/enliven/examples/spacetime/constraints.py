@@ -4,10 +4,10 @@
     Velocity("left foot", frame=11, velocity=(0, 0, 0))           # from the frame before to this one
     Coupling("left foot", "right foot", frame=30, axes="y")       # equal heights: a change of anchor
 
-Each sets one coordinate, or the difference of two, axis by axis. So the constraints form a forest
+Each constraint sets one coordinate, or the difference of two, axis by axis. So the constraints form a forest
 (union-find). A coordinate linked to a known value becomes known, and is eliminated node by node. A constraint
-that would close a cycle is dropped if it agrees, and refused if it contradicts. The remaining constraints are
-independent.
+that would close a cycle is dropped if it agrees with the others, and raises an error if it contradicts them.
+The remaining constraints are independent.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Conditions:
     difference: Float
 
 
-def conditions_of(
+def convert_constraints(
     constraints: Sequence[Constraint], examples: Examples, frames: int, step: float
 ) -> Conditions:
     """Converts constraints to independent conditions.

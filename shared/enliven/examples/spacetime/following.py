@@ -1,5 +1,5 @@
-"""Drift correction: keeps a mesh near its performer's scaled path over the floor while it walks with its own
-steps.
+"""Drift correction: keeps a mesh that walks with its own steps near its performer's scaled path over the
+floor.
 
     following = PathFollower(size, settings, step, feet=2)
     pull, held = following.next(off, stands)         # frame by frame, in a take and live
@@ -30,7 +30,8 @@ _MAX_FOOT_DISPLACEMENT = 0.1
 """Maximum displacement of a standing foot, as a fraction of the mesh's size. More would visibly stretch its
 leg."""
 _MAX_PATH_LEASHES = 2.0
-"""Maximum distance from the path, in leashes. Larger distances are corrected even if standing feet slide."""
+"""Maximum distance from the path, as a multiple of the leash. Larger distances are corrected even if standing
+feet slide."""
 _SLIDING_PULL_S = 0.2
 """Time constant, in seconds, of that correction: short, but without a jump."""
 
@@ -40,12 +41,12 @@ class PathFollower:
 
     Args:
         size: of the mesh, metres.
-        settings: its leash, and the time that a foot takes to return to its position.
+        settings: the leash, and the time in which a foot returns to its position.
         step: seconds between frames.
         feet: number of feet with which it steps; 0 for a mesh that does not step.
 
     Attributes:
-        held: for each foot its displacement from its position in the mesh, on the floor, metres.
+        held: for each foot its displacement on the floor from its position in the mesh, in metres.
     """
 
     def __init__(self, size: float, settings: LocomotionSettings, step: float, feet: int = 0) -> None:
@@ -60,7 +61,7 @@ class PathFollower:
 
         Args:
             off: displacement from the mesh's position to its position on the path, metres.
-            stands: for each foot whether it stands.
+            stands: for each foot, True if it stands.
         """
         slowly = self._share * _part_beyond_circle(off, self._leash)
         at_once = self._slide * _part_beyond_circle(off, _MAX_PATH_LEASHES * self._leash)
@@ -89,12 +90,12 @@ def _part_beyond_circle(off: complex, radius: float) -> complex:
     return (far - radius) / far * off if far > radius else 0j
 
 
-def on_floor(places: Float) -> Complex:
+def floor_numbers(places: Float) -> Complex:
     """Converts positions (..., 3) to complex numbers on the floor (...,), metres."""
     return np.asarray(places[..., 0] + 1j * places[..., 2])
 
 
-def from_floor(places: Complex | complex) -> Float:
+def floor_positions(places: Complex | complex) -> Float:
     """Converts complex numbers on the floor (...,) to positions (..., 3) at height 0, metres."""
     at = np.asarray(places)
     return np.stack([at.real, np.zeros(at.shape), at.imag], axis=-1)

@@ -1,11 +1,11 @@
 """The position of the mesh in the world: anchored in contact with the floor, ballistic in flight (section 5).
 
     switches = find_switches(performance.world[:, feet], step, size)        # edit them on the timeline
-    placed = locate(places (F, P, 3), yaw (F,), step, switches, feet)       # placed.world, .root, .anchors
+    placed = place_motion(places (F, P, 3), yaw (F,), step, switches, feet)  # placed.world, .root, .anchors
 
 In contact the lowest foot is on the floor, and the anchor does not move over it. The anchor is the lowest
 foot, until another is clearly lower. In flight the mesh keeps its take-off velocity. Its vertical velocity is
-chosen so that it lands when the performer does, or, in the free mode, is that of the throw.
+chosen so that it lands when the performer lands. In the free mode, it keeps the vertical take-off velocity.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from enliven.arrays import Bool, Float, Int
 from enliven.document import Coupling, LocomotionSettings, Switch
 from enliven.errors import InputError
 from enliven.examples.spacetime.anchoring import stand
-from enliven.mapping import turned_about_y
+from enliven.mapping import rotate_about_y
 from enliven.motion.contact import find_runs, touching
 
 
@@ -54,7 +54,8 @@ def find_switches(
     """Detects when a performer with feet (F, K, 3), metres in the world, touches the floor. The first switch
     is at frame 0.
 
-    A foot touches the floor while it is low, and either slow or at its lowest. Flight is when no foot does.
+    A foot touches the floor while it is low, and either slow or at its lowest point. If no foot touches the
+    floor, the performer is in flight.
 
     Args:
         step: seconds between frames.
@@ -64,7 +65,7 @@ def find_switches(
     if len(feet) < 3:
         return (Switch(0, "contact"),)
     touches = np.asarray(standing_feet(feet, step, size, settings).any(1))
-    return switches_of(_without_short_phases(touches, settings.contact.shortest / step))
+    return switches_from_contact(_without_short_phases(touches, settings.contact.shortest / step))
 
 
 def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSettings | None = None) -> Bool:
@@ -84,21 +85,21 @@ def standing_feet(feet: Float, step: float, size: float, settings: LocomotionSet
     stands = np.empty(feet.shape[:2], np.bool_)
     pairs = zip(np.moveaxis(feet, 1, 0), np.moveaxis(velocity, 1, 0), strict=True)
     for k, (foot, moves) in enumerate(pairs):
-        own = max(floor, np.percentile(foot[:, 1], 5))
+        own_height = max(floor, np.percentile(foot[:, 1], 5))
         speed = np.linalg.norm(moves, axis=1) / slow
         down = np.empty(len(feet), np.bool_)
-        touching(foot[:, 1] - own, speed, how.height * size, 1.0, how.release, down)
+        touching(foot[:, 1] - own_height, speed, how.height * size, 1.0, how.release, down)
         stands[:, k] = down
     return stands
 
 
-def switches_of(touches: Bool) -> tuple[Switch, ...]:
-    """Returns the switches of a performer that touches the floor at frames (F,)."""
+def switches_from_contact(touches: Bool) -> tuple[Switch, ...]:
+    """Returns the switches of a performer from the frames (F,) in which the performer touches the floor."""
     frames = [0, *(np.flatnonzero(np.diff(touches.astype(np.int8))) + 1)]
     return tuple(Switch(int(f), "contact" if touches[f] else "flight") for f in frames)
 
 
-def locate(
+def place_motion(
     places: Float,
     yaw: Float,
     step: float,
@@ -111,32 +112,34 @@ def locate(
 
     Args:
         places: (F, P, 3) metres in the mesh's frame.
-        yaw: (F,) radians, the performer's.
+        yaw: (F,) radians, the yaw of the performer.
         step: seconds between frames.
         switches: ascending, the first at frame 0.
         feet: numbers of the control points that it can stand on.
-        stands: (F, K) true for feet that the performer stands on (:func:`standing_feet`). They are the
-            anchors, each until it is lifted. None takes the lowest foot, independent of the performer.
+        stands: (F, K) true for feet that the performer stands on (:func:`standing_feet`). These feet are the
+            anchors, each until it is lifted. None uses the lowest foot, independent of the performer.
 
     Raises:
         InputError: if switches are out of order or outside the motion, or without feet.
     """
     settings = settings or LocomotionSettings()
-    turned = turned_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])
+    turned = rotate_about_y(np.asarray(places, np.float64), np.asarray(yaw)[:, None])
     touches = _touches_floor(switches, len(turned))
     if len(feet) == 0:
         raise InputError(
             "it has no feet", where="locomotion", mend="Name the control points that it stands on."
         )
-    way = _Way(turned, np.asarray(feet, np.int64), step, settings, stands)
+    way = _RootPath(turned, np.asarray(feet, np.int64), step, settings, stands)
     for first, last in find_runs(touches) if touches.any() else []:
         way.fly(first)
         way.stand(first, last)
     way.fly(len(turned))
-    return PlacedMotion(turned + way.root[:, None], way.root, way.anchors, switches_of(way.anchors >= 0))
+    return PlacedMotion(
+        turned + way.root[:, None], way.root, way.anchors, switches_from_contact(way.anchors >= 0)
+    )
 
 
-class _Way:
+class _RootPath:
     """The root of the mesh, computed frame by frame from the start."""
 
     def __init__(
@@ -212,7 +215,7 @@ def check_switches(switches: Sequence[Switch], frames: int) -> None:
 
 
 def _touches_floor(switches: Sequence[Switch], frames: int) -> Bool:
-    """Returns (F,) true where the floor is touched."""
+    """Returns (F,) True in frames with contact."""
     check_switches(switches, frames)
     at = [switch.frame for switch in switches]
     out = np.empty(frames, np.bool_)
@@ -226,8 +229,8 @@ def _without_short_phases(touches: Bool, shortest: float) -> Bool:
     out = touches.copy()
     for kind in (False, True):
         for a, b in find_runs(out == kind):
-            # A contact at the start or the end of the take may be the rest of a longer one. So do not drop it
-            # for being short.
+            # A contact at the start or the end of the take may be a part of a longer one. So do not remove
+            # it, even if it is short.
             cut = kind and (a == 0 or b == len(out) - 1)
             if not cut and b - a + 1 < shortest:
                 out[a : b + 1] = not kind

@@ -46,9 +46,9 @@ class Nearest:
     def nodes(self, points: Sequence[int], spare: Nodes | None = None) -> Nodes:
         """Returns the energies of some control points at all frames, with E = min(n, nearest) weights each.
 
-        They are w' matrix w / 2 - right' w plus a constant. ``reach`` contains the control points' positions
-        in the examples relative to their centre, in sizes of the mesh. The results are written into ``spare``
-        if it is given; it must have the same number of points.
+        The energies are w' matrix w / 2 - right' w plus a constant. ``reach`` contains the control points'
+        positions in the examples relative to their centre, in sizes of the mesh. The results are written into
+        ``spare`` if it is given; it must have the same number of points.
         """
         frames, count = self._whole.shape
         most = min(self._settings.nearest, count)

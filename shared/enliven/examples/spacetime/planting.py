@@ -3,7 +3,7 @@
 Examples never put two feet exactly as far apart as the performer's. So while both stand, only the anchor is
 still. Here every standing foot is moved back to one position, with smooth transitions.
 
-    places = planted(places (F, P, 3), yaw (F,), placed, feet, stands (F, K), step, settings)
+    places = lock_feet(places (F, P, 3), yaw (F,), placed, feet, stands (F, K), step, settings)
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 from enliven.arrays import Bool, Float
 from enliven.document import LocomotionSettings
 from enliven.examples.spacetime.locomotion import PlacedMotion
-from enliven.mapping import turned_about_y
+from enliven.mapping import rotate_about_y
 from enliven.motion.contact import find_runs, hold
 
 
-def planted(
+def lock_feet(
     places: Float,
     yaw: Float,
     placed: PlacedMotion,
@@ -51,7 +51,7 @@ def planted(
         starts, ends = (np.array([run[end] for run in runs]) * step for end in (0, 1))
         hold(times, starts, ends, stood, settings.contact.blend, weights, goals)
         back = settings.plant * weights[:, None] * (goals - way) * [1.0, 0.0, 1.0]
-        out[:, foot] += turned_about_y(back, -yaw)
+        out[:, foot] += rotate_about_y(back, -yaw)
     return out
 
 

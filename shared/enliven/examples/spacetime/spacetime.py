@@ -52,13 +52,13 @@ def solve(
     workers: Executor | None = None,
     only: Sequence[int] | None = None,
 ) -> Solution:
-    """Solves for all points: coupled points together, the others one by one.
+    """Solves all points: coupled points together, and the others one by one.
 
     Args:
         nodes_of: builds the nodes of some points, reusing the memory of finished nodes.
         conditions: for P points and F frames.
         weight: lambda, per frame.
-        bounds: of the weights.
+        bounds: lower and upper bound of the weights.
         workers: threads that share the points; None solves them sequentially.
         only: the points to solve; the others are 0. None for all.
     """
@@ -152,12 +152,12 @@ class _System:
             if changed == 0:
                 break
             # Halve the step until the dual energy does not increase.
-            share = 1.0
-            while new > value + 1e-12 * (abs(value) + 1.0) and share > _MIN_STEP_FRACTION:
-                share *= 0.5
-                mid = y + share * (to_y - y), nu + share * (to_nu - nu)
+            step_fraction = 1.0
+            while new > value + 1e-12 * (abs(value) + 1.0) and step_fraction > _MIN_STEP_FRACTION:
+                step_fraction *= 0.5
+                mid = y + step_fraction * (to_y - y), nu + step_fraction * (to_nu - nu)
                 _, new = self._evaluate_nodes(*mid, places)
-            y, nu, value = y + share * (to_y - y), nu + share * (to_nu - nu), new
+            y, nu, value = y + step_fraction * (to_y - y), nu + step_fraction * (to_nu - nu), new
         return places
 
     def _evaluate_nodes(self, y: Float, nu: Float, places: Float) -> tuple[int, float]:
@@ -167,7 +167,7 @@ class _System:
         return changed, 0.5 * float((y * y).sum()) + float(nu @ self._difference) - energy
 
     def _pull_of(self, y: Float, nu: Float) -> Float:
-        """Computes (P, F, 3) q = lambda A' y + H' nu."""
+        """Computes the pull q = lambda A' y + H' nu (P, F, 3) on the nodes."""
         pull = self._weight * pulled(y, self._frames)
         np.add.at(pull, self._first, nu)
         np.subtract.at(pull, self._second, nu)

@@ -15,7 +15,7 @@ from enliven.rotation import conjugate, from_matrix, multiply, normalized, remov
 def bone_names(skeleton: Skeleton) -> list[str]:
     """Names each bone after its start joint.
 
-    If several start there, all but one also contain their target.
+    If several bones start at the joint, the names of all but one also contain their target.
     """
     named = []
     for j, parent in enumerate(skeleton.parents):
@@ -102,7 +102,7 @@ def local_motion(skeleton: Skeleton, linear: Float, joints: Float) -> LocalMotio
     return LocalMotion(axes, remove_sign_jumps(turns), scales, places, ends)
 
 
-def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
+def normalize_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
     """Normalises (V, 4) skin weights for the format: no repeated bone, index 0 for weight 0, sums of one."""
     indices, exact = indices.copy(), np.maximum(weights.astype(np.float64), 0.0)
     for b in range(1, 4):
@@ -118,11 +118,11 @@ def clean_skin(indices: UInt16, weights: Float32) -> tuple[UInt16, Float32]:
 
 
 def listed(values: Float | Float32) -> list[float]:
-    """Converts to a JSON list. Numbers are rounded to float32, which every reader accepts."""
+    """Converts numbers to a JSON list. They are rounded to float32, which every reader accepts."""
     return [float(v) for v in np.asarray(values, np.float32)]
 
 
-def unit32(quaternions: Float) -> Float32:
+def normalize_float32(quaternions: Float) -> Float32:
     """Normalises quaternions in float32."""
     rounded = quaternions.astype(np.float32)
     length = np.linalg.norm(rounded.astype(np.float64), axis=-1, keepdims=True)

@@ -8,7 +8,7 @@ from enliven.arrays import Float, Int
 from enliven.kernels import njit
 
 
-def needed_keys(values: Float, tolerance: float, turns: bool = False, times: Float | None = None) -> Int:
+def reduce_keys(values: Float, tolerance: float, turns: bool = False, times: Float | None = None) -> Int:
     """Returns (K,) the frames of ``values`` (T, C) to keep, including the first and the last.
 
     Between two kept keys every frame is within the tolerance of the interpolated value. The search is greedy:

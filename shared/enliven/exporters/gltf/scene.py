@@ -7,9 +7,9 @@ import pygltflib
 
 from enliven.arrays import Float, Int
 from enliven.document import CubicKeys, SkinWeights
-from enliven.exporters.gltf.joints import clean_skin, listed, unit32
+from enliven.exporters.gltf.joints import listed, normalize_float32, normalize_skin
 from enliven.meshes import Mesh
-from enliven.meshes.gltf import JUMP, MeshScene
+from enliven.meshes.gltf import JUMP_DURATION_S, MeshScene
 from enliven.rotation import IDENTITY
 
 _MAX_STILL_CHANGE = 1e-7
@@ -31,7 +31,7 @@ class GltfScene(MeshScene):
             self.document.animations = [self._animation]
         return super().bytes()
 
-    def skinned(
+    def add_skinned(
         self,
         name: str,
         mesh: Mesh,
@@ -57,16 +57,16 @@ class GltfScene(MeshScene):
         document.skins.append(
             pygltflib.Skin(name=name, joints=joints, skeleton=tree, inverseBindMatrices=matrices)
         )
-        indices, weights = clean_skin(skin.indices, skin.weights)
+        indices, weights = normalize_skin(skin.indices, skin.weights)
         small = indices.astype(np.uint8) if len(joints) <= 256 else indices
         array, primitives = pygltflib.ARRAY_BUFFER, []
-        for primitive, vertices in self.primitives(name, mesh):
+        for primitive, vertices in self.add_primitives(name, mesh):
             primitive.attributes.JOINTS_0 = self.blob.add(small[vertices], array)
             primitive.attributes.WEIGHTS_0 = self.blob.add(weights[vertices], array)
             primitives.append(primitive)
         document.meshes.append(pygltflib.Mesh(name=name, primitives=primitives))
         node = self.node(name=name, mesh=len(document.meshes) - 1, skin=len(document.skins) - 1)
-        self.put(tree, node)
+        self.add_roots(tree, node)
 
     def animate(self, times: Float, node: int, path: str, values: Float, keys: Int | None = None) -> None:
         """Adds a channel for values that change.
@@ -78,28 +78,30 @@ class GltfScene(MeshScene):
         """
         still = np.abs(values - values[0]).max() <= _MAX_STILL_CHANGE
         if still and (len(times) == 1 or _is_rest(self.document.nodes[node], path, values[0])):
-            stored = unit32(values[:1])[0] if path == "rotation" else values[0]
+            stored = normalize_float32(values[:1])[0] if path == "rotation" else values[0]
             setattr(self.document.nodes[node], path, listed(stored))
             return
-        jumps = None if still else jumps_of(times, values)
+        jumps = None if still else find_jumps(times, values)
         if jumps is not None:
-            stored = unit32(values[jumps]) if path == "rotation" else values[jumps].astype(np.float32)
-            self.channel(times[jumps], node, path, self.blob.add(stored), "STEP")
+            stored = (
+                normalize_float32(values[jumps]) if path == "rotation" else values[jumps].astype(np.float32)
+            )
+            self.add_channel(times[jumps], node, path, self.blob.add(stored), "STEP")
             return
         kept = np.arange(len(times)) if keys is None else keys
         kept = np.array([0, len(times) - 1]) if still else kept
-        stored = unit32(values[kept]) if path == "rotation" else values[kept].astype(np.float32)
-        self.channel(times[kept], node, path, self.blob.add(stored))
+        stored = normalize_float32(values[kept]) if path == "rotation" else values[kept].astype(np.float32)
+        self.add_channel(times[kept], node, path, self.blob.add(stored))
 
-    def curve(self, node: int, path: str, keys: CubicKeys) -> None:
+    def add_curve(self, node: int, path: str, keys: CubicKeys) -> None:
         """Adds a channel of cubic keys. Each is stored as incoming tangent, value, outgoing tangent."""
         rows = np.stack([keys.slopes[:, 0], keys.values, keys.slopes[:, 1]], 1)
         rows = rows.reshape(-1, rows.shape[2])
         if keys.turns:
             rows = np.roll(rows, -1, -1)  # glTF stores the component w last.
-        self.channel(keys.seconds, node, path, self.blob.add(rows.astype(np.float32)), "CUBICSPLINE")
+        self.add_channel(keys.seconds, node, path, self.blob.add(rows.astype(np.float32)), "CUBICSPLINE")
 
-    def channel(self, times: Float, node: int, path: str, output: int, how: str = "LINEAR") -> None:
+    def add_channel(self, times: Float, node: int, path: str, output: int, how: str = "LINEAR") -> None:
         """Adds a channel that reads its values from an existing accessor, with the given interpolation."""
         sampler = pygltflib.AnimationSampler(input=self._key_times(times), output=output, interpolation=how)
         self._animation.samplers.append(sampler)
@@ -116,13 +118,13 @@ class GltfScene(MeshScene):
         return self._known[key]
 
 
-def jumps_of(times: Float, values: Float) -> Int | None:
+def find_jumps(times: Float, values: Float) -> Int | None:
     """Returns (K,) the frames of ``values`` (T, C) that reproduce a channel with STEP interpolation.
 
     None if the values also change over a longer time than a jump of a clip takes.
     """
     changed = np.abs(np.diff(values, axis=0)).max(1) > _MAX_STILL_CHANGE
-    if not changed.any() or (changed & (np.diff(times) > 1.5 * JUMP)).any():
+    if not changed.any() or (changed & (np.diff(times) > 1.5 * JUMP_DURATION_S)).any():
         return None
     kept = np.unique([0, *(np.flatnonzero(changed) + 1), len(times) - 1])
     held = values[kept[np.searchsorted(kept, np.arange(len(times)), "right") - 1]]

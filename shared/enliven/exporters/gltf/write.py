@@ -1,17 +1,17 @@
-"""Writes characters and their motion as a GLB that any program plays: skinned meshes, joints, one animation.
+"""Writes characters and their motion as a GLB for any program: skinned meshes, joints and one animation.
 
-A bone rotates about its upper end, a glTF joint about itself. So bone j becomes a joint at its parent's
-position, with the rotation of bone j. It is a child of the parent bone's joint, at the constant offset along
-that bone. If no bone is stretched, only rotations are animated (and the root's position). Then links keep
-their lengths in every program, also between the frames. Bones that are moved or stretched have tracks of
-position and scale. Bones that start at one place become joints at one place. The first that continues
-straight has the name of the place, the names of the others contain their target ("Hips to LeftUpLeg"). The
-end of a limb becomes a joint that moves nothing, so that an editor shows the last bone with its length.
-Reading the file gives the same skeleton again.
+A bone rotates about its upper end, and a glTF joint rotates about its own position. So bone j becomes a joint
+at the bone's upper end, with the rotation of bone j. This joint is a child of the parent bone's joint, at the
+constant offset along the parent bone. If no bone is stretched, only rotations are animated (and the root's
+position). Then links keep their lengths in every program, also between the frames. Bones that are moved or
+stretched have tracks of position and scale. Bones that start at the same joint become glTF joints at the same
+position. The first one that continues straight keeps the joint's name, and the names of the others contain
+their target ("Hips to LeftUpLeg"). The end of a limb becomes a joint that moves nothing, so that an editor
+shows the last bone with its length. Reading the file gives the same skeleton again.
 
-Transforms without a skeleton become sibling joints, below a node that moves through the world. Such a joint
-rotates, and stretches along three orthogonal axes of its own. These axes are the same in all frames: they are
-the joint's rest orientation, and its inverse bind matrix cancels them.
+Transforms without a skeleton become sibling joints below a node that moves through the world. Such a joint
+rotates, and stretches along three orthogonal axes, which are constant over time. The joint's rest orientation
+contains these axes, and its inverse bind matrix cancels them.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.examples.baking import BakedMorphs
 from enliven.exporters.gltf.joints import bone_names, listed, local_motion, local_offsets, local_turns
-from enliven.exporters.gltf.keys import needed_keys
+from enliven.exporters.gltf.keys import reduce_keys
 from enliven.exporters.gltf.scene import GltfScene
-from enliven.exporters.performance import Performance, stretches_of
+from enliven.exporters.performance import Performance, split_stretch
 from enliven.exporters.registry import Exporter
 from enliven.files import write_file
 from enliven.meshes import Mesh
 from enliven.rotation import from_matrix, remove_sign_jumps
 
 _MAX_UPRIGHT_DIFFERENCE = 1e-9
-"""Maximum difference of an entry between the axes of a node and the world axes. Curves are in world axes, so
-they are only kept up to this difference."""
+"""Maximum difference between the entries of a node's axes and of the world axes. Cubic curves are in world
+axes, so they are kept only within this difference."""
 
 
 def write_gltf(
@@ -96,7 +96,7 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
         node = scene.node(bones[parent] if j else None, name=names[j], children=[], **rest)
         bones.append(node)
         if (j, True) in curves:
-            scene.curve(node, "rotation", curves[j, True])
+            scene.add_curve(node, "rotation", curves[j, True])
         else:
             scene.animate(performance.times, node, "rotation", np.roll(turns[:, j], -1, -1))
         if motion is not None:
@@ -104,7 +104,7 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
             if j:
                 scene.animate(performance.times, node, "translation", motion.places[:, j])
     if (0, False) in curves:
-        scene.curve(bones[0], "translation", curves[0, False])
+        scene.add_curve(bones[0], "translation", curves[0, False])
     else:
         scene.animate(performance.times, bones[0], "translation", performance.positions[:, 0])
     ends = [j for j in range(1, len(skeleton)) if not skeleton.children[j]]
@@ -116,7 +116,7 @@ def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton
         bones.append(end)
     pivots = np.concatenate([performance.pivots, skeleton.positions[ends]])
     axes = None if motion is None else np.concatenate([motion.axes, motion.axes[ends]])
-    scene.skinned(performance.name, mesh, skin, bones[0], bones, pivots, axes)
+    scene.add_skinned(performance.name, mesh, skin, bones[0], bones, pivots, axes)
 
 
 def _add_joints(scene: GltfScene, performance: Performance) -> None:
@@ -124,9 +124,9 @@ def _add_joints(scene: GltfScene, performance: Performance) -> None:
     mesh, skin = performance.surface
     holder, pivots = _add_holder_node(scene, performance), performance.pivots
     axes = np.tile(np.eye(3), (len(pivots), 1, 1)) if performance.axes is None else performance.axes
-    turns, scales = stretches_of(performance.linear @ axes)
+    turns, scales = split_stretch(performance.linear @ axes)
     standing = from_matrix(axes)
-    most, reach = performance.keys / 3.0, reaches(performance)
+    most, reach = performance.keys / 3.0, largest_reaches(performance)
     joints = []
     for k, at in enumerate(pivots):
         rest = np.roll(standing[k], -1)
@@ -136,10 +136,10 @@ def _add_joints(scene: GltfScene, performance: Performance) -> None:
             ("rotation", np.roll(turns[:, k], -1, -1), most / reach[k]),
             ("scale", scales[:, k], most / reach[k]),
         ):
-            keys = needed_keys(values, within, path == "rotation", performance.times)
+            keys = reduce_keys(values, within, path == "rotation", performance.times)
             scene.animate(performance.times, node, path, values, keys)
         joints.append(node)
-    scene.skinned(performance.name, mesh, skin, holder, joints, pivots, axes)
+    scene.add_skinned(performance.name, mesh, skin, holder, joints, pivots, axes)
 
 
 def _add_holder_node(scene: GltfScene, performance: Performance) -> int:
@@ -152,7 +152,7 @@ def _add_holder_node(scene: GltfScene, performance: Performance) -> int:
     return holder
 
 
-def reaches(performance: Performance) -> Float:
+def largest_reaches(performance: Performance) -> Float:
     """Returns (J,) metres: the largest distance of a transform's vertices from its pivot, in any frame."""
     mesh, skin = performance.surface
     far = np.zeros(len(performance.pivots))
@@ -169,7 +169,7 @@ def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs)
     mesh: Mesh = performance.surface[0]
     document, blob, holder = scene.document, scene.blob, _add_holder_node(scene, performance)
     primitives, array = [], pygltflib.ARRAY_BUFFER
-    for primitive, vertices in scene.primitives(performance.name, mesh):
+    for primitive, vertices in scene.add_primitives(performance.name, mesh):
         for shape, bent in zip(morphs.targets, morphs.normals, strict=True):
             added = (blob.add(values[vertices].astype(np.float32), array) for values in (shape, bent))
             primitive.targets.append(dict(zip(("POSITION", "NORMAL"), added, strict=True)))
@@ -181,7 +181,7 @@ def _add_morphs(scene: GltfScene, performance: Performance, morphs: BakedMorphs)
     # the tolerance for dropping keys can be given in metres.
     far = np.linalg.norm(morphs.targets, axis=2).max(1)
     within = performance.keys / np.sqrt(len(far))
-    keys = needed_keys(morphs.weights * far, within, times=performance.times)
+    keys = reduce_keys(morphs.weights * far, within, times=performance.times)
     stored = morphs.weights[keys].astype(np.float32)
-    scene.channel(performance.times[keys], node, "weights", blob.add(stored.ravel()))
-    scene.put(holder)
+    scene.add_channel(performance.times[keys], node, "weights", blob.add(stored.ravel()))
+    scene.add_roots(holder)

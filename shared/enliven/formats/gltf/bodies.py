@@ -13,7 +13,7 @@ _MAX_ROUNDING_STRETCH = 1e-4
 """Largest stretch of a joint beyond 1 that counts as rounding instead of a scale track."""
 
 
-def bodies_of(surface: GltfSurface, chosen: list[int], world: Float) -> list[LinkBody]:
+def measure_bodies(surface: GltfSurface, chosen: list[int], world: Float) -> list[LinkBody]:
     """Returns a body for each joint.
 
     Args:
@@ -65,9 +65,9 @@ def _measure_bodies(
     weights = np.concatenate([part.weights for part in parts])
     area = np.concatenate([_vertex_areas(part, at) for part, at in zip(parts, rest, strict=True)])
     for node, k in number.items():
-        share = np.where(nodes == node, weights, 0.0).sum(1)
-        bodies[k].mass = float(share @ area)
-        mine = vertices[share > 0.5] if (share > 0.5).any() else vertices[share > 0]
+        node_weight = np.where(nodes == node, weights, 0.0).sum(1)
+        bodies[k].mass = float(node_weight @ area)
+        mine = vertices[node_weight > 0.5] if (node_weight > 0.5).any() else vertices[node_weight > 0]
         if len(mine):
             bodies[k].reach = _far_end(bodies[k].rest, mine)
 

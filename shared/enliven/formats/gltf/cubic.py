@@ -18,7 +18,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, CubicKeys
 from enliven.formats.rig import Tree
-from enliven.meshes.gltf import Bind, GltfFile, GltfSurface, animated_locals, matrices_of
+from enliven.meshes.gltf import Bind, GltfFile, GltfSurface, animated_locals, compose_matrices
 from enliven.rotation import conjugate, from_matrix, multiply
 
 _MAX_SCALE_DIFFERENCE = 1e-5
@@ -31,10 +31,10 @@ _MAX_CURVE_DEVIATION = 1e-4
 """Maximum deviation of a curve from its clip's frames, in radians or as a fraction of the skeleton's size."""
 
 
-def with_cubic_keys(
+def add_cubic_keys(
     clip: Clip, animation: int, start: float, surface: GltfSurface, tree: Tree, chosen: list[int]
 ) -> Clip:
-    """Returns the clip with those cubic keys of its animation that can be converted to its bones.
+    """Returns the clip with the cubic keys of its animation, as far as they can be converted to its bones.
 
     Args:
         clip: the clip.
@@ -90,7 +90,7 @@ def _moving_samplers(file: GltfFile, animation: int) -> dict[int, dict[str, Any]
 def _local_transforms(file: GltfFile, animation: int) -> Float:
     """Returns the nodes' local transforms (n, 4, 4) at time 0. Those of still nodes never change."""
     at = animated_locals(file, animation, np.zeros(1))
-    local: Float = matrices_of(at.translation, at.rotation, at.scale)[0]
+    local: Float = compose_matrices(at.translation, at.rotation, at.scale)[0]
     for node, matrix in at.fixed.items():
         local[node] = matrix
     return np.asarray(local)
@@ -184,7 +184,7 @@ def _rotation_of(matrix: Float) -> Float | None:
 
 
 def _checked_curves(clip: Clip, made: list[CubicKeys]) -> Clip:
-    """Returns the clip with those curves that agree with all of its frames."""
+    """Returns the clip with only those curves that agree with all of its frames."""
     parents, finest = clip.skeleton.parents, clip.finest
     even = np.arange(len(clip.turns), dtype=np.float64) * clip.step
     seconds: Float = np.asarray(even if clip.fine is None else clip.fine.seconds, np.float64)

@@ -1,4 +1,4 @@
-"""Rigged models from glTF 2.0 (.gltf, .glb), as shapes with the clips that came with them.
+"""Reads rigged models from glTF 2.0 (.gltf, .glb) as shapes, with the clips in the file.
 
 The rest pose is the bind pose, in the world of the file (metres, +Y up). See ``rig_tree`` for how joints
 become bones. Translations and scales of joints in an animation become the offsets and strains of its clip.
@@ -16,22 +16,22 @@ from enliven.arrays import Float, Int
 from enliven.document import Clip, FineFrames, Skeleton, SkinWeights, still_shape, unused
 from enliven.errors import EnlivenError
 from enliven.files import DAMAGE
-from enliven.formats.gltf.bodies import bodies_of
-from enliven.formats.gltf.cubic import with_cubic_keys
+from enliven.formats.gltf.bodies import measure_bodies
+from enliven.formats.gltf.cubic import add_cubic_keys
 from enliven.formats.rig import (
     LinkBody,
     Rig,
     Tree,
+    build_tree,
     clip_tracks,
     joint_drift,
-    on_floor,
-    resized,
-    tree_of,
-    welded,
+    place_on_floor,
+    scale_to_height,
+    weld_shape,
 )
 from enliven.meshes import Mesh
 from enliven.meshes.gltf import (
-    MOST_PLACES,
+    MAX_NODE_SAMPLES,
     GltfFile,
     GltfPart,
     GltfSurface,
@@ -47,7 +47,7 @@ from enliven.rotation import remove_sign_jumps
 _MIN_NOTED_MOTION_FRACTION = 1e-3
 """Minimum omitted motion that gets a note, as a fraction of the model's size. Less is not visible."""
 
-_MOST_JOINTS = 4096
+_MAX_JOINTS = 4096
 """Maximum number of joints: that of a pose on the wire (:data:`enliven.wire.posecode.MAX_TRANSFORMS`)."""
 _MIN_NOTED_PAUSE_S = 0.1
 """Minimum pause in seconds before the first key that gets a note. Programs that count frames from 1 leave
@@ -90,15 +90,15 @@ def read_gltf(
         name: name of the shape. If empty, the file's name is used.
         height: height in metres to which the model is scaled. If None, it is not scaled.
         floor: True to put its lowest vertex on the floor.
-        weld: True to join vertices at the same position that follow the same bones; see ``welded``.
+        weld: True to join vertices at the same position that follow the same bones; see ``weld_shape``.
 
     Raises:
         InputError: if the file cannot be read, or has no visible surface.
     """
     rig = _read_unscaled(path, name)
-    rig = resized(rig, height) if height is not None else rig
-    rig = on_floor(rig) if floor else rig
-    return Rig(welded(rig.shape), rig.clips, rig.notes) if weld else rig
+    rig = scale_to_height(rig, height) if height is not None else rig
+    rig = place_on_floor(rig) if floor else rig
+    return Rig(weld_shape(rig.shape), rig.clips, rig.notes) if weld else rig
 
 
 def _read_unscaled(path: Path | str, name: str) -> Rig:
@@ -123,19 +123,19 @@ def _unrigged_model(mesh: Mesh, notes: list[str]) -> Rig:
     indices = np.tile(np.array([1, 0, 0, 0], np.uint16), (len(mesh.vertices), 1))
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
     shape = still_shape(mesh.name, skeleton, mesh, SkinWeights(indices, weights))
-    return Rig(shape, (), (*notes, "it has no rig: it is given one bone, from its foot to its top"))
+    return Rig(shape, (), (*notes, "it has no rig: it gets one bone, from its bottom to its top"))
 
 
 def _rigged_model(surface: GltfSurface) -> Rig:
     file, parts, mesh, notes = surface.file, surface.parts, surface.mesh, list(surface.notes)
     animations, world = _sampled_animations(file, notes)
     chosen = _joint_candidates(file, parts)
-    if len(chosen) > _MOST_JOINTS:
-        raise file.wrong(f"it has {len(chosen)} joints, and no more than {_MOST_JOINTS} can move")
+    if len(chosen) > _MAX_JOINTS:
+        raise file.wrong(f"it has {len(chosen)} joints, and no more than {_MAX_JOINTS} can move")
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    bodies = bodies_of(surface, chosen, world)
+    bodies = measure_bodies(surface, chosen, world)
     ours = (file.document.asset.generator or "").startswith("enliven ")
-    tree = tree_of(bodies, size, ours)
+    tree = build_tree(bodies, size, ours)
     body_of = {node: number for number, node in enumerate(chosen)}
     skin = _skin_weights(parts, tree, body_of)
     shape = still_shape(mesh.name, tree.skeleton, mesh, skin)
@@ -143,7 +143,7 @@ def _rigged_model(surface: GltfSurface) -> Rig:
     tracks = clip_tracks(bodies, tree, size)
     for animation in animations:
         clip = _animation_clip(animation, tree, bodies, tracks, taken)
-        clips.append(with_cubic_keys(clip, animation.number, animation.start, surface, tree, chosen))
+        clips.append(add_cubic_keys(clip, animation.number, animation.start, surface, tree, chosen))
     notes += tree.notes + _lost_motion_notes(bodies, tree, size)
     return Rig(shape, tuple(clips), tuple(dict.fromkeys(notes)))
 
@@ -154,15 +154,15 @@ def _sampled_animations(file: GltfFile, notes: list[str]) -> tuple[list[_Animati
     for number, animation in enumerate(file.document.animations or []):
         even = frame_times(file, number)
         times = np.union1d(even, key_times(file, number, even))
-        if (start + len(times)) * len(file.parents) > MOST_PLACES:
+        if (start + len(times)) * len(file.parents) > MAX_NODE_SAMPLES:
             raise file.wrong(f"its animations are more than {start + len(times)} frames together: too many")
         step = float(even[1] - even[0]) if len(even) > 1 else 1 / 30
         worlds.append(world_matrices(file, animated_locals(file, number, times)))
         name = animation.name or f"animation {number + 1}"
         if even[0] > _MIN_NOTED_PAUSE_S:
             notes.append(f"animation {name!r} begins at {even[0]:.3g} s: the pause before it is left out")
-        own, at = slice(start, start + len(times)), np.searchsorted(times, even)
-        animations.append(_Animation(name, own, times - times[0], at, step, number, float(times[0])))
+        own_samples, at = slice(start, start + len(times)), np.searchsorted(times, even)
+        animations.append(_Animation(name, own_samples, times - times[0], at, step, number, float(times[0])))
         start += len(times)
     count = len(file.document.nodes)
     return animations, np.concatenate(worlds) if worlds else np.zeros((0, count, 4, 4))
@@ -213,8 +213,8 @@ def _animation_clip(
     name = unused(animation.name, taken)
     taken.add(name)
     turns = remove_sign_jumps(np.stack([bodies[k].turns[animation.frames] for k in tree.driver], 1))
-    own = [None if track is None else track[animation.frames] for track in tracks]
-    offsets, strains = (None if track is None or not track.any() else track for track in own)
+    own_tracks = [None if track is None else track[animation.frames] for track in tracks]
+    offsets, strains = (None if track is None or not track.any() else track for track in own_tracks)
     root, even = bodies[tree.root].places[animation.frames], animation.even
     mirrors = _mirrored_signs(animation, tree, bodies)
     fine = None

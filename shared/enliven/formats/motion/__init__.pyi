@@ -1,6 +1,6 @@
 from .added_pose import (
-    added_frames as added_frames,
-    told_added as told_added,
+    count_added_frames as count_added_frames,
+    added_frame_notes as added_frame_notes,
     without_added_poses as without_added_poses,
 )
 from .bvh import read_bvh as read_bvh

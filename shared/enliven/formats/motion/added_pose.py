@@ -1,7 +1,8 @@
 """Frames at the ends of a capture that are not part of the motion: a T-pose, or a pose for calibration.
 
-Many conversions of CMU's captures begin with one: frame 0 is a T-pose, frame 1 is the motion. Played, the
-body jumps. Such frames are found by their speed: no person moves that fast, while the rest is smooth.
+Many conversions of CMU's captures begin with such a pose: frame 0 is a T-pose, and the motion starts at frame
+1. During playback, the body jumps. The frames are detected by the speed of the jump: no person moves that
+fast, and the rest of the motion is smooth.
 """
 
 from __future__ import annotations
@@ -13,40 +14,42 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.formats.motion.capture import Capture
 
-_TOO_FAST = 8.0
-"""Body sizes a second of a joint that no person reaches: 14 m/s for an adult. Kicks reach 10 m/s."""
+_MIN_IMPOSSIBLE_SPEED = 8.0
+"""Speed of a joint that no person reaches, in body sizes per second: 14 m/s for an adult. Kicks reach 10
+m/s."""
 _MIN_JUMP_SPEED_RATIO = 4.0
 """Minimum speed of the jump after an added pose, relative to the fastest motion in the rest of the take.
 Captures have smaller glitches of their own."""
 _MIN_FADE_SPEED_RATIO = 1.5
 """Minimum speed of the frames in which an added pose fades into the motion, relative to the rest of the
 take."""
-_LONGEST_FADE_S = 0.3
+_MAX_FADE_S = 0.3
 """Longest fade from an added pose into the motion, in seconds. In resampled files the jump is spread over
 some frames."""
 _MIN_JUMP_BODY_SIZES = 0.15
 """Minimum jump of a joint, as a multiple of the body size. A smaller jump hardly shows."""
-_LONGEST_HOLD_S = 2.0
+_MAX_HOLD_S = 2.0
 """Longest time for which an added pose is held, in seconds."""
 _SAME_POSE_BODY_SIZES = 1e-5
-"""Body sizes within which a held pose is one and the same: people are never that still."""
-_LEAST_REST = 5
+"""Maximum motion of a joint between two frames of a held pose, in body sizes. People are never that still."""
+_MIN_OTHER_INTERVALS = 5
 """Minimum number of frame intervals in the rest of a take. With fewer, it cannot be judged as smooth."""
-_AT_REST = 0.05
+_MAX_REST_POSE_DISTANCE = 0.05
 """Maximum mean distance of the joints from the rest pose in a frame that shows it, as a multiple of the body
 size."""
 
 
-def added_frames(
+def count_added_frames(
     places: Float, seconds: float, rest: Float | None = None, only_rest: bool = False
 ) -> tuple[int, int]:
-    """How many frames at the begin and at the end of a motion are an added pose.
+    """Returns the numbers of frames at the start and at the end of a motion that show an added pose.
 
     Args:
         places: (F, N, 3) the joints over time, in any unit.
-        seconds: from one frame to the next.
-        rest: (N, 3) the joints in the file's rest pose. A take that begins in it may fade into the motion.
-        only_rest: added frames show the rest pose; else any pose can be added.
+        seconds: time from one frame to the next.
+        rest: (N, 3) the joints in the file's rest pose. A take that begins in this pose may fade into the
+            motion.
+        only_rest: True if only frames in the rest pose count as added, and False if any pose counts.
     """
     return (
         _added_frame_count(places, seconds, rest, only_rest),
@@ -55,54 +58,56 @@ def added_frames(
 
 
 def without_added_poses(capture: Capture) -> Capture:
-    """The capture without added poses at its ends, with a note on them."""
-    begin, end = added_frames(capture.positions, capture.seconds)
+    """Returns the capture without the added poses at its ends, with a note about the removed frames."""
+    begin, end = count_added_frames(capture.positions, capture.seconds)
     if not (begin or end):
         return capture
     kept = slice(begin, capture.frames - end)
-    notes = (*capture.notes, *told_added(begin, end))
+    notes = (*capture.notes, *added_frame_notes(begin, end))
     positions, rotations = capture.positions[kept], capture.rotations[kept]
     return replace(capture, positions=positions, rotations=rotations, notes=notes)
 
 
-def told_added(begin: int, end: int) -> tuple[str, ...]:
-    """Notes on frames that were left out at the begin and at the end."""
+def added_frame_notes(begin: int, end: int) -> tuple[str, ...]:
+    """Returns notes about the frames that were removed at the start and at the end."""
     return tuple(
-        f"the {where} {f'{count} frames are' if count > 1 else 'frame is'} not part of the motion (an added "
-        "pose, such as a T-pose): left out"
-        for count, where in ((begin, "first"), (end, "last"))
+        f"the {end_name} {f'{count} frames are' if count > 1 else 'frame is'} not part of the motion "
+        "(an added pose, such as a T-pose): left out"
+        for count, end_name in ((begin, "first"), (end, "last"))
         if count
     )
 
 
 def _added_frame_count(places: Float, seconds: float, rest: Float | None, only_rest: bool) -> int:
-    """How many frames at the begin are an added pose."""
+    """Returns the number of frames at the start that show an added pose."""
     size = float(np.ptp(places[len(places) // 2], axis=0).max())
-    if len(places) < _LEAST_REST + 2 or size <= 0.0:
+    if len(places) < _MIN_OTHER_INTERVALS + 2 or size <= 0.0:
         return 0
     steps = np.linalg.norm(np.diff(places, axis=0), axis=2).max(1) / size
     moving = np.flatnonzero(steps > _SAME_POSE_BODY_SIZES)
     held = int(moving[0]) if len(moving) else 0
-    fade = max(round(_LONGEST_FADE_S / seconds), 1)
+    fade = max(round(_MAX_FADE_S / seconds), 1)
     # Leave out the other end as well, because it may have an added pose of its own.
-    others = steps[held + fade : len(steps) - fade]
-    if held * seconds > _LONGEST_HOLD_S or len(others) < _LEAST_REST:
+    other_steps = steps[held + fade : len(steps) - fade]
+    if held * seconds > _MAX_HOLD_S or len(other_steps) < _MIN_OTHER_INTERVALS:
         return 0
-    usual, shows_rest = float(others.max()), rest is not None and _is_rest_pose(places[0], rest, size)
+    fastest, shows_rest = float(other_steps.max()), rest is not None and _is_rest_pose(places[0], rest, size)
     if only_rest and not shows_rest:
         return 0
     first = steps[held : held + fade]
-    fast = first > (_MIN_FADE_SPEED_RATIO if shows_rest else _MIN_JUMP_SPEED_RATIO) * usual
+    fast = first > (_MIN_FADE_SPEED_RATIO if shows_rest else _MIN_JUMP_SPEED_RATIO) * fastest
     count = len(fast) if fast.all() else int(np.argmin(fast))
-    if not count or first[:count].max() < _MIN_JUMP_SPEED_RATIO * usual:
+    if not count or first[:count].max() < _MIN_JUMP_SPEED_RATIO * fastest:
         return 0
-    far = float(np.linalg.norm(places[held + count] - places[0], axis=1).max()) / size
+    jump = float(np.linalg.norm(places[held + count] - places[0], axis=1).max()) / size
     return (
-        held + count if far > _MIN_JUMP_BODY_SIZES and (shows_rest or first[0] > _TOO_FAST * seconds) else 0
+        held + count
+        if jump > _MIN_JUMP_BODY_SIZES and (shows_rest or first[0] > _MIN_IMPOSSIBLE_SPEED * seconds)
+        else 0
     )
 
 
 def _is_rest_pose(pose: Float, rest: Float, size: float) -> bool:
-    """Whether a pose (N, 3) is the rest pose, wherever its root is."""
-    apart = np.linalg.norm((pose - pose[0]) - (rest - rest[0]), axis=1)
-    return bool(apart.mean() < _AT_REST * size)
+    """Returns True if a pose (N, 3) is the rest pose, independent of the root's position."""
+    distances = np.linalg.norm((pose - pose[0]) - (rest - rest[0]), axis=1)
+    return bool(distances.mean() < _MAX_REST_POSE_DISTANCE * size)

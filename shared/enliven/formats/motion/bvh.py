@@ -1,4 +1,4 @@
-"""Reads Biovision hierarchy files (.bvh) of every order of rotations, unit and rate."""
+"""Reads Biovision hierarchy files (.bvh) with any rotation order, unit and frame rate."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.errors import InputError
 from enliven.files import decode_text, open_file, read_file
-from enliven.formats.motion.capture import Capture, composed
-from enliven.meshes import WrongWordError, blocks, lines_of, numbers_in, word_starts
+from enliven.formats.motion.capture import Capture, forward_kinematics
+from enliven.meshes import WrongWordError, blocks, parse_numbers, word_lines, word_starts
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 """Column of each rotation or translation axis in a vector."""
-_LONGEST_FRAME = 1.0
+_MAX_FRAME_TIME_S = 1.0
 """Longest plausible frame time, in seconds. No capture is slower than one frame a second, so a longer time
 means that the header is damaged."""
-_MOST_DEEP = 256
-"""Joints above one another: the deepest known skeletons, with tails and ropes, have some 60."""
-_MOST_JOINTS = 4096
-"""As many as a pose on the wire has."""
-_MOST_PLACES = 1 << 24
+_MAX_DEPTH_JOINTS = 256
+"""Maximum depth of the hierarchy in joints. The deepest known skeletons, with tails and ropes, have about
+60."""
+_MAX_JOINTS = 4096
+"""Maximum number of joints: that of a pose on the wire."""
+_MAX_JOINT_SAMPLES = 1 << 24
 """Maximum number of frames times joints: 93 min of 25 joints at 120 frames a second. It takes 3 GB of
 rotations and positions."""
 _MAX_HEAD_BYTES = 1 << 24
-"""Most bytes of a hierarchy: 4096 joints, 256 deep and indented by tabs, take 8 MB."""
+"""Maximum size of a hierarchy in bytes. 4096 joints, nested 256 deep and indented by tabs, take 8 MB."""
 _BLANK_PATTERN = r"(?:\s|(?:#|//)[^\n]*)*"
 _WORD_PATTERN = re.compile(_BLANK_PATTERN + r"([{}:]|(?:[^\s{}:]|:(?=[^\s:]))+)")
-"""A word after blanks and comments. A colon inside of a word belongs to a name such as "mixamorig:Hips"."""
+"""A word after blanks and comments. A colon inside a word belongs to a name such as "mixamorig:Hips"."""
 _NAME_PATTERN = re.compile(r"(?:(?!\s(?:#|//))[^\n{}])*")
 _COMMENT_PATTERN = re.compile(r"(?:#|//)[^\n]*")
 _KEYWORDS = {
@@ -54,8 +55,9 @@ class _Hierarchy:
     """The joints in the order of the file.
 
     Attributes:
-        channels: of each joint, (kind, axis) with kind "p" (position) or "r" (rotation).
-        taken: of each name that was used, the highest number that was put behind it.
+        channels: for each joint, a pair (kind, axis) per channel. The kind is "p" (position) or "r"
+            (rotation).
+        taken: for each name in use, the highest number that was appended to it.
     """
 
     names: list[str] = field(default_factory=list)
@@ -66,7 +68,7 @@ class _Hierarchy:
 
 
 class _Words:
-    """The words of a file one after the other, found only when they are asked for.
+    """A tokenizer of a file's text that finds each word on request.
 
     Braces and colons are words of their own, and comments ("# ..." or "// ...") are left out.
     """
@@ -81,7 +83,7 @@ class _Words:
         return match[1] if match else ""
 
     def next(self, expected: str) -> str:
-        """Returns the next word and goes past it; ``expected`` is named if the file ends here."""
+        """Returns the next word and advances. ``expected`` is named in the error if the file ends here."""
         match = _WORD_PATTERN.match(self._text, self._at)
         if match is None:
             raise InputError(f"the file ends where {expected} should be", where=str(self._path))
@@ -113,8 +115,8 @@ class _Words:
         return self._line
 
     def wrong(self, what: str, mend: str = "", line: int | None = None) -> InputError:
-        where = f"{self._path}, line {self.line if line is None else line}"
-        return InputError(what, where=where, mend=mend)
+        location = f"{self._path}, line {self.line if line is None else line}"
+        return InputError(what, where=location, mend=mend)
 
     def numbers(self, words: list[str], count: int, of: str, line: int) -> list[float]:
         try:
@@ -132,11 +134,11 @@ class _Words:
 def read_bvh(path: Path | str) -> Capture:
     """Reads a BVH file, in its own unit and axes.
 
-    Keywords may be in any case, and words may be wrapped over lines. A file with fewer or more frames than
-    its header states is read as far as it goes, with a note.
+    Keywords may be in any case, and lines may be wrapped between words. If the file has fewer or more frames
+    than its header states, all existing frames are read, and a note is added.
 
     Raises:
-        InputError: for a file that cannot be read or is no BVH, with the line that is wrong.
+        InputError: if the file cannot be read or is not a BVH file. The message names the wrong line.
     """
     path = Path(path)
     with open_file(path) as file:
@@ -159,7 +161,7 @@ def parse_bvh(text: str, path: Path = Path("bvh")) -> Capture:
     promised, seconds = _read_header(words)
     rows, notes = _read_rows(words, tree, promised)
     offsets, rotations = _local_motion(tree, rows)
-    positions, world = composed(tuple(tree.parents), offsets, rotations)
+    positions, world = forward_kinematics(tuple(tree.parents), offsets, rotations)
     return Capture(tuple(tree.names), tuple(tree.parents), positions, world, seconds, notes)
 
 
@@ -170,7 +172,7 @@ def _begin_file(words: _Words) -> None:
 
 
 def _read_hierarchy(words: _Words) -> _Hierarchy:
-    """Reads everything up to the word MOTION."""
+    """Reads the hierarchy, up to the word MOTION."""
     tree, chain = _Hierarchy(), list[int]()
     while True:
         word = words.next("MOTION")
@@ -206,9 +208,14 @@ def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, l
         name = words.next("a name")
     if not name:
         raise words.wrong(f"{kind} has no name", line=line)
-    if len(chain) >= _MOST_DEEP or len(tree.names) >= _MOST_JOINTS:
-        excess = f"deeper than {_MOST_DEEP}" if len(chain) >= _MOST_DEEP else f"more than {_MOST_JOINTS}"
-        raise words.wrong(f"there are joints {excess}", "No skeleton is like this: export it again.", line)
+    if len(chain) >= _MAX_DEPTH_JOINTS or len(tree.names) >= _MAX_JOINTS:
+        excess = (
+            f"is deeper than {_MAX_DEPTH_JOINTS}"
+            if len(chain) >= _MAX_DEPTH_JOINTS
+            else f"has more than {_MAX_JOINTS}"
+        )
+        problem = f"the hierarchy {excess} joints"
+        raise words.wrong(problem, "No skeleton is that large: export it again.", line)
     chain.append(len(tree.names))
     tree.names.append(_unused_name(name, tree.taken))
     tree.parents.append(parent)
@@ -219,7 +226,8 @@ def _begin_joint(words: _Words, tree: _Hierarchy, chain: list[int], kind: str, l
 
 
 def _unused_name(name: str, taken: dict[str, int]) -> str:
-    """Returns the name, or the first numbered one that no joint has yet: a wrist may have two ends."""
+    """Returns the name, or if a joint has it already, the name with the first free number. A wrist may have
+    two ends."""
     plain, number = name, taken.get(name, 1)
     while name in taken:
         number += 1
@@ -230,7 +238,7 @@ def _unused_name(name: str, taken: dict[str, int]) -> str:
 
 
 def _joint_channels(words: _Words, given: list[str], line: int) -> list[tuple[str, int]]:
-    """(kind, axis) of each channel of a joint, from their count and names."""
+    """Returns (kind, axis) of each channel of a joint, from their count and names."""
     channel_kinds = {
         f"{axis}{kind}".lower(): (kind[0], _AXES[axis]) for axis in _AXES for kind in ("position", "rotation")
     }
@@ -239,12 +247,12 @@ def _joint_channels(words: _Words, given: list[str], line: int) -> list[tuple[st
     if unknown:
         raise words.wrong(f"the channel {unknown[0]} does not exist", "Known: Xposition ... Zrotation.", line)
     if not _is_count(count) or int(count) != len(kinds):
-        raise words.wrong(f"CHANNELS says {count[:20]} and names {len(kinds)}", line=line)
+        raise words.wrong(f"CHANNELS states {count[:20]} channels but names {len(kinds)}", line=line)
     return [channel_kinds[kind.lower()] for kind in kinds]
 
 
 def _is_count(word: str) -> bool:
-    """Whether a word is a whole number of a sensible length, in plain digits."""
+    """Returns True if a word is a whole number of at most nine plain digits."""
     return word.isascii() and word.isdigit() and len(word) < 10
 
 
@@ -255,7 +263,7 @@ def _read_header(words: _Words) -> tuple[int, float]:
         raise words.wrong("expected 'Frames:' and their number")
     time = _after_label(words, "frametime", "'Frame Time:' and seconds")
     (seconds,) = words.numbers([time], 1, "Frame Time", words.line)
-    if not 0.0 < seconds <= _LONGEST_FRAME:
+    if not 0.0 < seconds <= _MAX_FRAME_TIME_S:
         raise words.wrong(f"a frame lasts {seconds} s")
     return int(count), seconds
 
@@ -274,25 +282,25 @@ def _after_label(words: _Words, label: str, expected: str) -> str:
 
 
 def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, tuple[str, ...]]:
-    """Returns (F, C) the numbers of every frame for every channel, and notes on what was unusual.
+    """Returns (F, C) the number of each channel in each frame, and notes about unusual content.
 
-    A frame may be wrapped over lines, and lines may hold several frames.
+    A frame may span several lines, and a line may contain several frames.
     """
     width, joints = sum(map(len, tree.channels)), len(tree.names)
     first_line, text = words.rest()
-    most = _MOST_PLACES // joints
+    most = _MAX_JOINT_SAMPLES // joints
     body = _COMMENT_PATTERN.sub("", text).encode()
     parts, counts, lines = list[Float](), list[Int](), list[Int]()
     total = 0
     for offset, block in blocks(body):
         before = first_line + body.count(b"\n", 0, offset)
         try:
-            numbers = numbers_in(block)
+            numbers = parse_numbers(block)
         except WrongWordError as error:
             frame = total // max(width, 1) + 1
             problem = f"near frame {frame}, a word is not a number: {error.what}"
             raise words.wrong(problem, line=before + error.line) from None
-        line_numbers = lines_of(block, word_starts(block))
+        line_numbers = word_lines(block, word_starts(block))
         if not np.isfinite(numbers).all():
             line = before + int(line_numbers[np.argmin(np.isfinite(numbers))])
             raise words.wrong("a frame has a number that is not finite", line=line)
@@ -303,21 +311,22 @@ def _read_rows(words: _Words, tree: _Hierarchy, promised: int) -> tuple[Float, t
         total += len(numbers)
         if total > most * width:
             problem = f"more than {most} frames of {joints} joints are too many"
-            raise words.wrong(problem, "Take it in parts.", line=before)
+            raise words.wrong(problem, "Split the file.", line=before)
     if total == 0 or width == 0:
         raise words.wrong("the file has no frames" if width else "no joint has a channel")
     _check_rows(words, np.concatenate(counts), np.concatenate(lines), width, promised)
     frames = total // width
-    notes = () if frames == promised else (f"{promised} frames are promised, {frames} are there",)
+    notes = () if frames == promised else (f"the header states {promised} frames, but the file has {frames}",)
     return np.concatenate(parts).reshape(frames, width), notes
 
 
 def _check_rows(words: _Words, counts: Int, lines: Int, width: int, promised: int) -> None:
-    """Refuses rows of wrong lengths. Wrapped rows hold whole frames, and each frame begins a line.
+    """Raises an error for rows of wrong lengths. A frame that spans several lines must begin at the start of
+    a line.
 
     Args:
-        counts: (L,) numbers of each line that has some.
-        lines: (L,) the numbers of these lines.
+        counts: (L,) how many numbers each non-empty line contains.
+        lines: (L,) the line numbers of these lines.
     """
     total = int(counts.sum())
     if (counts == width).all() or total == promised * width:
@@ -331,9 +340,9 @@ def _check_rows(words: _Words, counts: Int, lines: Int, width: int, promised: in
 
 
 def _local_motion(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:
-    """(F, N, 3) offsets and (F, N, 3, 3) rotations of every joint in its parent's frame.
+    """Returns (F, N, 3) offsets and (F, N, 3, 3) rotations of each joint in its parent's frame.
 
-    A joint's position channels take the place of its offset.
+    If a joint has position channels, they replace its offset.
     """
     frames, count = len(rows), len(tree.names)
     offsets = np.broadcast_to(np.array(tree.offsets), (frames, count, 3)).copy()
@@ -351,7 +360,7 @@ def _local_motion(tree: _Hierarchy, rows: Float) -> tuple[Float, Float]:
 
 
 def about(axis: int, angles: Float) -> Float:
-    """(F, 3, 3) rotations by (F,) radians about the X (0), Y (1) or Z (2) axis."""
+    """Returns (F, 3, 3) rotations by (F,) radians about the X (0), Y (1) or Z (2) axis."""
     second_axis, third_axis = (axis + 1) % 3, (axis + 2) % 3
     turned = np.zeros((len(angles), 3, 3))
     turned[:, axis, axis] = 1.0

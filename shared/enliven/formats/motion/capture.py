@@ -9,22 +9,22 @@ import numpy as np
 from enliven.arrays import Float
 
 UNITS: dict[str, float] = {"m": 1.0, "in": 0.0254, "cmu": 0.0254 / 0.45, "cm": 0.01, "mm": 0.001}
-"""Metres in a unit. CMU's files count 0.45ths of an inch."""
+"""Metres per unit, by the name of the unit. The unit of CMU's files is 1 / 0.45 inch."""
 _ADULT_LEG_LENGTH_M = 0.82
 """Distance from hip to ankle of an average adult, in metres. The unit of a file is guessed from it."""
 
 
 @dataclass(frozen=True)
 class Capture:
-    """A motion as its file tells it.
+    """A motion in the coordinates and the unit of its file.
 
     Attributes:
-        names: (N,) the joints, parents before children; the end of a chain is called "<parent> end".
+        names: (N,) the joints, parents before children. The end of a chain is called "<parent> end".
         parents: (N,) the parent of each joint, -1 at a root.
         positions: (F, N, 3) the joints in the file's space and unit.
-        rotations: (F, N, 3, 3) world_from_joint; an end has its parent's.
+        rotations: (F, N, 3, 3) world_from_joint. The end of a chain has its parent's rotation.
         seconds: time from one frame to the next.
-        notes: what was odd about the file, a sentence each.
+        notes: a sentence for each unusual property of the file.
     """
 
     names: tuple[str, ...]
@@ -36,20 +36,21 @@ class Capture:
 
     @property
     def frames(self) -> int:
-        """How many frames there are."""
+        """The number of frames."""
         return len(self.positions)
 
     @property
     def duration(self) -> float:
-        """Seconds from the first frame to the last."""
+        """The time from the first frame to the last, in seconds."""
         return (self.frames - 1) * self.seconds
 
 
-def composed(parents: tuple[int, ...], offsets: Float, rotations: Float) -> tuple[Float, Float]:
-    """Forward kinematics.
+def forward_kinematics(parents: tuple[int, ...], offsets: Float, rotations: Float) -> tuple[Float, Float]:
+    """Returns positions and world rotations of all joints, computed by forward kinematics.
 
     Args:
-        offsets: (F or 1, N, 3) each joint in its parent's frame (a root: in the file's space).
+        offsets: (F or 1, N, 3) each joint's position in its parent's frame, or a root's position in the
+            file's space.
         rotations: (F, N, 3, 3) parent_from_joint.
 
     Returns:
@@ -68,6 +69,6 @@ def composed(parents: tuple[int, ...], offsets: Float, rotations: Float) -> tupl
 
 
 def guess_unit(leg: float) -> str:
-    """Returns the unit in which ``leg`` (hip to ankle, in the file's numbers) is nearest to a person's
-    leg."""
+    """Returns the unit in which a leg of length ``leg`` (hip to ankle, in the file's unit) is nearest to a
+    person's."""
     return min(UNITS, key=lambda name: abs(np.log(max(leg, 1e-9) * UNITS[name] / _ADULT_LEG_LENGTH_M)))

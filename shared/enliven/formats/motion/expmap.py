@@ -1,8 +1,9 @@
-"""CMU motions as tables of exponential maps: 117 comma-separated numbers a frame, 120 frames a second.
+"""Reads CMU motions stored as tables of exponential maps: 117 comma-separated numbers per frame, 120 frames a
+second.
 
-Three numbers are the root's position, then come 38 rotation vectors. The rows were made for row vectors, so
-that a joint's own rotation is the inverse of its map. In these files the root's Euler angles Z, Y, X were
-composed as Z, X, Y; they are taken apart and composed again in their right order.
+The first three numbers are the root's position. The others are 38 rotation vectors. The files use the row
+vector convention, so a joint's rotation is the inverse of its map. The root's Euler angles Z, Y, X were
+composed in the wrong order Z, X, Y. The reader decomposes them and composes them in the correct order.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.files import decode_text, read_file
 from enliven.formats.motion.bvh import about
-from enliven.formats.motion.capture import Capture, composed
+from enliven.formats.motion.capture import Capture, forward_kinematics
 from enliven.rotation import from_rotation_vector, to_matrix
 
 COLUMNS = 117
@@ -63,17 +64,18 @@ _JOINTS: tuple[tuple[str, int, tuple[float, float, float]], ...] = (
     ("RThumb", 32, (0.0, 0.0, 0.0)),
     ("RThumb end", 36, (-0.59786, 0.0, 0.59786)),
 )
-"""Name, parent and offset (CMU units) of each joint; the maps come in this order."""
+"""Name, parent and offset (in CMU units) of each joint, in the order of the maps."""
 
 
 def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
     """Reads a table of exponential maps.
 
     Args:
-        mend_root: put the root's angles into their right order; False takes the file at its word.
+        mend_root: True to correct the order of the root's Euler angles, False to use the file's rotation
+            unchanged.
 
     Raises:
-        InputError: where the file cannot be read or a line is wrong, with its number.
+        InputError: if the file cannot be read or a line is wrong. The message contains the line number.
     """
     path = Path(path)
     lines = decode_text(read_file(path)).split("\n")
@@ -87,18 +89,18 @@ def read_expmap(path: Path | str, *, mend_root: bool = True) -> Capture:
     offsets = np.tile(np.array([offset for _, _, offset in _JOINTS]), (len(rows), 1, 1))
     offsets[:, 0] = rows[:, :3]
     parents = tuple(parent for _, parent, _ in _JOINTS)
-    positions, world = composed(parents, offsets, rotations)
+    positions, world = forward_kinematics(parents, offsets, rotations)
     return Capture(tuple(name for name, _, _ in _JOINTS), parents, positions, world, SECONDS)
 
 
 def _row_values(line: str, number: int, path: Path) -> list[float]:
-    where = f"{path}, line {number}"
+    location = f"{path}, line {number}"
     try:
         values = [float(word) for word in line.split(",")]
     except ValueError:
-        raise InputError("a value is not a number", where=where) from None
+        raise InputError("a value is not a number", where=location) from None
     if len(values) != COLUMNS or not np.isfinite(values).all():
-        raise InputError(f"there are {len(values)} numbers, expected {COLUMNS} finite ones", where=where)
+        raise InputError(f"there are {len(values)} numbers, expected {COLUMNS} finite ones", where=location)
     return values
 
 

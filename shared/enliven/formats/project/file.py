@@ -1,8 +1,9 @@
-"""Project files (.enliven): everything an artist has made, in one file that every later version reads.
+"""Reads and writes project files (.enliven): an artist's complete work in one file that every later version
+reads.
 
-A zip archive of project.json (the document with its version) and arrays/<name>.npy, where the name is a
-checksum of the content, so that other tools can read it and damage is noticed. Writing is atomic: the
-previous file stays until the new one is complete.
+The file is a zip archive of project.json (the document with its version) and arrays/<name>.npy, so other
+tools can read it. The name of an array is a checksum of its content, which reveals damage. Writing is atomic:
+the previous file stays until the new one is complete.
 """
 
 from __future__ import annotations
@@ -26,37 +27,39 @@ from enliven.errors import InputError, refuse_later_version
 from enliven.files import DAMAGE, read_file, write_file
 from enliven.formats.npy import array_of
 from enliven.formats.project.file_kinds import kind_of
-from enliven.formats.project.lost_motion import with_lost_motion
-from enliven.formats.project.upgrades import characters_of_kinds
-from enliven.formats.project.values import UnknownFieldError, name_of, packed, unpacked
+from enliven.formats.project.lost_motion import replace_lost_motion
+from enliven.formats.project.upgrades import combine_characters
+from enliven.formats.project.values import UnknownFieldError, array_checksum, pack, unpack
 
 VERSION = 2
-"""Of the format. An added field needs no new version; a changed meaning of a written field does."""
-_UPGRADE_BY_VERSION: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: characters_of_kinds}
-"""For each older version: the function that turns its project object into that of the next version."""
+"""The version of the format. An added field needs no new version, but a changed meaning of an existing field
+does."""
+_UPGRADE_BY_VERSION: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: combine_characters}
+"""For each older version: the function that converts its project object to that of the next version."""
 _FORMAT = "enliven project"
 _HEADER, _ARRAYS = "project.json", "arrays/"
 _READABLE_ZIP_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""Zip methods that are read: stored and deflated; other methods can ask for gigabytes before the first byte.
+"""Accepted zip methods: stored and deflated. Other methods can allocate gigabytes before the first byte.
 """
-_FREE_BYTES = 1 << 28
-"""Size, in bytes, to which any file may unpack: 256 MB, because equal numbers of that size pack to 300 kB."""
-_MOST_RATIO = 20
-"""Further bytes that a file may unpack to for each byte that it has: motion packs to a third, so this leaves
-room."""
+_BASE_UNPACKED_BYTES = 1 << 28
+"""Unpacked size, in bytes, that is allowed for every file: 256 MB. Equal numbers of that size pack to 300
+kB."""
+_MAX_UNPACKED_RATIO = 20
+"""Maximum number of additional unpacked bytes per byte of the file. Motion packs to a third, so the limit has
+a margin."""
 _COMPRESSION_LEVEL = 1
 """Compression level of zip. The file is 3 % larger than with the default 6, but takes a quarter of the time.
 An edit on a stage waits for it."""
-_LONG_AGO = (1980, 1, 1, 0, 0, 0)
+_ZIP_ENTRY_DATE = (1980, 1, 1, 0, 0, 0)
 """Date of every zip entry, the earliest that zip can store: equal projects make equal files."""
 
 
 def write_project(path: Path | str, project: Project) -> None:
-    """Writes a project; the same project makes the same bytes.
+    """Writes a project. Equal projects give equal bytes.
 
     Raises:
-        InputError: if the file is a project of a later version; it stays.
-        ResourceError: where the file cannot be written; one that was there stays.
+        InputError: if the existing file is a project of a later version, which is not replaced.
+        ResourceError: if the file cannot be written. An existing file stays unchanged.
     """
     refuse_later_project(Path(path))
     write_file(Path(path), project_bytes(project), "Save it elsewhere.")
@@ -68,7 +71,7 @@ def refuse_later_project(path: Path) -> None:
         return
     try:
         with zipfile.ZipFile(path) as archive:
-            if archive.getinfo(_HEADER).file_size > _FREE_BYTES:
+            if archive.getinfo(_HEADER).file_size > _BASE_UNPACKED_BYTES:
                 return
             header = json.loads(_unpacked_entry(archive, _HEADER))
     except (OSError, zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, *DAMAGE):
@@ -83,8 +86,9 @@ def read_project(path: Path | str) -> Project:
     """Reads a project of this or any earlier version.
 
     Raises:
-        InputError: where the file is missing, no project, cut short, damaged, or of a later version. Motion
-            of a possessed mesh that is damaged or missing, and can be solved again, stands still.
+        InputError: if the file is missing, not a project, truncated, damaged, or of a later version. Damaged
+            or missing motion of a possessed mesh raises no error if it can be solved again. The mesh then
+            stays at rest.
     """
     path = Path(path)
     return project_of(read_file(path), str(path))
@@ -94,7 +98,7 @@ def project_bytes(project: Project) -> bytes:
     """Returns the bytes that :func:`write_project` writes."""
     arrays: dict[str, AnyArray] = {}
     header = {"format": _FORMAT, "version": VERSION, "made_by": __version__}
-    header["project"] = packed(project, arrays)
+    header["project"] = pack(project, arrays)
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         text = json.dumps(header, ensure_ascii=False, separators=(",", ":"))
@@ -109,10 +113,10 @@ def project_bytes(project: Project) -> bytes:
 
 
 def project_of(data: bytes, where: str = "project", most: int | None = None) -> Project:
-    """Reads the project from the bytes of a file; ``where`` is named in errors.
+    """Reads the project from the bytes of a file. ``where`` is its name in error messages.
 
     Args:
-        most: bytes that it may unpack to; None: as many as a file may.
+        most: maximum unpacked size in bytes. None uses the limits of a file.
     """
     if not data.startswith(b"PK"):
         raise _foreign_file_error(data, where)
@@ -126,14 +130,14 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
         problem = "it is cut short or damaged: its archive cannot be unpacked"
         raise InputError(problem, where=where, mend="Take an earlier copy.") from None
     try:
-        project, lost = with_lost_motion(header["project"], arrays)
+        project, lost = replace_lost_motion(header["project"], arrays)
         if damaged - lost:
             raise InputError("an array in it is damaged", where="project")
-        document = unpacked(Project, project, arrays, "project")
+        document = unpack(Project, project, arrays, "project")
     except InputError as error:
         mend = error.mend or "Take an earlier copy."
         if isinstance(error, UnknownFieldError):
-            mend = _mend_unknown(header.get("made_by"))
+            mend = _unknown_field_advice(header.get("made_by"))
         raise InputError(error.what, where=f"{where}, {error.where}", mend=mend) from None
     except DAMAGE as error:
         logging.getLogger(__name__).debug("project", exc_info=error)
@@ -143,11 +147,11 @@ def project_of(data: bytes, where: str = "project", most: int | None = None) -> 
     return document
 
 
-def _mend_unknown(made_by: Any) -> str:
-    """Returns what to do about a field that is not known here.
+def _unknown_field_advice(made_by: Any) -> str:
+    """Returns the advice about a field that this version does not know.
 
     Args:
-        made_by: the version of enliven that the file states.
+        made_by: the version of enliven that wrote the file, as stated in the file.
     """
     if made_by == __version__:
         return "Take an earlier copy."
@@ -155,32 +159,33 @@ def _mend_unknown(made_by: Any) -> str:
 
 
 def _zip_entry(name: str) -> zipfile.ZipInfo:
-    """Returns a zip entry without a time, so that the same project makes the same file."""
-    info = zipfile.ZipInfo(name, _LONG_AGO)
+    """Returns a zip entry with a fixed date, so that equal projects give equal files."""
+    info = zipfile.ZipInfo(name, _ZIP_ENTRY_DATE)
     info.compress_type = zipfile.ZIP_DEFLATED
     return info
 
 
 def _check_sizes(archive: zipfile.ZipFile, packed: int, where: str, most: int | None) -> None:
-    """Refuses a file that states a larger size than a project packs to; nothing of it is unpacked."""
+    """Raises an error, before unpacking, if the declared unpacked size is larger than that of any project."""
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
-    if total > (_FREE_BYTES + _MOST_RATIO * packed if most is None else most):
-        problem = f"its {packed} bytes state that they unpack to {total}, which is too much"
+    if total > (_BASE_UNPACKED_BYTES + _MAX_UNPACKED_RATIO * packed if most is None else most):
+        problem = f"its {packed} bytes would unpack to {total} bytes, which is too much"
         raise InputError(problem, where=where, mend="Ask for the project again.")
     if any(entry.compress_type not in _READABLE_ZIP_METHODS for entry in entries):
-        raise InputError("it is packed in a way that is not known here", where=where, mend="Save it again.")
+        raise InputError("its compression method is not supported", where=where, mend="Save it again.")
 
 
 def _unpacked_entry(archive: zipfile.ZipFile, name: str) -> bytes:
-    """Returns an entry's bytes, at most as many as it states; the archive's own reader has no limit."""
+    """Returns an entry's bytes, at most one more than its declared size. The archive's own reader has no
+    limit."""
     entry = archive.getinfo(name)
     with archive.open(entry) as file:
         return file.read(entry.file_size + 1)
 
 
 def _foreign_file_error(data: bytes, where: str) -> InputError:
-    """Returns the error about a file that is something else, with what it is."""
+    """Returns the error about a file of another kind. The message names the kind."""
     kind, ending = kind_of(data)
     mend = "Choose a project that was saved by enliven."
     if ending:
@@ -199,8 +204,8 @@ def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[
     version, project = header.get("version"), header.get("project")
     # This check comes first, because a later version may store everything else in another way.
     _refuse_later(header, where)
-    if not _is_whole(version) or not isinstance(project, dict) or version < 1:
-        raise InputError("it does not say what it is", where=where, mend="Take an earlier copy.")
+    if not _is_integer(version) or not isinstance(project, dict) or version < 1:
+        raise InputError("its header is damaged", where=where, mend="Take an earlier copy.")
     for step in range(version, VERSION):
         project = _UPGRADE_BY_VERSION[step](project)
     header["project"] = project
@@ -210,16 +215,17 @@ def _upgraded_header(archive: zipfile.ZipFile, where: str, data: bytes) -> dict[
 def _refuse_later(header: dict[str, Any], where: str) -> None:
     """Raises LaterVersionError if a header states a later version."""
     version, maker = header.get("version"), header.get("made_by")
-    if _is_whole(version):
+    if _is_integer(version):
         refuse_later_version(version, VERSION, where, f"enliven {maker}" if maker else "")
 
 
-def _is_whole(version: Any) -> TypeGuard[int]:
+def _is_integer(version: Any) -> TypeGuard[int]:
     return isinstance(version, int) and not isinstance(version, bool)
 
 
 def _read_arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str]]:
-    """Returns all arrays by their names, which their content must have; and the names of damaged ones."""
+    """Returns the arrays by name, and the names of the damaged ones. The content of an array must match its
+    name."""
     arrays, damaged = dict[str, AnyArray](), set[str]()
     for entry in archive.namelist():
         if not entry.startswith(_ARRAYS):
@@ -229,7 +235,7 @@ def _read_arrays(archive: zipfile.ZipFile) -> tuple[dict[str, AnyArray], set[str
             array = array_of(_unpacked_entry(archive, entry))
         except (OSError, zipfile.BadZipFile, zlib.error, *DAMAGE):
             array = None
-        if array is None or name_of(array) != name:
+        if array is None or array_checksum(array) != name:
             damaged.add(name)
         else:
             arrays[name] = array

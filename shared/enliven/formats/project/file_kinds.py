@@ -1,4 +1,4 @@
-"""Names what a file is by its first bytes, for errors about files with a wrong ending."""
+"""Detects the kind of a file from its first bytes, for errors about files with a wrong ending."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ _ARCHIVE_KIND_BY_ENTRY = {
 _SAMPLE_BYTES = 4096
 """Number of bytes that are examined to distinguish text from other data."""
 _MAX_SHOWN_LETTERS = 40
-"""Letters of an entry's name that are shown."""
+"""Maximum number of letters of an entry's name in a message."""
 
 
 def kind_of(data: bytes) -> tuple[str, str]:
-    """Returns what the bytes of a file are, such as "a PNG picture", and the ending enliven opens it by.
+    """Returns the kind of a file, such as "a PNG picture", and the ending with which enliven opens this kind.
 
     The ending is empty for files that enliven does not open.
     """
@@ -65,7 +65,7 @@ def kind_of(data: bytes) -> tuple[str, str]:
 
 
 def _archive_kind(data: bytes) -> str:
-    """Returns what a ZIP archive holds."""
+    """Returns a description of a ZIP archive by its entries."""
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
             names = archive.namelist()
@@ -81,7 +81,7 @@ def _archive_kind(data: bytes) -> str:
 
 
 def _text_kind(data: bytes) -> tuple[str, str]:
-    """Returns the kind of a text, or that the data are of no known kind."""
+    """Returns the kind of a text file, or "data of no known kind"."""
     sample = data[:_SAMPLE_BYTES].removeprefix(codecs.BOM_UTF8)
     if b"\0" in sample or sum(byte < 9 or 13 < byte < 32 for byte in sample) > len(sample) // 20:
         return "data of no known kind", ""

@@ -1,4 +1,5 @@
-"""Motion that is missing in a project file, or damaged, and can be solved again from performers."""
+"""Replaces missing or damaged motion in a project file by the rest pose, if it can be solved again from
+performers."""
 
 from __future__ import annotations
 
@@ -8,17 +9,18 @@ import numpy as np
 
 from enliven.arrays import AnyArray
 from enliven.document import GraphShape
-from enliven.formats.project.values import ARRAY, KIND, name_of
+from enliven.formats.project.values import ARRAY, KIND, array_checksum
 
 
-def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, set[str]]:
-    """Returns the project object; a lost stream that can be solved again is the mesh at rest, and says so.
+def replace_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, set[str]]:
+    """Returns the project object with each lost stream replaced by the mesh at rest, if it can be solved
+    again. The possession of such a part is marked as not solved.
 
     Args:
-        arrays: those that are there, by name; those of the streams at rest are added.
+        arrays: the readable arrays by name. The function adds those of the streams at rest.
 
     Returns:
-        The object, and the names of the arrays of the lost streams.
+        The project object, and the names of the arrays of the lost streams.
     """
     streams, characters = (
         _as_table(_as_table(project).get("streams")),
@@ -29,7 +31,7 @@ def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, se
     for key, character in characters.items():
         parts = _as_table(character).get("parts")
         if _as_table(character).get(KIND) == GraphShape.kind and isinstance(parts, list):
-            mended = [_mended_part(part, streams, mended_streams, arrays) for part in parts]
+            mended = [_replace_lost_stream(part, streams, mended_streams, arrays) for part in parts]
             mended_characters[key] = {**character, "parts": mended}
     lost = {
         str(_as_table(streams.get(name, {}).get(each)).get(ARRAY))
@@ -44,10 +46,11 @@ def with_lost_motion(project: Any, arrays: dict[str, AnyArray]) -> tuple[Any, se
     )
 
 
-def _mended_part(
+def _replace_lost_stream(
     part: Any, streams: dict[str, Any], found: dict[str, Any], arrays: dict[str, AnyArray]
 ) -> Any:
-    """A part that plays something; a stream at rest goes into ``found`` where its own is lost."""
+    """Returns a part. If its stream is lost, adds a stream at rest to ``found``, and marks the part as not
+    solved."""
     possession, name = _as_table(_as_table(part).get("possession")), _as_table(part).get("take")
     rest = arrays.get(str(_as_table(possession.get("rest")).get(ARRAY)))
     stream = _as_table(streams.get(str(name)))
@@ -57,8 +60,8 @@ def _mended_part(
     table: dict[str, Any] = {"id": name, "step": stream.get("step", 1.0)}
     at_rest = np.array(rest[None], np.float64)
     for each, array in (("linear", np.tile(np.eye(3), (1, len(rest), 1, 1))), ("positions", at_rest)):
-        table[each] = {ARRAY: name_of(array)}
-        arrays[name_of(array)] = array
+        table[each] = {ARRAY: array_checksum(array)}
+        arrays[array_checksum(array)] = array
     found[name] = table
     return {**part, "possession": {**possession, "solved": ""}}
 

@@ -1,4 +1,5 @@
-"""One character as the bytes of a project: what a client sends to put it on the stage of an edge."""
+"""Packs one character as the bytes of a project. A client sends them to put the character on an edge's
+stage."""
 
 from __future__ import annotations
 
@@ -12,29 +13,30 @@ from enliven.meshes import Mesh
 
 
 def character_bytes(project: Project, character: str, textures: int = 0) -> bytes:
-    """Returns a project of one character at rest: equal bytes for equal characters.
+    """Returns the bytes of a project with one character at rest. Equal characters give equal bytes.
 
-    A rigged shape comes without layers, a possessed mesh without motion, a puppet with the takes of its key
-    poses alone. Coordinates are rounded to float32.
+    A rigged shape has no layers, a possessed mesh has no motion, and a puppet has only the takes of its key
+    poses. Coordinates are rounded to float32.
 
     Args:
-        textures: bytes that its textures may have; with larger ones it comes without materials.
+        textures: maximum size of its textures in bytes. If they are larger, its materials are left out.
 
     Raises:
-        InputError: where there is no such character.
+        InputError: if the character does not exist.
     """
     rig = project.character(character)
-    return project_bytes(_project_of_one(rig, project, painted=0 < texture_bytes(rig) <= textures))
+    return project_bytes(_one_character_project(rig, project, painted=0 < texture_bytes(rig) <= textures))
 
 
-def texture_bytes(one: RigBase) -> int:
-    """Returns the bytes of the textures of a character; 1 of one with materials alone, 0 without those."""
-    materials = None if one.mesh is None else one.mesh.materials
+def texture_bytes(character: RigBase) -> int:
+    """Returns the size of a character's textures in bytes: at least 1 if it has materials, 0 if it has
+    none."""
+    materials = None if character.mesh is None else character.mesh.materials
     return 0 if materials is None else max(sum(len(each.image) for each in materials.textures), 1)
 
 
 def project_of_mesh(mesh: Mesh, name: str) -> Project:
-    """Returns a project of a mesh that is to be possessed: it has one node, until it is put on a stage."""
+    """Returns a project with a mesh that can be possessed. It has one node until it is put on a stage."""
     vertices = _rounded_coordinates(mesh.vertices)
     shape_and_stream = graph_shape_at_rest(
         name, vertices.mean(0)[None], np.empty((0, 2), np.int32), replace(mesh, vertices=vertices)
@@ -42,15 +44,18 @@ def project_of_mesh(mesh: Mesh, name: str) -> Project:
     return Project().with_streams(shape_and_stream[1]).with_characters(shape_and_stream[0])
 
 
-def _project_of_one(one: RigBase, project: Project, *, painted: bool) -> Project:
-    """Returns a project of a character at rest, with the takes that it needs then."""
-    still, streams = one.at_rest(None if one.mesh is None else _lightened_mesh(one.mesh, painted))
-    takes = (project.takes[name] for name in still.needed()["takes"])
-    return Project().with_takes(*takes).with_streams(*streams).with_characters(still)
+def _one_character_project(character: RigBase, project: Project, *, painted: bool) -> Project:
+    """Returns a project with a character at rest, and the takes that it needs at rest."""
+    at_rest, streams = character.at_rest(
+        None if character.mesh is None else _lightened_mesh(character.mesh, painted)
+    )
+    takes = (project.takes[name] for name in at_rest.needed()["takes"])
+    return Project().with_takes(*takes).with_streams(*streams).with_characters(at_rest)
 
 
 def _lightened_mesh(mesh: Mesh, painted: bool) -> Mesh:
-    """Returns a mesh with its coordinates rounded, half of the bytes, and its materials or none."""
+    """Returns the mesh with coordinates rounded to float32, which halves their size. ``painted`` keeps its
+    materials."""
     return replace(
         mesh, vertices=_rounded_coordinates(mesh.vertices), materials=mesh.materials if painted else None
     )

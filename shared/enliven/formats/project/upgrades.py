@@ -1,4 +1,4 @@
-"""The steps that turn what an older version wrote into what the next one would have written."""
+"""The upgrade steps, each of which converts a project object to that of the next version."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 from enliven.document import GraphShape, Puppet, RigBase, Shape, unused
 
 _VERSION_1_MAPS: dict[str, type[RigBase]] = {"shapes": Shape, "graphs": GraphShape, "puppets": Puppet}
-"""The maps of version 1, which became one, in this order, with the rig of each."""
+"""The maps of characters in version 1 with the rig of each, in the order in which they were combined."""
 
 
-def characters_of_kinds(project: dict[str, Any]) -> dict[str, Any]:
-    """Version 1 to 2: three maps of characters become one, and a shape holds its own layers.
+def combine_characters(project: dict[str, Any]) -> dict[str, Any]:
+    """Upgrades version 1 to 2: combines three maps of characters to one, and moves layers into their shapes.
 
-    Ids were unique within a map only; a later one that is taken gets a number.
+    Ids were unique within a map only, so a repeated id gets a number.
     """
     layers = project.get("layers", {})
     characters: dict[str, Any] = {}
@@ -33,6 +33,6 @@ def characters_of_kinds(project: dict[str, Any]) -> dict[str, Any]:
 
 
 def _layers_of(shape: dict[str, Any]) -> list[str]:
-    """The layers that the spans of a shape name, each once, and that of its travel."""
+    """Returns the ids of the layers in the spans of a shape, and of its travel layer, each once."""
     named = [ref["layer"] for spans in shape["spans"] for span in spans for ref in span.get("refs", [])]
     return list(dict.fromkeys([*named, *([shape["travel"]] if shape.get("travel") else [])]))

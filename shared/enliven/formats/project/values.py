@@ -1,9 +1,9 @@
-"""Values of a document as JSON and arrays, and back, by the type hints of its dataclasses.
+"""Converts a document to JSON and arrays, and back, by the type hints of its dataclasses.
 
-A dataclass becomes an object of its fields, a mapping an object, a tuple an array, and a NumPy array
-``{"array": <name>}`` with its numbers kept elsewhere, each once. Numbers come back bit for bit: JSON has the
-shortest decimal that is the same float64. A field that a file lacks gets its default, so a document that
-grew a field still reads what was written before it. The object of a rig says of which kind it is.
+A dataclass becomes an object of its fields, a mapping an object, and a tuple an array. A NumPy array becomes
+``{"array": <name>}``, and its numbers are stored separately, each array once. Numbers are restored bit for
+bit, because JSON contains the shortest decimal that gives the same float64. A field that is missing in a file
+gets its default, so new fields can be added without a new version. The object of a rig contains its kind.
 """
 
 from __future__ import annotations
@@ -26,23 +26,24 @@ KIND = "kind"
 
 
 class UnknownFieldError(InputError):
-    """A field, a value or a kind of character that is not known here; a later version may know it."""
+    """A field, a value or a kind of character that this version does not know. A later version may know
+    it."""
 
 
-def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
-    """Returns ``value`` as JSON; its arrays are put into ``arrays`` by a name made of their content."""
+def pack(value: Any, arrays: dict[str, AnyArray]) -> Any:
+    """Returns ``value`` as JSON, and adds its arrays to ``arrays`` by a checksum of their content."""
     if isinstance(value, np.ndarray):
-        name = name_of(value)
+        name = array_checksum(value)
         arrays[name] = value
         return {ARRAY: name}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = [field.name for field in dataclasses.fields(value) if field.init]
-        packed_fields = {name: packed(getattr(value, name), arrays) for name in fields}
+        packed_fields = {name: pack(getattr(value, name), arrays) for name in fields}
         return {KIND: value.kind, **packed_fields} if isinstance(value, RigBase) else packed_fields
     if isinstance(value, Mapping):
-        return {str(key): packed(inner, arrays) for key, inner in value.items()}
+        return {str(key): pack(inner, arrays) for key, inner in value.items()}
     if isinstance(value, (tuple, list)):
-        return [packed(inner, arrays) for inner in value]
+        return [pack(inner, arrays) for inner in value]
     if value is None or isinstance(value, str | bool | int | float):
         return value
     if isinstance(value, np.generic):
@@ -50,25 +51,25 @@ def packed(value: Any, arrays: dict[str, AnyArray]) -> Any:
     raise TypeError(f"a document cannot hold a {type(value).__name__}")
 
 
-def name_of(array: AnyArray) -> str:
-    """Returns a name made of an array's type, shape and numbers: equal for equal arrays, and a checksum."""
+def array_checksum(array: AnyArray) -> str:
+    """Returns the name of an array: a checksum of its type, shape and numbers."""
     digest = hashlib.blake2b(f"{array.dtype.str}{array.shape}".encode(), digest_size=16)
     digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 
-def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
+def unpack(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
     """Converts JSON to a value of the type ``hint``.
 
     Raises:
-        InputError: where it does not fit the type; ``where`` is the path to it.
+        InputError: if the value does not match the type. ``where`` is the path to the value, for the message.
     """
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (types.UnionType, typing.Union):
         if value is None and type(None) in arguments:
             return None
         inner = next(argument for argument in arguments if argument is not type(None))
-        return unpacked(inner, value, arrays, where)
+        return unpack(inner, value, arrays, where)
     if hint is RigBase:
         return _read_rig(_checked_type(value, dict, where), arrays, where)
     if origin is np.ndarray:
@@ -80,11 +81,11 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
         return _read_dataclass(hint, value, arrays, where)
     if origin is typing.Literal:
         if value not in arguments:
-            raise UnknownFieldError(f"{value!r} is not known here", where=where)
+            raise UnknownFieldError(f"{value!r} is unknown", where=where)
         return value
     if origin is not None and issubclass(origin, Mapping):
         table = _checked_type(value, dict, where)
-        return {key: unpacked(arguments[1], v, arrays, f"{where}.{key}") for key, v in table.items()}
+        return {key: unpack(arguments[1], v, arrays, f"{where}.{key}") for key, v in table.items()}
     if origin is tuple:
         return _read_tuple(arguments, _checked_type(value, list, where), arrays, where)
     if hint is Any:
@@ -93,10 +94,10 @@ def unpacked(hint: Any, value: Any, arrays: Mapping[str, AnyArray], where: str) 
 
 
 def _read_rig(table: Any, arrays: Mapping[str, AnyArray], where: str) -> Any:
-    """A character of the rig that its object names."""
+    """Returns a character of the kind of rig that the object names."""
     kind = table.get(KIND)
     if kind not in RigBase.kinds:
-        raise UnknownFieldError(f"a character of kind {kind!r} is not known here", where=where)
+        raise UnknownFieldError(f"a character of the kind {kind!r} is unknown", where=where)
     rest = {name: value for name, value in table.items() if name != KIND}
     return _read_dataclass(RigBase.kinds[kind], rest, arrays, where)
 
@@ -107,31 +108,31 @@ def _read_dataclass(kind: type[Any], value: Any, arrays: Mapping[str, AnyArray],
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
     unknown = [key for key in table if key not in fields]
     if unknown:
-        raise UnknownFieldError(f"{unknown[0]!r} is not known here", where=where)
+        raise UnknownFieldError(f"{unknown[0]!r} is unknown", where=where)
     arguments = {}
     for name, field in fields.items():
         if name in table:
-            arguments[name] = unpacked(hints[name], table[name], arrays, f"{where}.{name}")
+            arguments[name] = unpack(hints[name], table[name], arrays, f"{where}.{name}")
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise InputError(f"{name!r} is missing", where=where)
     return kind(**arguments)
 
 
 def _read_tuple(hints: tuple[Any, ...], values: list[Any], arrays: Mapping[str, AnyArray], where: str) -> Any:
-    many = hints[1:] == (Ellipsis,)
-    if not many and len(hints) != len(values):
-        raise InputError(f"{len(values)} values where {len(hints)} belong", where=where)
-    each = [hints[0]] * len(values) if many else list(hints)
+    is_variadic = hints[1:] == (Ellipsis,)
+    if not is_variadic and len(hints) != len(values):
+        raise InputError(f"it has {len(values)} values, expected {len(hints)}", where=where)
+    each = [hints[0]] * len(values) if is_variadic else list(hints)
     return tuple(
-        unpacked(hint, value, arrays, f"{where}[{number}]")
+        unpack(hint, value, arrays, f"{where}[{number}]")
         for number, (hint, value) in enumerate(zip(each, values, strict=True))
     )
 
 
 def _checked_type(value: Any, kind: Any, where: str) -> Any:
-    """The value, which must be of a plain kind; a whole number will do for a float."""
-    wanted = (int, float) if kind is float else kind
-    if not isinstance(value, wanted) or (isinstance(value, bool) and kind is not bool):
+    """Returns the value after checking its plain type. An integer is accepted as a float."""
+    accepted = (int, float) if kind is float else kind
+    if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
         name = getattr(kind, "__name__", str(kind))
-        raise InputError(f"{str(value)[:40]!r} where a {name} belongs", where=where)
+        raise InputError(f"{str(value)[:40]!r} is not a {name}", where=where)
     return value

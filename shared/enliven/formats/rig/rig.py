@@ -1,10 +1,10 @@
-"""Rigged models: a shape with the clips from its file.
+"""A rigged model: a shape with the clips from its file.
 
 rig = read_gltf("horse.glb")
 rig.shape        # enliven.document.rigged.Shape, at rest in its bind pose, metres, +Y up
 rig.clips        # its own animations, on the same skeleton
 rig.notes        # what was changed or left out, with its size
-project, shape = playing(Project(), rig.shape, rig.clips[0])    # as it moves by itself
+project, shape = play_clip(Project(), rig.shape, rig.clips[0])    # the shape plays its own clip
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from enliven.meshes import Mesh
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A model as read from a file.
+    """A model that was read from a file.
 
     Attributes:
-        shape: at rest; its skeleton has a bone for each link of the file's joints.
+        shape: the model at rest. Its skeleton has a bone for each link between joints of the file.
         clips: its animations, on that skeleton.
-        notes: what was unusual, a sentence each.
+        notes: a sentence for each unusual property of the file.
     """
 
     shape: Shape
@@ -34,21 +34,21 @@ class Rig:
     notes: tuple[str, ...] = ()
 
 
-def resized(rig: Rig, height: float) -> Rig:
+def scale_to_height(rig: Rig, height: float) -> Rig:
     """Returns the model scaled to ``height`` metres.
 
     Raises:
-        InputError: where the model is flat from above, or the height is none.
+        InputError: if the model has no vertical extent, or the height is not above 0.
     """
     mesh = rig.shape.mesh
     points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
-    tall = float(np.ptp(points[:, 1]))
-    if not (height > 0 and tall > 0):
-        raise InputError(f"{tall:.3g} m cannot become {height} m", where=f"shape {rig.shape.id!r}")
-    return _scaled_and_moved(rig, height / tall, np.zeros(3))
+    height_at_rest = float(np.ptp(points[:, 1]))
+    if not (height > 0 and height_at_rest > 0):
+        raise InputError(f"{height_at_rest:.3g} m cannot become {height} m", where=f"shape {rig.shape.id!r}")
+    return _scaled_and_moved(rig, height / height_at_rest, np.zeros(3))
 
 
-def on_floor(rig: Rig) -> Rig:
+def place_on_floor(rig: Rig) -> Rig:
     """Returns the model with its lowest vertex at y = 0; x and z do not change."""
     mesh = rig.shape.mesh
     points = rig.shape.skeleton.positions if mesh is None else mesh.vertices
@@ -74,10 +74,12 @@ def _resized_clip(clip: Clip, skeleton: Skeleton, scale: float, by: Float) -> Cl
     return replace(clip, skeleton=skeleton, root=root, offsets=offsets, fine=fine, cubic=cubic)
 
 
-def welded(shape: Shape) -> Shape:
-    """Returns the shape with vertices of one place and one skin merged into one, as surgery needs it.
+def weld_shape(shape: Shape) -> Shape:
+    """Returns the shape with vertices merged if they have the same position and skin weights. Cuts and merges
+    need this.
 
-    Flat-shaded files have every face apart. Where two colours meet, the first vertex's stays.
+    In files with flat shading, faces do not share vertices. A merged vertex keeps the colour of the first
+    one.
     """
     if shape.mesh is None or shape.skin is None:
         return shape
@@ -88,27 +90,27 @@ def welded(shape: Shape) -> Shape:
     number = np.empty_like(order)
     number[order] = np.arange(len(order))
     faces, kept = number[of.ravel()][mesh.faces], kept[order]
-    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])
+    is_usable = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])
     colours, stiffness = mesh.paint_at(kept)
-    materials = None if mesh.materials is None else mesh.materials.taken(whole)
-    faces = faces[whole].astype(np.int32)
+    materials = None if mesh.materials is None else mesh.materials.taken(is_usable)
+    faces = faces[is_usable].astype(np.int32)
     joined = Mesh(mesh.vertices[kept], faces, mesh.name, colours, materials, stiffness)
     return shape.with_changes(mesh=joined, skin=SkinWeights(skin.indices[kept], skin.weights[kept]))
 
 
-def playing(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]:
-    """Returns the project with the shape added and moved by a clip of its own skeleton: every bone, and the
-    root.
+def play_clip(project: Project, shape: Shape, clip: Clip) -> tuple[Project, Shape]:
+    """Returns the project with the shape added. All bones and the root play a clip of the shape's own
+    skeleton.
 
-    Every bone has a layer of its own (the chain from the joint above it to it), so each turns, moves and
-    stretches just as the clip says.
+    Each bone has a layer of its own, for the chain from its parent joint to its joint. So each bone rotates,
+    moves and stretches exactly as in the clip.
 
     Raises:
-        InputError: where the clip is of another skeleton.
+        InputError: if the clip has another skeleton.
     """
     skeleton = shape.skeleton
     if not np.array_equal(clip.skeleton.parents, skeleton.parents):
-        raise InputError("it is of another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
+        raise InputError("it has another skeleton", where=f"clip {clip.id!r}", mend="Retarget it.")
     if clip.id not in project.takes:
         project = project.with_takes(clip)
     layers, spans = list[Layer](), list[tuple[Span, ...]]()

@@ -1,8 +1,9 @@
 """Finds the parent of each joint of a rig: the file's parent, unless the animations contradict it.
 
-Files of animators have controllers: a foot that inverse kinematics drove hangs on the ground, and is only
-moved to the end of the shin. A skeleton with bones that only turn needs the foot on the shin. So a link that
-does not hold over the animations is cut, and the cut branch is attached to the joint that it follows best.
+Animators' files contain controllers. For example, a foot driven by inverse kinematics is a child of a
+controller on the ground, and its animation keeps it at the end of the shin. A skeleton with bones that only
+rotate needs the foot as a child of the shin. So a link that does not keep its length and direction in the
+animations is cut. The cut branch is attached to the joint that it follows best.
 """
 
 from __future__ import annotations
@@ -25,26 +26,28 @@ _MIN_MISFIT_RATIO = 3.0
 is mostly right."""
 _MIN_ROOT_SURFACE_FRACTION = 0.1
 """Minimum fraction of the surface that a root must carry. Lighter branches are loose parts, not the body."""
-_LOOKED_AT = 150
+_COMPARED_FRAMES = 150
 """Number of frames of all animations together that are compared. It is enough to see a link break, and the
 cost is quadratic in the joints."""
 
 
 @dataclass
 class LinkBody:
-    """A joint of a rig, with everything that is rigid with it.
+    """A joint of a rig, with the vertices and leaf nodes that move rigidly with it.
 
     Attributes:
-        name: its own.
-        parent: the number of another body, or -1.
-        rest: (3,) metres.
-        turns: (F, 4) world turns since rest, all the animations one after the other.
-        places: (F, 3) metres.
-        mass: the surface that follows it, m2, each vertex by its weight.
+        name: name of the joint.
+        parent: number of the parent body, or -1.
+        rest: (3,) metres, the rest position.
+        turns: (F, 4) world rotations relative to rest, for the frames of all animations in sequence.
+        places: (F, 3) metres, the positions in these frames.
+        mass: area of the surface that follows it, in m2. Each vertex counts by its weight.
         reach: (3,) metres, the far end of those vertices, or None.
-        leaves: name and (3,) metres of its child nodes that are no joints.
-        strains: (F, 6) the Hencky strains since rest, before the turns; None where it is never stretched.
-        mirrors: (F,) -1 where it is mirrored against its rest, else 1; None where it never is.
+        leaves: name and (3,) metres of each child node that is not a joint.
+        strains: (F, 6) the Hencky strains relative to rest, applied before the rotations. None if it is never
+            stretched.
+        mirrors: (F,) -1 in frames in which it is mirrored relative to rest, else 1. None if it is never
+            mirrored.
     """
 
     name: str
@@ -58,13 +61,16 @@ class LinkBody:
     strains: Float | None = None
     mirrors: Float | None = None
 
-    def moved(self, way: Float) -> Float:
-        """(F, 3) where vectors (3,) or (F, 3) of the rest pose lead: stretched and mirrored, then turned."""
+    def moved(self, vectors: Float) -> Float:
+        """Returns vectors (3,) or (F, 3) of the rest pose in each frame (F, 3): mirrored and stretched, then
+        rotated."""
         if self.mirrors is not None:
-            way = self.mirrors[:, None] * way
+            vectors = self.mirrors[:, None] * vectors
         if self.strains is not None:
-            way = stretched(stretch_from_strain(self.strains), np.broadcast_to(way, (len(self.places), 3)))
-        return rotate(self.turns, way)
+            vectors = stretched(
+                stretch_from_strain(self.strains), np.broadcast_to(vectors, (len(self.places), 3))
+            )
+        return rotate(self.turns, vectors)
 
 
 @dataclass
@@ -72,9 +78,9 @@ class Links:
     """The tree of the joints.
 
     Attributes:
-        parents: of each body that is kept, -1 at the root.
-        merged: bodies that were above the root: their vertices follow the root.
-        notes: what was changed, a sentence each.
+        parents: the parent of each body that is kept, -1 for the root.
+        merged: bodies that were above the root in the file. Their vertices follow the root.
+        notes: a sentence for each change.
     """
 
     parents: dict[int, int]
@@ -83,22 +89,25 @@ class Links:
 
     @property
     def root(self) -> int:
-        """The number of the body at the root."""
+        """The number of the root body."""
         return next(j for j, parent in self.parents.items() if parent < 0)
 
 
-def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
-    """Returns the tree of the joints; of all loose parts the root is the one that leaves the smallest misfit.
+def find_links(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
+    """Returns the tree of the joints. Among all detached parts, the root is the one that gives the smallest
+    misfit.
 
-    Joints that neither move a vertex nor carry one that does are dropped; where they were, their parents
-    have a leaf. A root that moves nothing and carries one joint is dropped too.
+    Joints without vertices, also below them, are removed, and their parents get a leaf at their positions. A
+    root that moves no vertex and has a single child is removed too.
 
     Args:
-        as_is: believe the file's parents, however loose their links are.
+        as_is: True to keep the file's parents, even if their links do not hold.
     """
     before = [body.parent for body in bodies]
-    off = _rest_misfits(bodies)
-    loose = [p < 0 or (not as_is and off[j, p] > _MIN_LOOSE_FRACTION * size) for j, p in enumerate(before)]
+    misfits = _rest_misfits(bodies)
+    loose = [
+        p < 0 or (not as_is and misfits[j, p] > _MIN_LOOSE_FRACTION * size) for j, p in enumerate(before)
+    ]
     weight = _subtree_surfaces(bodies, before)
     total = sum(body.mass for body in bodies)
     tops = [j for j in range(len(bodies)) if loose[j] and weight[j] > _MIN_ROOT_SURFACE_FRACTION * total]
@@ -107,15 +116,17 @@ def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
         # of the mesh.
         tops = [max((j for j in range(len(bodies)) if loose[j]), key=lambda j: (weight[j], -j))]
     trees = [
-        _attach_to_root(bodies, before, loose, off, top)
+        _attach_to_root(bodies, before, loose, misfits, top)
         for top in sorted(tops, key=lambda j: (-weight[j], j))
     ]
-    links = min(trees, key=lambda one: _mean_misfit(bodies, one, off) // (0.3 * _MIN_LOOSE_FRACTION * size))
+    links = min(
+        trees, key=lambda one: _mean_misfit(bodies, one, misfits) // (0.3 * _MIN_LOOSE_FRACTION * size)
+    )
     moved = [
         f"{bodies[j].name} on {bodies[p].name}" for j, p in links.parents.items() if p not in (-1, before[j])
     ]
     if moved:
-        links.notes.append(f"hung on the joints that they follow: {', '.join(moved)}")
+        links.notes.append(f"attached to the joints that they follow: {', '.join(moved)}")
     for j in set(range(len(bodies))) - set(links.parents):
         if before[j] in links.parents:
             bodies[before[j]].leaves.append((bodies[j].name, bodies[j].rest))
@@ -123,40 +134,41 @@ def links_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Links:
     return links
 
 
-def downward(parents: dict[int, int]) -> list[int]:
+def depth_first_order(parents: dict[int, int]) -> list[int]:
     """Returns the bodies in depth-first order, each after its parent."""
     below: dict[int, list[int]] = {}
     for j, parent in parents.items():
         below.setdefault(parent, []).append(j)
-    order, waiting = [], list(reversed(below.get(-1, [])))
-    while waiting:
-        order.append(waiting.pop())
-        waiting.extend(reversed(below.get(order[-1], [])))
+    order, remaining = [], list(reversed(below.get(-1, [])))
+    while remaining:
+        order.append(remaining.pop())
+        remaining.extend(reversed(below.get(order[-1], [])))
     return order
 
 
 def _rest_misfits(bodies: list[LinkBody]) -> Float:
-    """Returns (J, J) metres (root mean square) that body j strays from its rest place on body p."""
+    """Returns (J, J) metres, the root mean square deviation of body j from its rest position relative to body
+    p."""
     count, frames = len(bodies), len(bodies[0].places)
-    looked = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _LOOKED_AT)).astype(int))
+    compared = np.unique(np.linspace(0, max(frames - 1, 0), min(frames, _COMPARED_FRAMES)).astype(int))
     if frames == 0:
         return np.zeros((count, count))
     rest = np.stack([body.rest for body in bodies])
-    places = np.stack([body.places[looked] for body in bodies])
-    off = np.empty((count, count))
+    places = np.stack([body.places[compared] for body in bodies])
+    misfits = np.empty((count, count))
     for p, body in enumerate(bodies):
-        way = (rest - rest[p])[:, None]
+        vectors = (rest - rest[p])[:, None]
         if body.strains is not None:
-            way = stretched(stretch_from_strain(body.strains[looked]), way)
+            vectors = stretched(stretch_from_strain(body.strains[compared]), vectors)
         if body.mirrors is not None:
-            way = way * body.mirrors[looked, None]
-        expected = places[p] + rotate(body.turns[looked], way)
-        off[:, p] = np.sqrt(((expected - places) ** 2).sum(2).mean(1))
-    return off
+            vectors = vectors * body.mirrors[compared, None]
+        expected = places[p] + rotate(body.turns[compared], vectors)
+        misfits[:, p] = np.sqrt(((expected - places) ** 2).sum(2).mean(1))
+    return misfits
 
 
 def _subtree_surfaces(bodies: list[LinkBody], parents: list[int]) -> list[float]:
-    """Returns for each body the surface that it and all bodies below it move."""
+    """Returns for each body the area of the surface that it and all bodies below it move."""
     weight = [body.mass for body in bodies]
     for j in range(len(bodies) - 1, -1, -1):
         if parents[j] >= 0:
@@ -165,7 +177,7 @@ def _subtree_surfaces(bodies: list[LinkBody], parents: list[int]) -> list[float]
 
 
 def _attach_to_root(
-    bodies: list[LinkBody], before: list[int], loose: list[bool], off: Float, root: int
+    bodies: list[LinkBody], before: list[int], loose: list[bool], misfits: Float, root: int
 ) -> Links:
     """Attaches everything that moves vertices to ``root``, directly or through other bodies."""
     above = _file_ancestors(before, root)
@@ -173,13 +185,13 @@ def _attach_to_root(
     tops = [_root_of(parents, j) for j in range(len(bodies))]
     weight = {t: sum(b.mass for b, top in zip(bodies, tops, strict=True) if top == t) for t in tops}
     inside = {j for j in range(len(bodies)) if tops[j] == root}
-    waiting = sorted((t for t in weight if t not in (root, *above)), key=lambda t: (-weight[t], t))
-    while waiting:
+    remaining = sorted((t for t in weight if t not in (root, *above)), key=lambda t: (-weight[t], t))
+    while remaining:
         # Attach bodies first if their parent is already in the tree, because their own children may have to
         # be attached to them.
-        t = next((t for t in waiting if before[t] in inside), waiting[0])
-        waiting.remove(t)
-        parents[t] = _new_parent(bodies, t, before[t], inside, off)
+        t = next((t for t in remaining if before[t] in inside), remaining[0])
+        remaining.remove(t)
+        parents[t] = _new_parent(bodies, t, before[t], inside, misfits)
         inside |= {j for j in range(len(bodies)) if tops[j] == t}
     kept = inside & _carrying_bodies(bodies, parents, inside)
     merged = tuple(j for j in above if bodies[j].mass > 0)
@@ -195,11 +207,17 @@ def _file_ancestors(before: list[int], j: int) -> list[int]:
     return chain
 
 
-def _new_parent(bodies: list[LinkBody], child: int, usual: int, inside: set[int], off: Float) -> int:
+def _new_parent(bodies: list[LinkBody], child: int, old_parent: int, inside: set[int], misfits: Float) -> int:
     """Returns the body to attach a cut branch to: its old parent, unless another is followed far better."""
-    costs = {c: off[child, c] + _MISFIT_PER_REST_DISTANCE * _rest_distance(bodies, child, c) for c in inside}
+    costs = {
+        c: misfits[child, c] + _MISFIT_PER_REST_DISTANCE * _rest_distance(bodies, child, c) for c in inside
+    }
     best = min(costs, key=lambda c: (costs[c], c))
-    return usual if usual in inside and off[child, usual] < _MIN_MISFIT_RATIO * off[child, best] else best
+    return (
+        old_parent
+        if old_parent in inside and misfits[child, old_parent] < _MIN_MISFIT_RATIO * misfits[child, best]
+        else best
+    )
 
 
 def _rest_distance(bodies: list[LinkBody], child: int, parent: int) -> float:
@@ -224,18 +242,19 @@ def _carrying_bodies(bodies: list[LinkBody], parents: list[int], inside: set[int
     return carriers
 
 
-def _mean_misfit(bodies: list[LinkBody], links: Links, off: Float) -> float:
-    """Returns metres: the mean over the surface of the distance by which moved vertices leave their place."""
-    away = {j: 0.0 if p < 0 else float(off[j, p]) for j, p in links.parents.items()}
-    for j in downward(links.parents):
+def _mean_misfit(bodies: list[LinkBody], links: Links, misfits: Float) -> float:
+    """Returns the mean distance in metres, over the surface, between the vertices and their true
+    positions."""
+    deviation = {j: 0.0 if p < 0 else float(misfits[j, p]) for j, p in links.parents.items()}
+    for j in depth_first_order(links.parents):
         if links.parents[j] >= 0:
-            away[j] += away[links.parents[j]]
-    away.update({j: float(off[j, links.root]) for j in links.merged})
-    return sum(bodies[j].mass * far for j, far in away.items()) / max(sum(b.mass for b in bodies), 1e-12)
+            deviation[j] += deviation[links.parents[j]]
+    deviation.update({j: float(misfits[j, links.root]) for j in links.merged})
+    return sum(bodies[j].mass * far for j, far in deviation.items()) / max(sum(b.mass for b in bodies), 1e-12)
 
 
 def _drop_controller_roots(bodies: list[LinkBody], links: Links) -> None:
-    """Drops roots that move no vertex and carry one joint: a controller at the feet is no bone."""
+    """Removes roots that move no vertex and have a single child, such as a controller at the feet."""
     while True:
         root = links.root
         below = [j for j, parent in links.parents.items() if parent == root]

@@ -1,19 +1,21 @@
-"""From joints that turn about themselves (glTF, FBX, BVH) to bones that turn about their upper end.
+"""Converts joints that rotate about themselves (glTF, FBX, BVH) to bones that rotate about their upper end.
 
-A joint of such a rig turns, about its own place, all the links to its children, and the vertices that follow
-it. Here a *bone* is one link, and turns about the joint it begins at. So:
+A joint of such a rig rotates the links to all of its children, and its vertices, about its own position. Here
+a *bone* is a single link, and rotates about the joint at which it begins. The rules of the conversion:
 
-- the links from joint j to its children are bones that turn as j does;
-- vertices of joint j follow a bone that begins at j and goes on straight from the bone that comes in (of a
-  chest: the neck, not a shoulder); of several that do, the one that carries the most. Where none does, the
-  vertices get a bone of their own, so that no ear takes the head along. Vertices of the root (a pelvis)
-  follow the turn of the whole, for the same reason;
-- a joint without children gets a *tip*: where the rig has a leaf node below it (as Blender's exporter
-  writes), else at the far end of the vertices that it moves;
-- joints at one place are one joint: a rig needs one for each limb that turns on its own, here each bone does;
-- joints that neither move a vertex nor carry one that does are dropped (pole targets, controllers), and so is
-  a root that moves nothing and carries one joint only;
-- a link that does not hold is cut, and what is cut off hung elsewhere: see ``rig_links``.
+- The links from joint j to its children are bones with the rotation of j.
+- Vertices of joint j follow a bone that begins at j and continues the bone to j in a straight line (for a
+  chest: the neck, not a shoulder). If several bones do, it is the one with the most descendants. If none
+  does, the vertices get a bone of their own, so that an ear does not move the head. For the same reason,
+  vertices of the root (a pelvis) follow the rotation of the whole skeleton.
+- A joint without children gets a *tip*. It is at the leaf node below the joint if the rig has one (Blender's
+  exporter writes one), else at the far end of the joint's vertices.
+- Joints at the same position become one joint. A rig needs one joint for each limb that rotates separately,
+  but here each bone rotates separately.
+- Joints without vertices, also below them, are removed (pole targets, controllers). So is a root that moves
+  no vertex and has a single child.
+- A link that does not hold in the animations is cut, and the cut branch gets another parent: see
+  ``rig_links``.
 """
 
 from __future__ import annotations
@@ -24,10 +26,10 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Skeleton, stretched, unused
-from enliven.formats.rig.rig_links import LinkBody, downward, links_of
+from enliven.formats.rig.rig_links import LinkBody, depth_first_order, find_links
 from enliven.rotation import conjugate, rotate, stretch_from_strain
 
-_SAME_PLACE = 2e-5
+_MAX_REST_DISTANCE_FRACTION = 2e-5
 """Maximum distance of two joints that count as one place, as a fraction of the size. It covers rounding
 errors of files."""
 _MIN_TRACK_MOTION_FRACTION = 1e-4
@@ -36,7 +38,7 @@ is a rounding error."""
 _MAX_STRAY_SURFACE_FRACTION = 0.01
 """Maximum fraction of the surface that follows a body only by stray weights. Such a body is drawn with the
 root."""
-_SAME_PLACE_FRACTION = 1e-3
+_MAX_MOVING_DISTANCE_FRACTION = 1e-3
 """Maximum distance over time of joints of one place that still count as one, as a fraction of the size. Less
 is not visible."""
 _STRAIGHT_BONE_COSINE = np.cos(np.radians(25.0))
@@ -46,20 +48,21 @@ _MAX_PAIR_DIFFERENCE = 0.02
 their lengths, and the difference of the cosines of their bends. Such a pair can be two shoulders, so
 neither of them is the neck."""
 _MAX_STUB_LENGTH_RATIO = 0.4
-"""Length of a forking joint's own bone, in lengths of the bone that comes in: too short for a limb."""
+"""Length of the bone that a forking joint gets for its own vertices, relative to the bone to that joint. A
+limb is longer."""
 
 
 @dataclass
 class Tree:
-    """A skeleton made of a rig.
+    """A skeleton that was converted from a rig.
 
     Attributes:
-        skeleton: joints and tips.
-        driver: for each bone the body that it turns with.
-        body: for each joint the body that it is the place of, -1 for a tip.
-        bone: for each body that vertices follow, the bone that they follow now.
-        root: the body that the root joint is at.
-        notes: what was changed, a sentence each.
+        skeleton: its joints, including tips.
+        driver: for each bone the body that rotates it.
+        body: for each joint the body at its position, -1 for a tip.
+        bone: for each body with vertices, the bone that these vertices follow now.
+        root: the body at the position of the root joint.
+        notes: a sentence for each change.
     """
 
     skeleton: Skeleton
@@ -70,46 +73,50 @@ class Tree:
     notes: list[str]
 
 
-def tree_of(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree:
+def build_tree(bodies: list[LinkBody], size: float, as_is: bool = False) -> Tree:
     """Returns the skeleton of a rig.
 
     Args:
-        bodies: parents before children, one at least moves vertices.
-        size: metres, of the whole model.
-        as_is: believe the file's parents: a file of ours has been through this before.
+        bodies: the joints, parents before children. At least one of them moves vertices.
+        size: size of the whole model in metres.
+        as_is: True to keep the file's parents, for a file that enliven has written from such a skeleton.
     """
-    links = links_of(bodies, size, as_is)
-    places = _joined_bodies(bodies, links.parents, size)
-    apart = [j for j in links.merged if _parts_from_root(bodies, j, links.root, size)]
+    links = find_links(bodies, size, as_is)
+    places = _bodies_by_position(bodies, links.parents, size)
+    apart = [j for j in links.merged if _moves_from_root(bodies, j, links.root, size)]
     tree = _build_skeleton(bodies, links.parents, places, size, links.notes, apart)
     tree.bone.update(dict.fromkeys((j for j in links.merged if j not in apart), 0))
     return tree
 
 
-def _parts_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> bool:
-    """Whether a body above the root moves against it with more of the surface than stray weights."""
+def _moves_from_root(bodies: list[LinkBody], j: int, root: int, size: float) -> bool:
+    """Returns True if a body above the root moves relative to it, and carries more surface than stray weights
+    do."""
     if bodies[j].mass <= _MAX_STRAY_SURFACE_FRACTION * sum(body.mass for body in bodies):
         return False
     expected = bodies[root].places + bodies[root].moved(bodies[j].rest - bodies[root].rest)
-    away = np.linalg.norm(expected - bodies[j].places, axis=1).max(initial=0.0)
+    distances = np.linalg.norm(expected - bodies[j].places, axis=1).max(initial=0.0)
     turned = np.abs(np.sum(bodies[root].turns * bodies[j].turns, axis=1)).min(initial=1.0)
-    return bool(away > _SAME_PLACE_FRACTION * size or turned < 1.0 - _SAME_PLACE_FRACTION**2)
+    return bool(
+        distances > _MAX_MOVING_DISTANCE_FRACTION * size or turned < 1.0 - _MAX_MOVING_DISTANCE_FRACTION**2
+    )
 
 
 def joint_drift(bodies: list[LinkBody], tree: Tree) -> list[tuple[str, float]]:
-    """Returns each joint that leaves the bone that its vertices follow, and by how many metres."""
+    """Returns for each joint with vertices its name and its largest distance in metres from its place on
+    their bone."""
     skeleton, drifts, tracks = tree.skeleton, [], joint_tracks(bodies, tree)
     for number, bone in tree.bone.items():
         body, start = bodies[number], max(int(skeleton.parents[bone]), 0)
         lever = body.rest - skeleton.positions[start]
         expected = tracks[:, start] + bodies[tree.driver[bone]].moved(lever)
-        away = np.linalg.norm(expected - body.places, axis=1).max(initial=0.0)
-        drifts.append((body.name, float(away)))
+        distances = np.linalg.norm(expected - body.places, axis=1).max(initial=0.0)
+        drifts.append((body.name, float(distances)))
     return drifts
 
 
 def joint_tracks(bodies: list[LinkBody], tree: Tree) -> Float:
-    """(F, N, 3) metres, the joints over time: where their bodies are, and tips where they are carried to."""
+    """Returns (F, N, 3) metres, the positions of the joints over time. A tip moves rigidly with its bone."""
     skeleton = tree.skeleton
     at = np.empty((len(bodies[0].places), len(skeleton), 3))
     for j, body in enumerate(tree.body):
@@ -121,7 +128,8 @@ def joint_tracks(bodies: list[LinkBody], tree: Tree) -> Float:
 
 
 def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float | None, Float | None]:
-    """(F, N, 3) offsets and (F, N, 6) strains of the bones, as a clip has them; None where none is seen."""
+    """Returns (F, N, 3) offsets and (F, N, 6) strains of the bones, in a clip's format. Each is None if it is
+    zero or not visible."""
     skeleton, at = tree.skeleton, joint_tracks(bodies, tree)
     offsets, strains = np.zeros_like(at), np.zeros((*at.shape[:2], 6))
     for j in range(len(skeleton)):
@@ -129,33 +137,36 @@ def clip_tracks(bodies: list[LinkBody], tree: Tree, size: float) -> tuple[Float 
         if driver.strains is not None:
             strains[:, j] = driver.strains
         if j and tree.body[j] >= 0:
-            way = rotate(conjugate(driver.turns), at[:, j] - at[:, skeleton.parents[j]])
-            way = way if driver.mirrors is None else way * driver.mirrors[:, None]
-            offsets[:, j] = stretched(stretch_from_strain(-strains[:, j]), way) - skeleton.vectors[j]
+            direction = rotate(conjugate(driver.turns), at[:, j] - at[:, skeleton.parents[j]])
+            direction = direction if driver.mirrors is None else direction * driver.mirrors[:, None]
+            offsets[:, j] = stretched(stretch_from_strain(-strains[:, j]), direction) - skeleton.vectors[j]
     offsets[:, np.abs(offsets).max((0, 2), initial=0.0) <= _MIN_TRACK_MOTION_FRACTION * size] = 0.0
     return offsets if offsets.any() else None, strains if strains.any() else None
 
 
-def _joined_bodies(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
-    """Returns for each body the first body at its place that is beside or above it in the tree."""
+def _bodies_by_position(bodies: list[LinkBody], parents: dict[int, int], size: float) -> dict[int, int]:
+    """Returns for each body the first body at the same position that is its parent or sibling, or else
+    itself."""
     first: dict[int, int] = {}
-    for j in downward(parents):
+    for j in depth_first_order(parents):
         if parents[j] < 0:
             first[j] = j
             continue
-        home = first[parents[j]]
-        beside = [k for k in first if parents[k] >= 0 and first.get(parents[k]) == home and first[k] == k]
-        near = [k for k in (home, *beside) if _is_same_place(bodies, j, k, size)]
+        joint_number = first[parents[j]]
+        beside = [
+            k for k in first if parents[k] >= 0 and first.get(parents[k]) == joint_number and first[k] == k
+        ]
+        near = [k for k in (joint_number, *beside) if _is_same_place(bodies, j, k, size)]
         first[j] = near[0] if near else j
     return first
 
 
 def _is_same_place(bodies: list[LinkBody], a: int, b: int, size: float) -> bool:
-    """Whether two bodies are at one place, at rest and always."""
-    if np.linalg.norm(bodies[a].rest - bodies[b].rest) > _SAME_PLACE * size:
+    """Returns True if two bodies are at the same position at rest and in all frames."""
+    if np.linalg.norm(bodies[a].rest - bodies[b].rest) > _MAX_REST_DISTANCE_FRACTION * size:
         return False
-    away = np.linalg.norm(bodies[a].places - bodies[b].places, axis=1)
-    return bool(away.max(initial=0.0) <= _SAME_PLACE_FRACTION * size)
+    distances = np.linalg.norm(bodies[a].places - bodies[b].places, axis=1)
+    return bool(distances.max(initial=0.0) <= _MAX_MOVING_DISTANCE_FRACTION * size)
 
 
 def _build_skeleton(
@@ -166,46 +177,54 @@ def _build_skeleton(
     notes: list[str],
     apart: list[int],
 ) -> Tree:
-    """The skeleton: one joint for each place, one bone for each link, and the tips.
+    """Builds the skeleton: one joint for each position, one bone for each link, and the tips.
 
-    ``apart`` are bodies above the root that do not go with it, and get a limb of their own there.
+    ``apart`` contains bodies above the root that move relative to it. Each gets a limb of its own at the
+    root.
     """
     names: dict[int, str] = {}
-    for j, home in first.items():
-        names[home] = min(names.get(home, bodies[j].name), bodies[j].name, key=len)
+    for j, joint_number in first.items():
+        names[joint_number] = min(names.get(joint_number, bodies[j].name), bodies[j].name, key=len)
     joints = _Joints(size)
     number: dict[int, int] = {}
-    for j in downward(parents):
+    for j in depth_first_order(parents):
         if first[j] != j:
             continue
         above = -1 if parents[j] < 0 else number[first[parents[j]]]
         number[j] = joints.add(names[j], above, bodies[j].rest, parents[j] if above >= 0 else j, j)
     root = next(j for j in parents if parents[j] < 0)
     bone: dict[int, int] = {}
-    for j in downward(parents):
-        home = number[first[j]]
+    for j in depth_first_order(parents):
+        joint_number = number[first[j]]
         if j == root and len(joints.names) > 1:
             bone[j] = 0
             continue
-        out = [k for k in range(1, len(joints.names)) if joints.drivers[k] == j and joints.parents[k] == home]
+        out = [
+            k
+            for k in range(1, len(joints.names))
+            if joints.drivers[k] == j and joints.parents[k] == joint_number
+        ]
         if bodies[j].mass > 0 and not out:
-            name, place = _bone_tip(bodies, j, joints, home, size)
-            bone[j] = joints.add(name, home, place, j)
+            name, place = _bone_tip(bodies, j, joints, joint_number, size)
+            bone[j] = joints.add(name, joint_number, place, j)
         elif out:
-            onward = joints.straightest(home, out)
-            if onward < 0 and bodies[j].mass > 0:
-                onward = joints.add(
-                    f"{bodies[j].name} end", home, joints.beyond(home, _MAX_STUB_LENGTH_RATIO), j
+            straight = joints.straightest(joint_number, out)
+            if straight < 0 and bodies[j].mass > 0:
+                straight = joints.add(
+                    f"{bodies[j].name} end",
+                    joint_number,
+                    joints.beyond(joint_number, _MAX_STUB_LENGTH_RATIO),
+                    j,
                 )
-            bone[j] = max(onward, out[0])
+            bone[j] = max(straight, out[0])
     for j in apart:
-        home = joints.add(bodies[j].name, 0, bodies[j].rest, root, j)
-        bone[j] = joints.add(f"{bodies[j].name} end", home, joints.beyond(home, 0.5), j)
+        joint_number = joints.add(bodies[j].name, 0, bodies[j].rest, root, j)
+        bone[j] = joints.add(f"{bodies[j].name} end", joint_number, joints.beyond(joint_number, 0.5), j)
     return Tree(*joints.sorted(bone), root=root, notes=notes)
 
 
 class _Joints:
-    """The joints that have been made so far."""
+    """The joints of a skeleton under construction."""
 
     def __init__(self, size: float) -> None:
         self.names: list[str] = []
@@ -216,7 +235,8 @@ class _Joints:
         self._size = size
 
     def add(self, name: str, parent: int, rest: Float, driver: int, body: int = -1) -> int:
-        """The number of a new joint, the place of a body or a tip; a name that is taken gets a number."""
+        """Adds the joint of a body, or a tip, and returns its number. If the name is taken, a number is
+        appended to it."""
         self.names.append(unused(name, self.names))
         self.parents.append(parent)
         self.rest.append(np.asarray(rest, np.float64))
@@ -224,30 +244,33 @@ class _Joints:
         self.bodies.append(body)
         return len(self.names) - 1
 
-    def straightest(self, home: int, bones: list[int]) -> int:
-        """Returns the bone that goes on from ``home``, of those that begin there; -1 where all turn off."""
+    def straightest(self, joint_number: int, bones: list[int]) -> int:
+        """Returns the bone that continues straight beyond a joint, among ``bones``, or -1 if none does."""
         if len(bones) == 1:
             return bones[0]
-        into = self.rest[home] - self.rest[max(self.parents[home], 0)]
-        ways = {k: self.rest[k] - self.rest[home] for k in bones}
-        bends = {k: _cosine_between(into, way) for k, way in ways.items()}
-        lengths = {k: float(np.linalg.norm(way)) for k, way in ways.items()}
+        incoming = self.rest[joint_number] - self.rest[max(self.parents[joint_number], 0)]
+        directions = {k: self.rest[k] - self.rest[joint_number] for k in bones}
+        bends = {k: _cosine_between(incoming, direction) for k, direction in directions.items()}
+        lengths = {k: float(np.linalg.norm(direction)) for k, direction in directions.items()}
 
         def paired(k: int) -> bool:
-            alike = [i for i in bones if i != k and abs(bends[i] - bends[k]) < _MAX_PAIR_DIFFERENCE]
-            return any(abs(lengths[i] - lengths[k]) < _MAX_PAIR_DIFFERENCE * lengths[k] for i in alike)
+            similar = [i for i in bones if i != k and abs(bends[i] - bends[k]) < _MAX_PAIR_DIFFERENCE]
+            return any(abs(lengths[i] - lengths[k]) < _MAX_PAIR_DIFFERENCE * lengths[k] for i in similar)
 
-        onward = [k for k in bones if bends[k] >= _STRAIGHT_BONE_COSINE and not paired(k)]
-        return max(onward, key=lambda k: (self._descendant_count(k), -k), default=-1)
+        straight = [k for k in bones if bends[k] >= _STRAIGHT_BONE_COSINE and not paired(k)]
+        return max(straight, key=lambda k: (self._descendant_count(k), -k), default=-1)
 
-    def beyond(self, home: int, share: float) -> Float:
-        """Returns (3,) metres: the point beyond a joint by a share of the bone that comes in."""
-        into = self.rest[home] - self.rest[max(self.parents[home], 0)]
-        length = float(np.linalg.norm(into))
-        return self.rest[home] + (share * into if length > 1e-3 * self._size else [0.0, 0.05 * self._size, 0])
+    def beyond(self, joint_number: int, share: float) -> Float:
+        """Returns (3,) metres, a point beyond a joint, at the fraction ``share`` of the length of the bone to
+        that joint."""
+        incoming = self.rest[joint_number] - self.rest[max(self.parents[joint_number], 0)]
+        length = float(np.linalg.norm(incoming))
+        return self.rest[joint_number] + (
+            share * incoming if length > 1e-3 * self._size else [0.0, 0.05 * self._size, 0]
+        )
 
     def _descendant_count(self, joint: int) -> int:
-        """How many joints hang on one."""
+        """Returns the number of joints in the subtree of a joint."""
         inside = {joint}
         for k in range(joint + 1, len(self.names)):
             if self.parents[k] in inside:
@@ -255,8 +278,9 @@ class _Joints:
         return len(inside)
 
     def sorted(self, bone: dict[int, int]) -> tuple[Skeleton, list[int], list[int], dict[int, int]]:
-        """Returns a skeleton, a branch at a time, with drivers, bodies and bones by its numbers."""
-        order = downward(dict(enumerate(self.parents)))
+        """Returns the skeleton with joints in depth-first order, and the drivers, bodies and bones in this
+        order."""
+        order = depth_first_order(dict(enumerate(self.parents)))
         new = {old: k for k, old in enumerate(order)}
         above = [-1 if self.parents[old] < 0 else new[self.parents[old]] for old in order]
         names = tuple(self.names[old] for old in order)
@@ -265,8 +289,10 @@ class _Joints:
         return skeleton, drivers, bodies, {j: new[k] for j, k in bone.items()}
 
 
-def _bone_tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: float) -> tuple[str, Float]:
-    """Returns the name and the place of the end of the bone of a joint without children."""
+def _bone_tip(
+    bodies: list[LinkBody], j: int, joints: _Joints, joint_number: int, size: float
+) -> tuple[str, Float]:
+    """Returns the name and position of the tip of a joint without children."""
     body = bodies[j]
     for name, place in body.leaves:
         if np.linalg.norm(place - body.rest) > 1e-3 * size:
@@ -274,7 +300,7 @@ def _bone_tip(bodies: list[LinkBody], j: int, joints: _Joints, home: int, size: 
     name = f"{body.name} end"
     if body.reach is not None and np.linalg.norm(body.reach - body.rest) > 1e-3 * size:
         return name, body.reach
-    return name, joints.beyond(home, 0.5)
+    return name, joints.beyond(joint_number, 0.5)
 
 
 def _cosine_between(a: Float, b: Float) -> float:

@@ -1,10 +1,10 @@
 from .bind import Bind as Bind
 from .blob import Blob as Blob
-from .file import GltfFile as GltfFile, matrices_of as matrices_of
+from .file import GltfFile as GltfFile, compose_matrices as compose_matrices
 from .gltf_json import GLTF_SUFFIXES as GLTF_SUFFIXES
 from .motion import (
-    JUMP as JUMP,
-    MOST_PLACES as MOST_PLACES,
+    JUMP_DURATION_S as JUMP_DURATION_S,
+    MAX_NODE_SAMPLES as MAX_NODE_SAMPLES,
     animated_locals as animated_locals,
     frame_times as frame_times,
     key_times as key_times,

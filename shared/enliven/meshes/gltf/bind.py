@@ -2,7 +2,7 @@
 
 A vertex v of a skin is drawn at sum_k w_k G_k(t) IBM_k v. G is world_from_joint, and IBM is the inverse bind
 matrix: the inverse of mesh_from_joint at binding. The file does not contain the pose of the mesh in the world
-at that time. The pose of the mesh's node at rest is assumed. If the joints contradict it, the joints decide.
+at binding. The rest pose of the mesh's node is assumed, unless the joints contradict it.
 """
 
 from __future__ import annotations
@@ -11,23 +11,23 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.meshes.gltf.file import GltfFile
-from enliven.meshes.gltf.motion import standing_locals, world_matrices
+from enliven.meshes.gltf.motion import bind_locals, world_matrices
 from enliven.meshes.gltf.parts import GltfPart, moving_nodes
 
 _MAX_SCALE_ROUNDING = 1e-3
-"""Relative difference of a joint's scale from its scale at binding. Larger ones count as scaled, smaller
-ones as rounding."""
+"""Maximum relative difference of a joint's scale from its scale at binding that counts as rounding. A joint
+with a larger difference was scaled."""
 _MAX_JOINT_DISTANCE = 0.1
-"""Fraction of the model's size. A mesh node that is farther from the joints than this is not used for the
-bind pose."""
+"""Maximum distance of a mesh node from its joints, as a fraction of the model's size. A node that is farther
+away is not used for the bind pose."""
 
 
 class Bind:
     """The bind pose.
 
     Args:
-        still: True if no clip moves the surface. Mirrored joints are then mirrored here, even if vertices are
-            partly bound to them.
+        still: True if no clip moves the surface. Mirrored joints are then mirrored in the bind pose, even if
+            vertices are partly bound to them.
 
     Attributes:
         world: (n, 4, 4) world_from_node of every node, in the bind pose.
@@ -37,7 +37,7 @@ class Bind:
 
     def __init__(self, file: GltfFile, parts: list[GltfPart], still: bool = False) -> None:
         self._file, self._still = file, still
-        standing = standing_locals(file, still)
+        standing = bind_locals(file, still)
         self.rest, self._scale = world_matrices(file, standing)[0], standing.scale[0]
         self._order = moving_nodes(file, parts)
         self.world = self.rest.copy()
@@ -143,7 +143,7 @@ class Bind:
             known.add(node)
 
     def _rescale_joints(self, known: set[int], parts: list[GltfPart]) -> None:
-        """Scales and mirrors joints with another scale in the file than at binding.
+        """Scales and mirrors joints if their scale in the file differs from that at binding.
 
         A scale that is never animated belongs to the rest pose, with the node's whole subtree. The same
         applies to mirroring, which bones cannot have over time.
@@ -192,9 +192,9 @@ class Bind:
         return grown if np.abs(grown - 1.0).max() > _MAX_SCALE_ROUNDING else np.ones(3)
 
     def _mirror_signs(self, node: int) -> Float:
-        """Returns (3,) the signs of the axes along which the file mirrors a node.
+        """Returns (3,) signs: -1 for each axis along which the file mirrors a node.
 
-        The first axis if it names none.
+        If the file does not define the axis, it is the first one.
         """
         signs = np.sign(self._scale[node])
         return signs if signs.prod() < 0 else np.array([-1.0, 1.0, 1.0])
@@ -215,8 +215,8 @@ def _blends_mirrored(parts: list[GltfPart], mirrored: dict[int, bool]) -> bool:
     for part in parts:
         over = np.zeros(max(int(part.nodes.max(initial=0)), *mirrored, 0) + 1, bool)
         over[[node for node, flag in mirrored.items() if flag]] = True
-        share = np.where(over[part.nodes], part.weights, 0.0).sum(1)
-        if ((share > 1e-4) & (share < 1.0 - 1e-4)).any():
+        moved_weight = np.where(over[part.nodes], part.weights, 0.0).sum(1)
+        if ((moved_weight > 1e-4) & (moved_weight < 1.0 - 1e-4)).any():
             return True
     return False
 

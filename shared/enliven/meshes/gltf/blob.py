@@ -1,4 +1,5 @@
-"""The binary chunk of a GLB under construction: takes arrays and returns accessors."""
+"""The binary chunk of a GLB under construction. It stores arrays, and returns the numbers of their
+accessors."""
 
 from __future__ import annotations
 

@@ -9,13 +9,13 @@ import numpy as np
 from enliven.arrays import Float, UInt8
 from enliven.errors import InputError, plain_reason
 from enliven.meshes.gltf.file import GltfFile
-from enliven.meshes.gltf.srgb import linear_of, srgb_of
-from enliven.meshes.pictures import opened_picture
+from enliven.meshes.gltf.srgb import linear_from_srgb, srgb_from_linear
+from enliven.meshes.pictures import open_picture
 
 _WHITE = np.ones(3)
 _MAX_PIXELS = 1 << 28
-"""Maximum pixels of all textures of a file, 0.8 GB: four of 8192 x 8192. A file of a few kilobytes can
-declare this."""
+"""Maximum number of pixels of all textures of a file: four of 8192 x 8192, or 0.8 GB. A file of a few
+kilobytes can declare more."""
 
 
 class Colours:
@@ -32,9 +32,10 @@ class Colours:
         self.notes: list[str] = []
 
     def of(self, primitive: Any) -> UInt8 | None:
-        """Returns (V, 3) sRGB of the vertices: factor, texture at the vertex and vertex colour multiplied.
+        """Returns (V, 3) sRGB of the vertices: the product of factor, texture at the vertex, and vertex
+        colour.
 
-        None if the file has none of them.
+        Returns None if the file has none of them.
         """
         file = self._file
         count = file.document.accessors[primitive.attributes.POSITION].count
@@ -53,19 +54,19 @@ class Colours:
             linear = linear * np.array(shading.baseColorFactor[:3], np.float64)
         if shading is not None and shading.baseColorTexture is not None:
             linear = linear * self._texture_colours(primitive, shading.baseColorTexture, count)
-        return srgb_of(linear)
+        return srgb_from_linear(linear)
 
     def _texture_colours(self, primitive: Any, texture: Any, count: int) -> Float:
         """Returns (V, 3) linear colours of the texture at each vertex, repeated beyond its edges."""
-        where = getattr(primitive.attributes, f"TEXCOORD_{texture.texCoord or 0}", None)
+        accessor = getattr(primitive.attributes, f"TEXCOORD_{texture.texCoord or 0}", None)
         picture = self._texture_image(texture.index)
-        if where is None or picture is None:
+        if accessor is None or picture is None:
             return np.tile(_WHITE, (count, 1))
-        uv = np.nan_to_num(np.asarray(self._file.accessor(where), np.float64))
+        uv = np.nan_to_num(np.asarray(self._file.accessor(accessor), np.float64))
         height, width = picture.shape[:2]
         columns = np.floor(uv[:, 0] % 1.0 * width).astype(int) % width
         rows = np.floor(uv[:, 1] % 1.0 * height).astype(int) % height
-        return linear_of(picture[rows, columns])
+        return linear_from_srgb(picture[rows, columns])
 
     def _texture_image(self, texture: int) -> UInt8 | None:
         """Returns (H, W, 3) sRGB, or None with a note."""
@@ -86,7 +87,7 @@ class Colours:
 
     def _decode_image(self, data: bytes) -> UInt8:
         """Decodes an image to (H, W, 3) sRGB after checking its declared size."""
-        with opened_picture(data) as picture:
+        with open_picture(data) as picture:
             self._pixels += picture.width * picture.height
             if self._pixels > _MAX_PIXELS:
                 raise InputError(f"with the others it has {self._pixels} pixels, more than {_MAX_PIXELS}")

@@ -15,7 +15,7 @@ from enliven.errors import InputError, ResourceError
 from enliven.meshes.gltf.extensions import DRACO
 from enliven.meshes.gltf.gltf_json import Entry
 
-MOST_UNPACKED = 1 << 29
+MAX_UNPACKED_BYTES = 1 << 29
 """Maximum bytes of all decompressed buffer views of a file, 0.5 GB. A file of a few kilobytes can declare
 a thousand times as much."""
 _MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")

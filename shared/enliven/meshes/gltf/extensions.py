@@ -48,7 +48,7 @@ _HARMLESS_PATTERN = re.compile(
     r"|EXT_(structural|instance)_\w+|EXT_mesh_manifold|CESIUM_primitive_outline|FB_geometry_metadata"
     r"|AGI_\w+|MSFT_lod|MSFT_packing_\w+|VRMC_springBone\w*|KHR_blend|KHR_accessor_float64"
 )
-"""Extensions that change neither the surface at rest nor the animations of a file."""
+"""Names of extensions that change neither the surface at rest nor the animations of a file."""
 _VISIBILITY_POINTER = re.compile(rf"/nodes/(\d+)/extensions/{VISIBILITY}/visible")
 """A JSON pointer to a node's visibility."""
 _NODE_POINTER = re.compile(r"/nodes/(\d+)/(translation|rotation|scale|weights)")

@@ -13,10 +13,10 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.errors import EnlivenError, InputError, plain_reason
 from enliven.files import DAMAGE, ReferencedFiles, read_file
-from enliven.meshes.gltf.compression import MOST_UNPACKED, check_meshopt, draco_arrays, meshopt_bytes
+from enliven.meshes.gltf.compression import MAX_UNPACKED_BYTES, check_meshopt, draco_arrays, meshopt_bytes
 from enliven.meshes.gltf.extensions import DRACO, MESHOPT, extension_notes, follow_pointers, hidden_nodes
 from enliven.meshes.gltf.gltf_json import GLTF_SUFFIXES, Entry, gltf_document
-from enliven.meshes.gltf.vrm import human_bones
+from enliven.meshes.gltf.vrm import read_human_bones
 
 _COMPONENT_COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 """Components of each accessor type (glTF 2.0, table 3.6.2.2)."""
@@ -41,7 +41,7 @@ class GltfFile:
         document: its JSON. Missing entries are None.
         parents: parent of each node, -1 at a root.
         hidden: the nodes that the file hides.
-        notes: sentences about ignored extensions and animations.
+        notes: a sentence about each ignored extension and animation.
 
     Raises:
         InputError: if the file cannot be read, is truncated, or needs an unsupported extension.
@@ -50,7 +50,7 @@ class GltfFile:
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.document, self.parents, self._blob = _parse_document(self.path)
-        self._human = human_bones(self.document)
+        self._human = read_human_bones(self.document)
         self._beside = ReferencedFiles(self.path)
         self._buffers: dict[int, bytes] = {}
         self._decoded: dict[int, AnyArray] = {}
@@ -198,7 +198,7 @@ class GltfFile:
         return self._declared_bytes(view_entry)
 
     def _declared_bytes(self, found: Any) -> bytes:
-        """Returns the bytes of a buffer view, or of a compressed one, which has the same form."""
+        """Returns the declared bytes of a buffer view. The entry of a compressed view has the same format."""
         start = found.byteOffset or 0
         data = self._buffer_bytes(found.buffer)[start : start + found.byteLength]
         if len(data) < found.byteLength:
@@ -210,8 +210,8 @@ class GltfFile:
         if view not in self._unpacked:
             try:
                 self._unpacked_bytes += check_meshopt(packed)
-                if self._unpacked_bytes > MOST_UNPACKED:
-                    raise InputError(f"in total it has more than {MOST_UNPACKED} bytes")
+                if self._unpacked_bytes > MAX_UNPACKED_BYTES:
+                    raise InputError(f"in total it has more than {MAX_UNPACKED_BYTES} bytes")
                 self._unpacked[view] = meshopt_bytes(self._declared_bytes(packed), packed, str(self.path))
             except InputError as error:
                 if error.where == str(self.path):
@@ -235,7 +235,7 @@ class GltfFile:
         return self._beside.uri(uri)
 
 
-def matrices_of(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> Float:
+def compose_matrices(translation: AnyArray, rotation: AnyArray, scale: AnyArray) -> Float:
     """Returns (..., 4, 4) translation after rotation after scale. Rotations (..., 4) are (x, y, z, w)."""
     x, y, z, w = np.moveaxis(np.asarray(rotation, np.float64), -1, 0)
     matrices = np.zeros((*x.shape, 4, 4))

@@ -1,7 +1,7 @@
 """The JSON of a glTF or GLB file, with limits on all declared amounts.
 
-A few words can declare millions of numbers: an accessor without bytes, a mesh shown by a thousand nodes,
-nodes in one endless chain. So these amounts are counted here, in time linear in the length of the file.
+A small file can declare millions of numbers: an accessor without bytes, a mesh shown by a thousand nodes, or
+nodes in an endless chain. So these amounts are counted before anything is read, in linear time.
 """
 
 from __future__ import annotations
@@ -14,15 +14,16 @@ from enliven.errors import InputError, plain_reason
 
 GLTF_SUFFIXES = (".glb", ".gltf", ".vrm")
 """File suffixes of glTF. A VRM avatar is a GLB with a map of its human bones."""
-MOST_LISTED = 1 << 16
+MAX_LISTED_ENTRIES = 1 << 16
 """Maximum entries of one list of a file (nodes, accessors, meshes, ...): scenes have thousands, at 0.1 ms
 each."""
-MOST_DEEP = 512
-"""Maximum depth of the node tree: the deepest known rigs have some 100, and walks up the tree stay short."""
-MOST_ELEMENTS = 1 << 25
+MAX_NODE_DEPTH = 512
+"""Maximum depth of the node tree. The deepest known rigs have about 100 levels. The limit bounds the time of
+walks up the tree."""
+MAX_ELEMENTS = 1 << 25
 """Maximum elements of an accessor, and of all shown vertices and indices: 0.8 GB as float64, 16 times the
 limit of the wire (2 million vertices)."""
-MOST_READ = 1 << 27
+MAX_READ_ELEMENTS = 1 << 27
 """Maximum elements that samplers and skins read, counted per reference: an hour of 100 joints has 30
 million."""
 _DOCUMENT_LISTS = (
@@ -97,8 +98,8 @@ def parents_of(children: list[list[int]]) -> list[int]:
         InputError: if a child is missing or has two parents, and for a cycle or a tree that is too deep.
     """
     parents = [-1] * len(children)
-    for number, own in enumerate(children):
-        for child in own:
+    for number, child_list in enumerate(children):
+        for child in child_list:
             if not 0 <= child < len(children) or parents[child] >= 0 or child == number:
                 raise InputError(
                     f"node {number} has the child {child}, which does not exist or has another parent"
@@ -107,8 +108,8 @@ def parents_of(children: list[list[int]]) -> list[int]:
     level = [node for node, parent in enumerate(parents) if parent < 0]
     reached, depth = len(level), 1
     while level:
-        if depth > MOST_DEEP:
-            raise InputError(f"its nodes are nested deeper than {MOST_DEEP}")
+        if depth > MAX_NODE_DEPTH:
+            raise InputError(f"its nodes are nested deeper than {MAX_NODE_DEPTH}")
         level = [child for node in level for child in children[node]]
         reached, depth = reached + len(level), depth + 1
     if reached < len(children):
@@ -147,10 +148,10 @@ def _first_chunk(data: bytes, wanted: bytes) -> bytes | None:
 
 
 def _check_amounts(tree: dict[str, Any]) -> None:
-    """Refuses a file with too many entries, vertices, primitives or keys."""
+    """Raises an error for a file with too many entries, vertices, primitives or keys."""
     for name, entries in tree.items():
-        if isinstance(entries, list) and len(entries) > MOST_LISTED:
-            raise InputError(f"it has {len(entries)} {name}, and no more than {MOST_LISTED} are read")
+        if isinstance(entries, list) and len(entries) > MAX_LISTED_ENTRIES:
+            raise InputError(f"it has {len(entries)} {name}, and no more than {MAX_LISTED_ENTRIES} are read")
     nodes = tree.get("nodes") or []
     parents_of([node.get("children") or [] for node in nodes])
     counts = [_element_count(accessor) for accessor in tree.get("accessors") or []]
@@ -159,7 +160,7 @@ def _check_amounts(tree: dict[str, Any]) -> None:
 
 
 def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> None:
-    """Refuses too many vertices or primitives, each counted once per node that shows it."""
+    """Raises an error for too many vertices or primitives. Each counts once per node that shows it."""
     shown: dict[int, int] = {}
     for node in nodes:
         if node.get("mesh") is not None:
@@ -171,31 +172,33 @@ def _check_shown(tree: dict[str, Any], nodes: list[Any], counts: list[int]) -> N
             named = [primitive.get("indices"), *(primitive.get("attributes") or {}).values()]
             total += times * max((counts[at] for at in named if _is_valid_index(at, counts)), default=0)
             primitives += times
-    if total > MOST_ELEMENTS:
-        raise InputError(f"it shows {total} vertices or corners, and no more than {MOST_ELEMENTS} are read")
-    if primitives > MOST_LISTED:
-        raise InputError(f"it shows {primitives} primitives, and no more than {MOST_LISTED} are read")
+    if total > MAX_ELEMENTS:
+        raise InputError(f"it shows {total} vertices or corners, and no more than {MAX_ELEMENTS} are read")
+    if primitives > MAX_LISTED_ENTRIES:
+        raise InputError(f"it shows {primitives} primitives, and no more than {MAX_LISTED_ENTRIES} are read")
 
 
 def _check_read(tree: dict[str, Any], counts: list[int]) -> None:
-    """Refuses too many elements that animation samplers and skins read."""
+    """Raises an error if animation samplers and skins read too many elements."""
     named = [skin.get("inverseBindMatrices") for skin in tree.get("skins") or []]
     for animation in tree.get("animations") or []:
         channels = animation.get("channels") or []
-        if len(channels) > MOST_LISTED:
-            raise InputError(f"it has {len(channels)} channels, and no more than {MOST_LISTED} are read")
+        if len(channels) > MAX_LISTED_ENTRIES:
+            raise InputError(
+                f"it has {len(channels)} channels, and no more than {MAX_LISTED_ENTRIES} are read"
+            )
         samplers = animation.get("samplers") or []
         named += [sampler.get(end) for sampler in samplers for end in ("input", "output")]
     total = sum(counts[at] for at in named if _is_valid_index(at, counts))
-    if total > MOST_READ:
-        raise InputError(f"it reads {total} keys, and no more than {MOST_READ} are read")
+    if total > MAX_READ_ELEMENTS:
+        raise InputError(f"it reads {total} keys, and no more than {MAX_READ_ELEMENTS} are read")
 
 
 def _element_count(accessor: dict[str, Any]) -> int:
     """Returns the declared number of elements of an accessor."""
     count = accessor.get("count")
-    if not isinstance(count, int) or not 0 <= count <= MOST_ELEMENTS:
-        raise InputError(f"an accessor states {count} elements, and no more than {MOST_ELEMENTS} are read")
+    if not isinstance(count, int) or not 0 <= count <= MAX_ELEMENTS:
+        raise InputError(f"an accessor states {count} elements, and no more than {MAX_ELEMENTS} are read")
     return count
 
 

@@ -51,8 +51,7 @@ class Materials:
         return self._known[at]
 
     def corners(self, primitive: Any, count: int) -> Corners:
-        """Returns texture coordinates and colours of a primitive's vertices, as far as its material uses
-        them."""
+        """Returns the texture coordinates and colours of a primitive's vertices that its material uses."""
         attributes, sets, at = primitive.attributes, list[Float32](), self.number(primitive)
         textured = at >= 0 and bool(textures_in(json.loads(self.definitions[at])))
         for number in range(_MAX_TEXTURE_SETS if textured else 0):

@@ -10,35 +10,37 @@ import numpy as np
 
 from enliven import rotation
 from enliven.arrays import Float
-from enliven.meshes.gltf.file import GltfFile, matrices_of
+from enliven.meshes.gltf.file import GltfFile, compose_matrices
 from enliven.rotation import unit
 
 _MAX_STEP_S = 1 / 24
-"""Maximum seconds between samples: over a longer step world rotations would bend between frames."""
+"""Maximum seconds between samples. Over a longer step, interpolation between frames would deviate from the
+file's motion."""
 _MIN_STEP_S = 1 / 120
-"""Minimum seconds between samples: denser keys have no visible effect and cost memory."""
+"""Minimum seconds between samples. Denser keys have no visible effect and need more memory."""
 _ZERO_SCALE_FRACTION = 1e-5
 """Fraction of a node's largest scale that replaces scale 0: too small to be visible, but invertible."""
 _CURVED_STEP_S = 1 / 120
-"""Maximum seconds between samples if channels are cubic: between frames a curve becomes a line."""
+"""Maximum seconds between samples of cubic channels, because each curve becomes a line between frames."""
 _MIN_LOG_SCALE_CHANGE = 0.3
-"""Logarithm of the scale factor between two keys beyond which frames are inserted: a third larger."""
+"""Change of the logarithm of a scale between two keys beyond which frames are inserted: a third larger."""
 _GROWTH_STEP_S = 1 / 240
 """Minimum seconds between these inserted frames."""
 _MAX_INSERTED_FRAMES = 64
-"""Maximum number of frames inserted between two keys: longer intervals change slowly."""
-JUMP = 2.5e-4
+"""Maximum number of frames inserted between two keys. In a long interval, the scale changes slowly."""
+JUMP_DURATION_S = 2.5e-4
 """Seconds before the key of a jump at which the previous value is still held. No display shows the
 transition, and float32 distinguishes the two times for an hour."""
 _SAME_TIME_S = 1e-4
-"""Maximum difference of two times that count as equal, in seconds. It covers the rounding of float32."""
-MOST_PLACES = 1 << 23
+"""Maximum difference between two times that count as equal, in seconds: rounding of float32."""
+MAX_NODE_SAMPLES = 1 << 23
 """Maximum frames times nodes of all animations of a file, 2 GB of matrices: 46 min of 100 nodes at 30 fps."""
 
 
 @dataclass
 class Locals:
-    """Each node's own translation (F, n, 3), rotation (F, n, 4) as (x, y, z, w) and scale (F, n, 3).
+    """The local transform of each node: translation (F, n, 3), rotation (F, n, 4) as (x, y, z, w) and scale
+    (F, n, 3).
 
     A node with a matrix instead has it in ``fixed`` (in glTF, such a node is never animated).
     """
@@ -56,11 +58,12 @@ def rest_locals(file: GltfFile) -> Locals:
     return transforms
 
 
-def standing_locals(file: GltfFile, still: bool = False) -> Locals:
+def bind_locals(file: GltfFile, still: bool = False) -> Locals:
     """Returns the nodes' rest transforms for the bind pose, F = 1.
 
-    A node with scale 0 in the file gets the scale of its animations, so that objects that pop up have a
-    shape. A node that all animations mirror, but not the file, is mirrored, unless ``still`` is set.
+    A node with scale 0 in the file gets the scale of its animations, so that objects that appear during an
+    animation have a shape. A node that is mirrored in all animations, but not in the file's rest pose, is
+    mirrored, unless ``still`` is set.
     """
     transforms, sizes = _rest_transforms(file), file.scale_keys
     for node, clips in sizes.items():
@@ -95,7 +98,7 @@ def _replace_zero_scales(made: Locals, sizes: dict[int, dict[int, Float]]) -> No
             made.fixed[node] = matrix
 
 
-def closed_nodes(file: GltfFile) -> set[int]:
+def zero_scale_nodes(file: GltfFile) -> set[int]:
     """Returns the nodes with scale 0 at rest and in all animations, with their whole subtrees."""
     stated, closed = _rest_transforms(file), set[int]()
     for node in range(len(file.parents)):
@@ -138,7 +141,7 @@ def _rest_transforms(file: GltfFile) -> Locals:
 
 def world_matrices(file: GltfFile, locals_: Locals) -> Float:
     """Returns (F, n, 4, 4) world_from_node."""
-    local = matrices_of(locals_.translation, locals_.rotation, locals_.scale)
+    local = compose_matrices(locals_.translation, locals_.rotation, locals_.scale)
     for number, matrix in locals_.fixed.items():
         local[:, number] = matrix
     world, done = local.copy(), set[int]()
@@ -166,7 +169,7 @@ def _compute_world(parents: list[int], world: Float, local: Float, done: set[int
 def frame_times(file: GltfFile, animation: int) -> Float:
     """Returns (F,) evenly spaced sample times of an animation, in seconds.
 
-    Evenly spaced keys coincide with them.
+    The times of evenly spaced keys are among them.
     """
     samplers = _used_samplers(file, animation)
     keys = [_key_times(file, sampler.input) for sampler in samplers]
@@ -180,13 +183,13 @@ def frame_times(file: GltfFile, animation: int) -> Float:
     # Divide the gap between two keys into a whole number of frames, so that each key lies on a frame.
     gap /= max(math.ceil(gap / longest - 1e-3), 1)
     steps = max(round(float(end - start) / gap), 1)
-    if (steps + 1) * len(file.parents) > MOST_PLACES:
+    if (steps + 1) * len(file.parents) > MAX_NODE_SAMPLES:
         raise file.wrong(f"an animation lasts {end - start:.3g} s, which is {steps + 1} frames: too many")
     return np.asarray(np.linspace(start, end, steps + 1) if end > start else np.array([start]))
 
 
 def key_times(file: GltfFile, animation: int, even: Float) -> Float:
-    """Returns (K,) key times in seconds that are missing in the ``even`` times (F,).
+    """Returns (K,) the times of keys in seconds that are not among the ``even`` times (F,).
 
     A jump of a STEP channel gives two times, just before its key and at it.
     """
@@ -196,7 +199,7 @@ def key_times(file: GltfFile, animation: int, even: Float) -> Float:
         if sampler.interpolation == "STEP" and len(keys) > 1:
             values = np.asarray(file.accessor(sampler.output), np.float64)
             jumps = keys[1:][np.abs(np.diff(values[: len(keys)], axis=0)).max(1) > 0.0]
-            candidates += [jumps, jumps - JUMP]
+            candidates += [jumps, jumps - JUMP_DURATION_S]
         else:
             candidates.append(keys)
     candidates += _scale_change_times(file, animation)
@@ -287,17 +290,17 @@ def sampled(keys: Float, values: Float, interpolation: str, path: str, times: Fl
     times = np.clip(times, keys[0], keys[-1])
     before = np.clip(np.searchsorted(keys, times, "right") - 1, 0, len(keys) - 2)
     span = np.maximum(keys[before + 1] - keys[before], 1e-12)
-    share = np.clip((times - keys[before]) / span, 0.0, 1.0)
+    fraction = np.clip((times - keys[before]) / span, 0.0, 1.0)
     if interpolation == "STEP":
-        return np.asarray(points[np.where(share >= 1.0, before + 1, before)])
+        return np.asarray(points[np.where(fraction >= 1.0, before + 1, before)])
     if cubic:
-        curve = _hermite_spline(values, before, span[:, None], share[:, None])
+        curve = _hermite_spline(values, before, span[:, None], fraction[:, None])
         return unit(curve) if path == "rotation" else curve
     if path == "rotation":
         # slerp works with any order of the components, if both quaternions use the same order.
         a, b = unit(points[before]), unit(points[before + 1])
-        return np.roll(rotation.slerp(np.roll(a, 1, -1), np.roll(b, 1, -1), share), -1, -1)
-    return np.asarray(points[before] + share[:, None] * (points[before + 1] - points[before]))
+        return np.roll(rotation.slerp(np.roll(a, 1, -1), np.roll(b, 1, -1), fraction), -1, -1)
+    return np.asarray(points[before] + fraction[:, None] * (points[before + 1] - points[before]))
 
 
 def _hermite_spline(values: Float, before: np.ndarray, span: Float, s: Float) -> Float:  # type: ignore[type-arg]

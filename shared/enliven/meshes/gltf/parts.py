@@ -1,4 +1,4 @@
-"""The skinned surfaces of a glTF file: each primitive with the nodes that its vertices follow."""
+"""Reads the surfaces of a glTF file: each primitive with the nodes that its vertices follow."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Int, Int32, UInt8
 from enliven.meshes.gltf.colours import Colours
 from enliven.meshes.gltf.extensions import INSTANCING
-from enliven.meshes.gltf.file import GltfFile, matrices_of
-from enliven.meshes.gltf.gltf_json import MOST_ELEMENTS
+from enliven.meshes.gltf.file import GltfFile, compose_matrices
+from enliven.meshes.gltf.gltf_json import MAX_ELEMENTS
 from enliven.meshes.gltf.materials import Corners, Materials
-from enliven.meshes.gltf.motion import closed_nodes
+from enliven.meshes.gltf.motion import zero_scale_nodes
 
 _MODE_TRIANGLES = 4
 """glTF's mode of a list of separate triangles (section 3.7.2.1). Points and lines are left out."""
@@ -31,7 +31,7 @@ _INSTANCE_COLUMNS = {
 
 @dataclass
 class GltfPart:
-    """One primitive of a mesh, as in the file.
+    """One primitive of a mesh with the values of the file.
 
     Attributes:
         vertices: (V, 3) in the mesh's own space.
@@ -56,15 +56,15 @@ class GltfPart:
     corners: Corners
 
 
-def parts_of(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materials]:
+def read_parts(file: GltfFile, notes: list[str]) -> tuple[list[GltfPart], Materials]:
     """Returns all visible primitives with triangles of the scene, and their materials.
 
     Args:
-        notes: receives a sentence about each one that is left out.
+        notes: receives a sentence about each primitive that is left out.
     """
     colours, materials, parts = Colours(file), Materials(file), list[GltfPart]()
     notes.extend(file.notes)
-    closed, hidden = closed_nodes(file), file.hidden
+    closed, hidden = zero_scale_nodes(file), file.hidden
     for number in shown_nodes(file):
         node = file.document.nodes[number]
         if node.mesh is None:
@@ -150,14 +150,14 @@ def _read_part(
                 f"a vertex of {file.name(carrier)!r} follows joint {joints.max()} of {len(named)}"
             )
         joints = named[np.minimum(joints, len(named) - 1)]
-    four, shares = strongest(joints, weights)
+    four, shares = strongest_influences(joints, weights)
     corners = materials.corners(primitive, len(vertices))
     rest = colours.of(primitive), skin, carrier, materials.number(primitive), corners
     part = GltfPart(vertices, faces.astype(np.int32), four, shares, *rest)
     table = getattr(getattr(node.extensions, INSTANCING, None), "attributes", None)
     if table is None:
         return part
-    return instanced(part, instance_transforms(file, vars(table), max(len(vertices), len(order))))
+    return instance_part(part, instance_transforms(file, vars(table), max(len(vertices), len(order))))
 
 
 def _apply_morphs(file: GltfFile, vertices: Float, primitive: Any, node: Any) -> Float:
@@ -184,7 +184,7 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
         (accessors[accessor].count for name, accessor in table.items() if name in _INSTANCE_COLUMNS),
         default=1,
     )
-    if most * max(size, 1) > MOST_ELEMENTS:
+    if most * max(size, 1) > MAX_ELEMENTS:
         raise file.wrong(f"it shows {most} instances of {size} vertices, which are too many")
     columns = {
         name: np.asarray(file.accessor(accessor), np.float64)
@@ -201,10 +201,10 @@ def instance_transforms(file: GltfFile, table: dict[str, int], size: int) -> Flo
         raise file.wrong("the places of its instances do not fit together")
     length = np.linalg.norm(filled[1], axis=1, keepdims=True)
     filled[1] = np.where(length > 0.0, filled[1] / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 0.0, 1.0])
-    return matrices_of(*filled)
+    return compose_matrices(*filled)
 
 
-def instanced(part: GltfPart, transforms: Float) -> GltfPart:
+def instance_part(part: GltfPart, transforms: Float) -> GltfPart:
     """Returns a part once for each of the transforms (K, 4, 4). Faces of mirrored instances are flipped."""
     count, size = len(transforms), len(part.vertices)
     moved = np.einsum("kab,vb->kva", transforms[:, :3, :3], part.vertices) + transforms[:, None, :3, 3]
@@ -229,20 +229,24 @@ def instanced(part: GltfPart, transforms: Float) -> GltfPart:
 
 
 def _joint_influences(file: GltfFile, attributes: Any, count: int) -> tuple[Int | None, Float | None]:
-    """Returns (V, 4k) joint numbers in the skin and weights, from JOINTS_0, JOINTS_1, ... combined."""
+    """Returns (V, 4k) joint numbers in the skin, and (V, 4k) weights, combined from JOINTS_0, JOINTS_1,
+    ..."""
     joints, weights = [], []
     for k in range(8):
-        where, how = getattr(attributes, f"JOINTS_{k}", None), getattr(attributes, f"WEIGHTS_{k}", None)
-        if where is None or how is None:
+        joint_accessor, weight_accessor = (
+            getattr(attributes, f"JOINTS_{k}", None),
+            getattr(attributes, f"WEIGHTS_{k}", None),
+        )
+        if joint_accessor is None or weight_accessor is None:
             break
-        joints.append(file.accessor(where).astype(np.int64))
-        weights.append(np.asarray(file.accessor(how), np.float64))
+        joints.append(file.accessor(joint_accessor).astype(np.int64))
+        weights.append(np.asarray(file.accessor(weight_accessor), np.float64))
     if not joints:
         return None, None
     return np.concatenate(joints, 1), np.nan_to_num(np.maximum(np.concatenate(weights, 1), 0.0))
 
 
-def strongest(joints: Int, weights: Float) -> tuple[Int, Float]:
+def strongest_influences(joints: Int, weights: Float) -> tuple[Int, Float]:
     """Returns (V, 4) joints and (V, 4) weights: the four largest of each vertex, with a sum of one.
 
     Repeated joints are merged.

@@ -1,4 +1,4 @@
-"""Meshes of a glTF document under construction: nodes, triangles, colours and materials, without
+"""A glTF document with meshes under construction: nodes, triangles, colours and materials, without
 animation."""
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from enliven import __version__
 from enliven.arrays import Float, Float32, Int
 from enliven.meshes.gltf.blob import Blob
 from enliven.meshes.gltf.scene_materials import SceneMaterials, split_by_material
-from enliven.meshes.gltf.srgb import linear16
+from enliven.meshes.gltf.srgb import linear16_from_srgb
 from enliven.meshes.mesh import Mesh
 
 
@@ -34,7 +34,7 @@ class MeshScene:
     def bytes(self) -> bytes:
         """Returns the bytes of the file."""
         document = self.document
-        self._materials.put_into(document)
+        self._materials.write_to(document)
         document.bufferViews, document.accessors = self.blob.views, self.blob.accessors
         data = self.blob.bytes()
         document.buffers = [pygltflib.Buffer(byteLength=len(data))]
@@ -49,11 +49,11 @@ class MeshScene:
             self.document.nodes[parent].children.append(number)
         return number
 
-    def put(self, *nodes: int) -> None:
+    def add_roots(self, *nodes: int) -> None:
         """Adds nodes without a parent."""
         self.document.scenes[0].nodes += list(nodes)
 
-    def primitives(self, name: str, mesh: Mesh) -> Iterator[tuple[pygltflib.Primitive, Int]]:
+    def add_primitives(self, name: str, mesh: Mesh) -> Iterator[tuple[pygltflib.Primitive, Int]]:
         """Adds the triangles of a mesh with normals, colours and materials.
 
         Yields:
@@ -61,7 +61,7 @@ class MeshScene:
         """
         blob, array = self.blob, pygltflib.ARRAY_BUFFER
         normals = unit_normals(mesh.vertex_normals())
-        numbers = self._materials.added(mesh.materials) if mesh.materials is not None else []
+        numbers = self._materials.add_all(mesh.materials) if mesh.materials is not None else []
         for number, vertices, faces, corners in split_by_material(mesh):
             attributes = pygltflib.Attributes(
                 POSITION=blob.add(mesh.vertices[vertices].astype(np.float32), array),
@@ -70,12 +70,14 @@ class MeshScene:
             for attribute, values in corners.items():
                 setattr(attributes, attribute, blob.add(values, array))
             if number < 0 and mesh.colours is not None:
-                attributes.COLOR_0 = blob.add(linear16(mesh.colours[vertices]), array, normalised=True)
+                attributes.COLOR_0 = blob.add(
+                    linear16_from_srgb(mesh.colours[vertices]), array, normalised=True
+                )
             stored = faces.astype(np.uint16 if len(vertices) < 65535 else np.uint32)
             primitive = pygltflib.Primitive(
                 attributes=attributes,
                 indices=blob.add(stored.reshape(-1), pygltflib.ELEMENT_ARRAY_BUFFER),
-                material=self._materials.plain(name) if number < 0 else numbers[number],
+                material=self._materials.add_plain(name) if number < 0 else numbers[number],
                 mode=pygltflib.TRIANGLES,
             )
             yield primitive, vertices
@@ -84,9 +86,9 @@ class MeshScene:
 def mesh_glb(mesh: Mesh) -> bytes:
     """Returns the bytes of a GLB with one static mesh."""
     scene = MeshScene(mesh.name)
-    primitives = [primitive for primitive, _ in scene.primitives(mesh.name, mesh)]
+    primitives = [primitive for primitive, _ in scene.add_primitives(mesh.name, mesh)]
     scene.document.meshes.append(pygltflib.Mesh(name=mesh.name, primitives=primitives))
-    scene.put(scene.node(name=mesh.name, mesh=0))
+    scene.add_roots(scene.node(name=mesh.name, mesh=0))
     return scene.bytes()
 
 

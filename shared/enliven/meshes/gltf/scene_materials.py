@@ -15,7 +15,7 @@ from enliven.meshes.materials import MeshMaterials, renumbered
 from enliven.meshes.mesh import Mesh
 
 _DEFAULT_ROUGHNESS = 0.9
-"""Roughness of a plain material: without an explicit material nothing is shiny."""
+"""Roughness of a plain material: fully matt."""
 
 
 class SceneMaterials:
@@ -29,13 +29,13 @@ class SceneMaterials:
         self._samplers: dict[str, int] = {}
         self._known: dict[str, int] = {}
 
-    def plain(self, name: str) -> int:
+    def add_plain(self, name: str) -> int:
         """Adds a plain white material, which shows a mesh's colours. Returns its number."""
         rough = {"metallicFactor": 0.0, "roughnessFactor": _DEFAULT_ROUGHNESS}
         definition = json.dumps({"name": name, "pbrMetallicRoughness": rough, "doubleSided": True})
         return self._material_number(definition)
 
-    def added(self, materials: MeshMaterials) -> list[int]:
+    def add_all(self, materials: MeshMaterials) -> list[int]:
         """Adds the materials of a mesh with their textures. Returns their numbers in the file."""
         textures = list[int]()
         for texture in materials.textures:
@@ -48,7 +48,7 @@ class SceneMaterials:
             for definition in materials.definitions
         ]
 
-    def put_into(self, document: pygltflib.GLTF2) -> None:
+    def write_to(self, document: pygltflib.GLTF2) -> None:
         """Writes all added materials into the document."""
         document.materials = self._materials
         document.images = [image for _, image in self._images.values()]
@@ -92,14 +92,18 @@ def split_by_material(mesh: Mesh) -> Iterator[tuple[int, Int, Int, dict[str, Flo
         The material's number (-1 for none); (N,) the mesh vertex of each vertex of the part; (K, 3) faces;
         texture coordinates and colours of the part's vertices, by the format's names.
     """
-    own = mesh.materials
-    if own is None:
+    materials = mesh.materials
+    if materials is None:
         yield -1, np.arange(len(mesh.vertices)), mesh.faces.astype(np.int64), {}
         return
-    for number in np.unique(own.of):
-        mine = np.flatnonzero(own.of == number)
-        uvs = own.uvs[mine].reshape(3 * len(mine), -1)
-        tints = np.ones((len(uvs), 4), np.float32) if own.tints is None else own.tints[mine].reshape(-1, 4)
+    for number in np.unique(materials.of):
+        mine = np.flatnonzero(materials.of == number)
+        uvs = materials.uvs[mine].reshape(3 * len(mine), -1)
+        tints = (
+            np.ones((len(uvs), 4), np.float32)
+            if materials.tints is None
+            else materials.tints[mine].reshape(-1, 4)
+        )
         if number < 0:
             uvs, tints = uvs[:, :0], np.ones_like(tints)
         alike = uvs.shape[1] == 0 and bool((tints == tints[0]).all())

@@ -1,4 +1,4 @@
-"""The surface of a glTF file in its bind pose: the common start of all readers of such a file."""
+"""Reads the surface of a glTF file in its bind pose, which all readers of glTF files start from."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from enliven.files import DAMAGE
 from enliven.meshes.gltf.bind import Bind
 from enliven.meshes.gltf.file import GltfFile
 from enliven.meshes.gltf.materials import Materials
-from enliven.meshes.gltf.parts import GltfPart, parts_of
+from enliven.meshes.gltf.parts import GltfPart, read_parts
 from enliven.meshes.mesh import Mesh
 
 _WHITE_SRGB = np.array([255, 255, 255], np.uint8)
-"""sRGB of a part without a colour next to parts with colours: glTF's default material is white."""
+"""sRGB of parts without a colour, if other parts have colours: glTF's default material is white."""
 
 
 @dataclass
@@ -30,7 +30,7 @@ class GltfSurface:
         bind: the bind pose of its nodes.
         rest: the vertices (V, 3) of each part in the bind pose, metres.
         mesh: all parts in one mesh, with colours and materials.
-        notes: a sentence about each unusual or omitted part of the content.
+        notes: a sentence about each unusual or omitted part of the file.
     """
 
     file: GltfFile
@@ -55,7 +55,7 @@ def gltf_surface(path: Path | str, name: str = "", *, still: bool = False) -> Gl
     """
     file, notes = GltfFile(path), list[str]()
     try:
-        parts, materials = parts_of(file, notes)
+        parts, materials = read_parts(file, notes)
         if not parts:
             left = f": {'; '.join(dict.fromkeys(notes))}" if notes else ""
             raise file.wrong(f"its scene has no triangle{left[:400]}")

@@ -7,7 +7,7 @@ from typing import Any
 from enliven.meshes.gltf.gltf_json import Entry
 
 
-def human_bones(document: Entry) -> dict[int, str]:
+def read_human_bones(document: Entry) -> dict[int, str]:
     """Returns the VRM name of each node in the map, such as "leftUpperArm". Empty without a map.
 
     Damaged entries are left out, because a model without its map is still usable.

@@ -1,10 +1,10 @@
 from .take_comping import (
     alternatives_of as alternatives_of,
-    as_take as as_take,
+    group_as_take as group_as_take,
     choose_take as choose_take,
     drop_take as drop_take,
     keep_take as keep_take,
-    takes_beside as takes_beside,
+    alternative_takes as alternative_takes,
 )
 from .characters import (
     change_layers as change_layers,
@@ -33,14 +33,14 @@ from .clips import (
     stretch_clip as stretch_clip,
     trim_clip as trim_clip,
 )
-from .feet import feet_while as feet_while, lock_feet as lock_feet
+from .feet import foot_lock_mode as foot_lock_mode, lock_feet as lock_feet
 from .performance_transfer import (
     transfer_performance as transfer_performance,
     performance_in as performance_in,
 )
 from .groups import (
     copy_characters as copy_characters,
-    middle_of as middle_of,
+    group_centre as group_centre,
     mirror_characters as mirror_characters,
     move_characters as move_characters,
     mute_characters as mute_characters,
@@ -79,9 +79,9 @@ from .markers import (
 )
 from .merging import merge_characters as merge_characters
 from .painting import (
-    MOST_DOUBLINGS as MOST_DOUBLINGS,
+    MAX_DOUBLINGS as MAX_DOUBLINGS,
     Brush as Brush,
-    brushed as brushed,
+    brush_stiffness as brush_stiffness,
     paint_character as paint_character,
     unpaint_character as unpaint_character,
 )
@@ -92,7 +92,7 @@ from .root_layers import (
 )
 from .rigs import (
     RIGS as RIGS,
-    as_standing as as_standing,
+    bake_root_layers as bake_root_layers,
     foot_of as foot_of,
     pose_of_character as pose_of_character,
     rig_of as rig_of,

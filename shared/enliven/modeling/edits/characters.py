@@ -25,7 +25,7 @@ from enliven.modeling.rigged import Axes
 from enliven.rotation import IDENTITY
 
 _ORIGIN = (0.0, 0.0, 0.0)
-"""Metres: no offset, or the centre of the world, as the default of positions."""
+"""The zero vector in metres: the default of offsets and positions."""
 
 
 def copy_character(
@@ -155,7 +155,7 @@ def scale_character(project: Project, character_id: str, factor: float) -> Proje
 def mirror_character(project: Project, character_id: str, normal: AnyArray | Sequence[float]) -> Project:
     """Mirrors a character, at every time, across a plane through its centre with normal ``normal`` (3,).
 
-    To keep both, copy it first.
+    To keep the original, copy the character first.
 
     Raises:
         InputError: if the character does not exist, or the normal is zero.
@@ -175,8 +175,8 @@ def shift_character(project: Project, character_id: str, delay: float) -> Projec
 
 
 def change_layers(project: Project, character_id: str, numbers: Iterable[int], **changes: Any) -> Project:
-    """Changes attributes of a character's layers: offset, speed, loop, muted, or another one that they all
-    have.
+    """Changes attributes of a character's layers, such as offset, speed, loop or muted. All of these layers
+    must have the attribute.
 
     Raises:
         InputError: if the character or layer does not exist, or it cannot be played with these values.
@@ -195,7 +195,8 @@ def remove_layer(project: Project, character_id: str, number: int) -> Project:
     """Removes a layer of a character; the take stays.
 
     Raises:
-        InputError: if the character or layer does not exist, or it has no motion without it.
+        InputError: if the character or layer does not exist, or the character would have no motion without
+            the layer.
     """
     character = project.character(character_id)
     _check_layers(character, {number})

@@ -1,12 +1,13 @@
-"""Edits of the clips of a lane: one implementation for the layers of all rigs.
+"""Edits of the clips of a lane, for the layers of all rigs.
 
     split_clip(project, "squid", [0], time)                   # the motion stays the same
     trim_clip(project, "squid", [0], 1, begin=2.0)            # the rest plays as before
     slip_clip(project, "squid", [0], 1, 0.5)                  # another part of the take, at the same time
     blend_clips(project, "squid", [0], 0, 0.4)                # cross-fades a clip into the next
 
-A lane holds the layers of a character that share a bar on the timeline. Its clips are numbered in the order
-of time, and times are in seconds of the project. An invalid edit raises InputError and changes nothing.
+A lane is a row of the timeline with the layers of a character that have the same clips. Its clips are
+numbered in the order of time, and times are in seconds of the project. An invalid edit raises InputError and
+changes nothing.
 """
 
 from __future__ import annotations
@@ -104,7 +105,7 @@ def trim_clip(
 def slip_clip(
     project: Project, character_id: str, numbers: Iterable[int], clip: int, seconds: float
 ) -> Project:
-    """Makes a clip play what comes ``seconds`` later in its take, at the same time of the project (slip
+    """Makes a clip play a part of its take that is ``seconds`` later, at the same time of the project (slip
     edit)."""
     return _with_changed_clip(
         project, character_id, numbers, clip, lambda one: replace(one, first=one.first + seconds)
@@ -182,8 +183,8 @@ def blend_clips(
 ) -> Project:
     """Cross-fades a clip into the next over ``seconds``, half of them on each side of the boundary.
 
-    If a take has no more frames there, its last pose is held. With 0 the clips meet in the middle of their
-    overlap.
+    If a take has no more frames there, its last pose is held. With 0 seconds, the clips meet in the middle of
+    their overlap.
 
     Raises:
         InputError: for the last clip, or if the next clip does not begin where it ends.
@@ -240,13 +241,15 @@ def _with_changed_clip(
 
 
 def _with_clips(project: Project, character_id: str, numbers: Iterable[int], change: _Lane) -> Project:
-    """Changes the lane of some layers, which all get the same clips."""
-    character, wanted = project.character(character_id), tuple(numbers)
-    first = _layer_numbered(character, wanted[0])
+    """Changes the clips of some layers. All of these layers get the same clips."""
+    character, layer_numbers = project.character(character_id), tuple(numbers)
+    first = _layer_numbered(character, layer_numbers[0])
     length = project.length_of(first)
     edited = first.with_lane(lambda lane: lane.with_clips(change(lane.clips(length)), length))
     names = ("offset", "speed", "segments", "weights", "speeds")
-    return change_layers(project, character_id, wanted, **{name: getattr(edited, name) for name in names})
+    return change_layers(
+        project, character_id, layer_numbers, **{name: getattr(edited, name) for name in names}
+    )
 
 
 def _layer_numbered(character: RigBase, number: int) -> LayerBase:

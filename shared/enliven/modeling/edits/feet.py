@@ -7,15 +7,15 @@ from collections.abc import Iterable
 
 from enliven.document import GraphShape, Layer, Project, Puppet, RigBase
 from enliven.errors import InputError
-from enliven.mapping import with_feet_pinned
+from enliven.mapping import pin_all_feet
 from enliven.modeling.edits.characters import change_layers
-from enliven.modeling.edits.graph_feet import stand, way_to_stand
+from enliven.modeling.edits.graph_feet import graph_foot_lock_mode, stand
 
 
-def feet_while(character: RigBase, number: int) -> str | None:
+def foot_lock_mode(character: RigBase, number: int) -> str | None:
     """Returns the foot lock mode of a character's layer, or None if the layer does not have one."""
     if isinstance(character, GraphShape):
-        return way_to_stand(character, number) if number < len(character.parts) else None
+        return graph_foot_lock_mode(character, number) if number < len(character.parts) else None
     layer = character.playing[number]
     return layer.feet if isinstance(layer, Layer) else None
 
@@ -23,8 +23,8 @@ def feet_while(character: RigBase, number: int) -> str | None:
 def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet: str) -> Project:
     """Sets the foot lock mode of layers of a character.
 
-    In a shape with bones, the ends of all legs are pinned if it has no pins yet. In a possessed mesh, a layer
-    on top of its motion locks the feet in its current motion. A repeated call detects the feet again.
+    In a shape with bones and without pins, the ends of all legs are pinned. In a possessed mesh, a layer on
+    top of the current motion locks the feet. A repeated call detects the feet again.
 
     Args:
         numbers: numbers of the layers.
@@ -32,7 +32,7 @@ def lock_feet(project: Project, character_id: str, numbers: Iterable[int], feet:
 
     Raises:
         InputError: if the character, layer or mode does not exist, or no foot is found. Also for a puppet,
-            which has its own contacts.
+            because its feet are locked by its own contacts.
     """
     character = project.character(character_id)
     if isinstance(character, GraphShape):
@@ -49,7 +49,7 @@ def _with_foot_locks(project: Project, shape_id: str, numbers: Iterable[int], fe
     shape = project.shape(shape_id)
     if feet == "auto" or shape.pins:
         return project
-    project = with_feet_pinned(project, shape)
+    project = pin_all_feet(project, shape)
     if not project.shape(shape_id).pins:
         mend = "Choose the node of an ankle and pin it first (P)."
         raise InputError("no leg that could stand was found", where=shape.where, mend=mend)

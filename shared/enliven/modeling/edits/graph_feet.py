@@ -1,11 +1,11 @@
 """Foot lock for a possessed mesh: a layer on top of its motion holds the feet in place.
 
     project = stand(project, "chair", [0], "always")       # for part 0, in its current motion
-    way_to_stand(shape, 0) -> "always"
+    graph_foot_lock_mode(shape, 0) -> "always"
 
-The feet are the lowest parts of the mesh at rest, or those that an artist named. Their paths are analysed
-once; contacts are detected as for skeletons (:mod:`enliven.motion.contact`). Let s_n^j be the share of foot
-j's displacement that node n follows (:func:`~enliven.modeling.possessed.followers`). The corrections c solve
+The feet are the lowest parts of the mesh at rest, or those that an artist named. Contacts are detected once,
+from the feet's paths, as for skeletons (:mod:`enliven.motion.contact`). Let s_n^j be the share of foot j's
+displacement that node n follows (:func:`~enliven.modeling.possessed.find_followers`). The corrections c solve
 S c = d, where S_ij is the mean of s^j over foot i by its skin weights. So each foot moves exactly by its
 required correction d_i, and the mesh bends above it.
 """
@@ -34,14 +34,14 @@ from enliven.document import (
 )
 from enliven.errors import InputError
 from enliven.modeling.edits.root_layers import root_motion
-from enliven.modeling.mesh import blended
-from enliven.modeling.possessed import followers, graph_pose
+from enliven.modeling.mesh import blend_vertices
+from enliven.modeling.possessed import find_followers, graph_pose
 from enliven.motion.contact import find_analysis_window, find_contacts, hold
 from enliven.rotation import conjugate, rotate
 
 _SOLE_HEIGHT_FRACTION = 0.04
-"""Vertices within this fraction of the mesh's height above its lowest vertex belong to a foot: a hoof, a
-sole."""
+"""Maximum height of a foot's vertices above the lowest vertex, as a fraction of the mesh's height: a hoof or
+a sole."""
 _MIN_FOOT_DISTANCE_FRACTION = 0.06
 """Minimum distance of two feet, as a fraction of the mesh's size. Nearer vertices belong to one foot."""
 _LIMB_LENGTH_FRACTION = 0.5
@@ -65,7 +65,7 @@ class StandingFoot:
     node: int
 
 
-def way_to_stand(shape: GraphShape, number: int) -> str:
+def graph_foot_lock_mode(shape: GraphShape, number: int) -> str:
     """Returns the foot lock mode of the feet that a layer moves, or "never" if they stay as performed."""
     nodes = _nodes_of(shape, [number])
     modes = [layer.feet for layer in shape.over if layer.feet and np.isin(layer.own, nodes).any()]
@@ -76,9 +76,10 @@ def stand(project: Project, shape_id: str, numbers: Iterable[int], feet: str) ->
     """Sets the foot lock mode of a possessed mesh, in its current motion.
 
     Args:
-        numbers: numbers of its layers; the mode applies to the feet of the parts that they move.
-        feet: "auto" locks feet where they are low and slow, "always" wherever they are low; both keep feet
-            above the floor. "ground" only lifts feet below the floor, and "never" leaves them as performed.
+        numbers: numbers of its layers. The mode applies to the feet of the parts that these layers move.
+        feet: "auto" locks feet while they are low and slow, and "always" locks feet while they are low. Both
+            keep feet above the floor. "ground" only lifts feet that are below the floor, and "never" leaves
+            feet as performed.
 
     Raises:
         InputError: if the mesh or mode does not exist, or it has no feet there.
@@ -158,7 +159,7 @@ def _nodes_of(shape: GraphShape, numbers: Iterable[int]) -> Int:
 
 
 def _playing_layer_count(project: Project, take: str) -> int:
-    """Returns the number of layers that play a stream."""
+    """Returns the number of layers in the project that play a stream."""
     every = (layer for character in project.graphs.values() for layer in character.playing)
     return sum(layer.take == take and layer.source == "streams" for layer in every)
 
@@ -201,7 +202,7 @@ def _foot_surface(shape: GraphShape, foot: StandingFoot, linear: Float, position
     """Returns (K, 3) metres, the posed vertices of a foot."""
     few = foot.vertices
     skin = SkinWeights(shape.skin.indices[few], shape.skin.weights[few])
-    return blended(np.asarray(shape.mesh.vertices)[few], skin, shape.positions, linear, positions)
+    return blend_vertices(np.asarray(shape.mesh.vertices)[few], skin, shape.positions, linear, positions)
 
 
 def _foot_corrections(shape: GraphShape, places: Float, soles: Float, step: float, way: str) -> Float:
@@ -225,7 +226,7 @@ def _foot_shares(shape: GraphShape, feet: Sequence[StandingFoot]) -> tuple[Int, 
     """Returns the nodes that follow any foot, and (N, J) the share by which every node follows each foot."""
     shares = np.zeros((len(shape.positions), len(feet)))
     for number, foot in enumerate(feet):
-        own, follow = followers(shape, foot.node)
+        own, follow = find_followers(shape, foot.node)
         shares[own, number] = follow[:, 0]
     return np.flatnonzero(shares.any(1)), shares
 

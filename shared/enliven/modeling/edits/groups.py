@@ -1,6 +1,6 @@
 """Edits of several characters as a group: move, rotate, scale, mirror and copy.
 
-For a single character they equal the edits of :mod:`enliven.modeling.edits.characters`.
+For a single character, they have the same effect as the edits in :mod:`enliven.modeling.edits.characters`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from enliven.modeling.edits.rigs import rig_of
 from enliven.rotation import IDENTITY
 
 
-def middle_of(project: Project, names: Sequence[str]) -> Float:
+def group_centre(project: Project, names: Sequence[str]) -> Float:
     """Returns (3,) metres: the mean of the centres of some characters."""
     return np.asarray(np.mean([_character_centre(project, name) for name in names], axis=0))
 
@@ -43,12 +43,12 @@ def move_characters(
 
 def turn_characters(project: Project, names: Sequence[str], turn: AnyArray) -> Project:
     """Rotates characters by ``turn`` (4,) about their middle."""
-    return move_characters(project, names, np.zeros(3), turn, middle_of(project, names))
+    return move_characters(project, names, np.zeros(3), turn, group_centre(project, names))
 
 
 def scale_characters(project: Project, names: Sequence[str], factor: float) -> Project:
     """Scales characters by ``factor``. Several are scaled about the floor below their middle."""
-    floor = middle_of(project, names) * [1.0, 0.0, 1.0]
+    floor = group_centre(project, names) * [1.0, 0.0, 1.0]
     for name in names:
         centre = _character_centre(project, name)
         project = scale_character(project, name, factor)
@@ -59,7 +59,7 @@ def scale_characters(project: Project, names: Sequence[str], factor: float) -> P
 
 def mirror_characters(project: Project, names: Sequence[str], normal: AnyArray) -> Project:
     """Mirrors characters across a plane through their middle with a unit normal (3,)."""
-    middle, way = middle_of(project, names), np.asarray(normal, np.float64)
+    middle, way = group_centre(project, names), np.asarray(normal, np.float64)
     for name in names:
         offset = 2.0 * way * (way @ (middle - _character_centre(project, name)))
         project = move_character(mirror_character(project, name, way), name, offset)
@@ -69,8 +69,8 @@ def mirror_characters(project: Project, names: Sequence[str], normal: AnyArray) 
 def copy_characters(
     project: Project, source: Project, names: Sequence[str], offset: AnyArray
 ) -> tuple[Project, tuple[str, ...]]:
-    """Copies characters of another project, all with the same ``offset`` (3,) metres. Also returns their
-    ids."""
+    """Copies characters of another project, all with the same ``offset`` (3,) metres. Returns the project and
+    the ids of the copies."""
     copies: list[str] = []
     for name in names:
         project, copied = paste_character(project, source, name, offset=offset)

@@ -1,7 +1,7 @@
 """Keyframes set by dragging: a joint, a node or a whole character is dragged at a time, which adds a key.
 
-project = key_handle(project, "squid", "hand", place, 1.5)            # its bone points there
-project = key_handle(project, "chair", 17, place, 0.8)                # the mesh bends there
+project = key_handle(project, "squid", "hand", place, 1.5)            # the hand's bone points at `place`
+project = key_handle(project, "chair", 17, place, 0.8)                # node 17 moves to `place`
 project = key_characters(project, ["bean"], 2.0, offset)              # moves the whole character
 """
 
@@ -31,7 +31,7 @@ from enliven.rotation import (
 )
 
 _ORIGIN = (0.0, 0.0, 0.0)
-"""Metres: no offset, or the origin, as the default of positions."""
+"""The zero vector in metres: the default of offsets and positions."""
 
 
 def key_handle(
@@ -97,7 +97,8 @@ def key_characters(
 
 
 def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float) -> Project:
-    """Sets a key that points the bone of a joint at a position given without the root layers."""
+    """Sets a key that points the bone of a joint at a position. The position is given without the effect of
+    the root layers."""
     if j == 0:
         mend = "Drag another joint, or move the whole."
         raise InputError("the root is moved, not turned", where=shape.where, mend=mend)
@@ -108,13 +109,14 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
     if min(np.linalg.norm(way), np.linalg.norm(bone)) < 1e-9:
         return project
     turn = swing(bone / np.linalg.norm(bone), way / np.linalg.norm(way))
-    # The pose is D = above K. After a rotation w in the world it is above K', so K' = K D^-1 w D.
-    own = multiply(multiply(conjugate(turns[j]), turn), turns[j])
+    # The pose is D = P K, with the key K and the rotations P before it. A rotation w in the world gives w D =
+    # P K', so K' = K D^-1 w D.
+    key_rotation = multiply(multiply(conjugate(turns[j]), turn), turns[j])
     key_degrees, axes = np.array(key_at(project, shape.id, j, time).degrees), Axes(IDENTITY, False)
     number = key_layer(project, shape.id, j)
     if number is not None:
         axes = Axes(shape.layers[number].basis, shape.layers[number].mirrored)
-    added = multiply(axes.rotations(from_rotation_vector(np.radians(key_degrees))), own)
+    added = multiply(axes.rotations(from_rotation_vector(np.radians(key_degrees))), key_rotation)
     # The reflection is its own inverse, so L^-1 = S basis^-1.
     mine = multiply(multiply(conjugate(axes.turn), added), axes.turn)
     mine = Axes(IDENTITY, axes.mirrored).rotations(mine)
@@ -123,7 +125,8 @@ def _key_joint(project: Project, shape: Shape, j: int, place: Float, time: float
 
 
 def _key_node(project: Project, shape: GraphShape, node: int, place: Float, time: float) -> Project:
-    """Sets a key that brings a node of a possessed mesh to a position given without the root layers."""
+    """Sets a key that moves a node of a possessed mesh to a position. The position is given without the
+    effect of the root layers."""
     if key_layer(project, shape.id, node) is None:
         project = set_key(project, shape.id, node, time)
     number = key_layer(project, shape.id, node)

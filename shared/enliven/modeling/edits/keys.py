@@ -1,13 +1,13 @@
-"""Keyframes on top of motion: on a bone, on a node of a possessed mesh, or on the whole of any character.
+"""Edits of keyframes on top of motion: for a bone, for a node of a possessed mesh, or for a whole character.
 
     project = set_key(project, "squid", "arm", 1.2, (0.0, 30.0, 0.0))     # a bone: degrees
-    project = set_key(project, "chair", 17, 0.8, metres=(0.0, 0.2, 0.0))  # a node: the mesh bends there
-    project = set_key(project, "bean", None, 2.0, metres=(1.0, 0.0, 0.0)) # the whole moves over the stage
+    project = set_key(project, "chair", 17, 0.8, metres=(0.0, 0.2, 0.0))  # a node: the mesh bends around it
+    project = set_key(project, "bean", None, 2.0, metres=(1.0, 0.0, 0.0)) # the whole character
 
 The keys of a bone, node or character form a take of their own, which an ordinary layer plays. So they can be
-muted, weighted, shifted, stretched, copied, cut and exported like other layers. A key rotates and moves a
-bone or node after its motion, in its own axes. A key of the whole acts in world axes, about the character's
-position at its first key.
+muted, weighted, shifted, stretched, copied, cut and exported like other layers. The rotation and displacement
+of a key are added to the motion of the bone or node, in its own axes. A key of a whole character acts in
+world axes, about the character's position when the first key was set.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def keys_of(project: Project, character_id: str, handle: Handle) -> tuple[tuple[
 
 
 def key_at(project: Project, character_id: str, handle: Handle, time: float) -> MotionKey:
-    """Returns the interpolated key of a handle at a time: its rotation and displacement there."""
+    """Returns the key of a handle at a time, with interpolated rotation and displacement."""
     number = key_layer(project, character_id, handle)
     if number is None:
         return MotionKey(max(float(time), 0.0))
@@ -211,7 +211,7 @@ def _keyed_take(project: Project, layer: LayerBase) -> Clip | PoseStream:
 
 
 def _find_key(project: Project, character_id: str, handle: Handle, key: int) -> tuple[int, MotionKey]:
-    """Returns the number of the layer of a handle's keys, and one of the keys."""
+    """Returns the number of the layer with a handle's keys, and the key with number ``key``."""
     number = key_layer(project, character_id, handle)
     layer = None if number is None else project.character(character_id).playing[number]
     keys = () if layer is None else _keyed_take(project, layer).keys

@@ -1,4 +1,4 @@
-"""The weight and the speed of layers as curves over time: keyframes of numbers, for the layers of all rigs.
+"""Edits of the weight and speed curves of layers, for all rigs: keyframes of numbers.
 
     project = set_layer_key(project, "squid", [0], "weights", 1.0, 0.0)   # weight 0 at 1 s of the project
     project = set_layer_key(project, "squid", [0], "speeds", 2.0, 0.5)    # half speed from there on
@@ -18,7 +18,7 @@ from enliven.errors import InputError
 from enliven.modeling.edits.characters import change_layers
 
 Number = Literal["weights", "speeds"]
-"""The attribute of a layer that the keys control."""
+"""The attribute of a layer that the keys control: its weights or its speeds."""
 _SAME_KEY_S = 1.0 / 60.0
 """Maximum distance in seconds at which a key replaces another: about half a frame of film."""
 
@@ -56,11 +56,11 @@ def set_layer_key(
     Raises:
         InputError: if the layer does not exist, or the value cannot be played.
     """
-    wanted = tuple(layers)
-    keys = layer_keys(project, character_id, wanted[0], number)
-    at = time - project.character(character_id).playing[wanted[0]].offset
+    numbers = tuple(layers)
+    keys = layer_keys(project, character_id, numbers[0], number)
+    at = time - project.character(character_id).playing[numbers[0]].offset
     remaining = [key for key in keys if abs(key.second - at) > _SAME_KEY_S]
-    return _with_keys(project, character_id, wanted, number, [*remaining, CurveKey(at, value, ease)])
+    return _with_keys(project, character_id, numbers, number, [*remaining, CurveKey(at, value, ease)])
 
 
 def move_layer_key(
@@ -78,15 +78,15 @@ def move_layer_key(
     Raises:
         InputError: if the key does not exist, another is there, or the value cannot be played.
     """
-    wanted = tuple(layers)
-    old_key, keys = _find_key(project, character_id, wanted[0], number, key)
-    offset = project.character(character_id).playing[wanted[0]].offset
+    numbers = tuple(layers)
+    old_key, keys = _find_key(project, character_id, numbers[0], number, key)
+    offset = project.character(character_id).playing[numbers[0]].offset
     moved = CurveKey(
         old_key.second if time is None else time - offset,
         old_key.value if value is None else value,
         old_key.ease if ease is None else ease,
     )
-    return _with_keys(project, character_id, wanted, number, [*keys[:key], moved, *keys[key + 1 :]])
+    return _with_keys(project, character_id, numbers, number, [*keys[:key], moved, *keys[key + 1 :]])
 
 
 def remove_layer_key(
@@ -97,9 +97,9 @@ def remove_layer_key(
     Raises:
         InputError: if the key does not exist.
     """
-    wanted = tuple(layers)
-    _, keys = _find_key(project, character_id, wanted[0], number, key)
-    return _with_keys(project, character_id, wanted, number, [*keys[:key], *keys[key + 1 :]])
+    numbers = tuple(layers)
+    _, keys = _find_key(project, character_id, numbers[0], number, key)
+    return _with_keys(project, character_id, numbers, number, [*keys[:key], *keys[key + 1 :]])
 
 
 def _find_key(
@@ -122,7 +122,7 @@ def _with_keys(
     ordered = sorted(keys, key=lambda key: key.second)
     for layer in layers:
         late = playing[layers[0]].offset - playing[layer].offset
-        own = tuple(replace(key, second=key.second + late) for key in ordered)
-        changes: dict[str, Any] = {number: own}
+        relative_keys = tuple(replace(key, second=key.second + late) for key in ordered)
+        changes: dict[str, Any] = {number: relative_keys}
         project = change_layers(project, character_id, [layer], **changes)
     return project

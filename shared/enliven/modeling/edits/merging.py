@@ -10,13 +10,13 @@ from enliven.arrays import Float
 from enliven.document import GraphShape, Project, RigBase, unused
 from enliven.errors import InputError
 from enliven.modeling.edits.rigs import RIGS, handle_number, rig_of
-from enliven.modeling.edits.root_motion_rig import set_down, taken_up
+from enliven.modeling.edits.root_motion_rig import remove_root_layers, restore_root_layers
 from enliven.modeling.mesh import SeamSettings
 from enliven.modeling.rig import Merge
 
 _DEFAULT_SEAM = SeamSettings()
 _LOOPED_RECORDING_S = 20.0
-"""Time after a merge that is recorded, in seconds, for loops with different lengths or loops that travel."""
+"""Recorded time after a merge, in seconds, if loops have different lengths or do not end where they start."""
 _SAME_POINT_M = 1e-6
 """Maximum distance in metres between the start and end of a closed loop. It allows for rounding."""
 
@@ -33,16 +33,17 @@ def merge_characters(
     seam: SeamSettings = _DEFAULT_SEAM,
     notes: list[str] | None = None,
 ) -> Project:
-    """Attaches one character to another in their poses at ``time``; from then on they are one character.
+    """Merges two characters in their poses at ``time``: attaches the graft to the host.
 
     At ``time`` both stay where they are, and both keep moving; the graft follows the host. Keys that move the
     whole host now move both, and keys of the whole graft are dropped.
 
     Two characters with the same kind of rig keep it. Two different rigs result in a deformation graph, in
-    which each side is a part with its own time. A graph stays unchanged. The bones of a skeleton become
-    nodes, exact at 60 frames per second and at ``time``. A puppet is baked, and ``notes`` receive the error.
-    Baked parts lose their joints and key poses (undo restores them). They play until each take was played
-    once. A loop repeats for ever if its end matches its start, and otherwise plays for 20 seconds.
+    which each side is a part with its own time. A deformation graph stays unchanged. The bones of a skeleton
+    become nodes, exact at 60 frames per second and at ``time``. A puppet is baked, and ``notes`` receives the
+    error. Baked parts lose their joints and key poses (undo restores them). The baked motion ends when each
+    take was played once. A loop repeats for ever if its end matches its start, and otherwise plays for 20
+    seconds.
 
     Args:
         node, at, loose, seam, notes: as in :class:`enliven.modeling.rig.Merge`.
@@ -57,20 +58,20 @@ def merge_characters(
         raise InputError("a character cannot be merged with itself", where=host.where, mend=mend)
     messages, kind = [] if notes is None else notes, host.kind
     for character in (host, graft):
-        project = set_down(RIGS[character.kind], project, character.id, time)
+        project = remove_root_layers(RIGS[character.kind], project, character.id, time)
     if graft.root_layers:
         messages.append(f"The motion of {graft.where} as a whole was removed: it rides on {host.where}.")
     if isinstance(node, str):
         node = handle_number(host, node)
     if kind != graft.kind:
         for name in (host_id, graft_id):
-            project = recorded(project, name, time, messages)
+            project = bake_to_graph(project, name, time, messages)
         kind = GraphShape.kind
     project = RIGS[kind].merged(project, Merge(host_id, graft_id, time, node, at, loose, seam, messages))
-    return taken_up(RIGS[kind], project, host_id, host, time)
+    return restore_root_layers(RIGS[kind], project, host_id, host, time)
 
 
-def recorded(project: Project, character_id: str, time: float, notes: list[str]) -> Project:
+def bake_to_graph(project: Project, character_id: str, time: float, notes: list[str]) -> Project:
     """Bakes a character's motion to a deformation graph. A graph stays unchanged."""
     character = project.character(character_id)
     if character.kind == GraphShape.kind:

@@ -11,12 +11,13 @@ import scipy
 from enliven.arrays import Float, Float32
 from enliven.document import Plane, Project
 from enliven.errors import InputError
-from enliven.examples import reflected
+from enliven.examples import reflect_points
 from enliven.meshes import Mesh
 
 Brush = Literal["stiffer", "softer", "erase"]
-"""Effect of a stroke on the covered vertices. "erase" resets the stiffness to 1."""
-MOST_DOUBLINGS = 4.0
+"""Effect of a stroke on the covered vertices: stiffer, softer, or "erase", which resets the stiffness to
+1."""
+MAX_DOUBLINGS = 4.0
 """Maximum number of doublings or halvings of the stiffness: a factor of 16, at which a limb is practically
 rigid."""
 _DOUBLINGS_PER_STROKE = 2.0
@@ -25,7 +26,7 @@ _MIN_DOUBLINGS = 1e-3
 """Vertices with fewer doublings than this count as unpainted."""
 
 
-def brushed(
+def brush_stiffness(
     mesh: Mesh, stroke: Float, radius: float, brush: Brush, mirror: Plane | None = None
 ) -> Float32 | None:
     """Returns the stiffness (V,) of a mesh after one stroke, or None if no vertex is painted.
@@ -42,7 +43,7 @@ def brushed(
     if mesh.stiffness is not None:
         doublings = np.log2(mesh.stiffness, dtype=np.float64)
     if mirror is not None:
-        other = reflected(stroke, np.asarray(mirror.point), np.asarray(mirror.normal))
+        other = reflect_points(stroke, np.asarray(mirror.point), np.asarray(mirror.normal))
         stroke = np.concatenate([stroke, other])
     near = 1.0 - np.minimum(scipy.spatial.cKDTree(stroke).query(mesh.vertices)[0] / radius, 1.0)
     covered = near * near * (3.0 - 2.0 * near)
@@ -52,7 +53,7 @@ def brushed(
         after = (
             doublings + (_DOUBLINGS_PER_STROKE if brush == "stiffer" else -_DOUBLINGS_PER_STROKE) * covered
         )
-    after = np.clip(after, -MOST_DOUBLINGS, MOST_DOUBLINGS)
+    after = np.clip(after, -MAX_DOUBLINGS, MAX_DOUBLINGS)
     after[np.abs(after) < _MIN_DOUBLINGS] = 0.0
     painted = np.where(covered > 0, np.exp2(after), 1.0 if mesh.stiffness is None else mesh.stiffness)
     return painted.astype(np.float32) if (painted != 1.0).any() else None
@@ -66,13 +67,13 @@ def paint_character(
     brush: Brush,
     mirror: Plane | None = None,
 ) -> Project:
-    """Paints one stroke onto a character; see :func:`brushed`.
+    """Paints one stroke onto a character; see :func:`brush_stiffness`.
 
     Raises:
         InputError: if the character does not exist, or it has no surface.
     """
     mesh = _mesh_of(project, character_id)
-    return _with_stiffness(project, character_id, brushed(mesh, stroke, radius, brush, mirror))
+    return _with_stiffness(project, character_id, brush_stiffness(mesh, stroke, radius, brush, mirror))
 
 
 def unpaint_character(project: Project, character_id: str) -> Project:

@@ -17,12 +17,12 @@ from enliven.modeling.possessed import possess_another
 from enliven.possession import apply_vertex_motion, settings_from_possession
 
 _RECORDING_ATTRIBUTES = ("recorded", "alternatives")
-"""Attributes of a layer that identify its recording. The others say when it plays."""
+"""Attributes of a layer that identify its recording. The other attributes define its timing."""
 
 
 def performance_in(shape: GraphShape) -> GraphPart | GraphLayer | None:
-    """Returns the first part of a shape that performers moved, or else the first layer that they performed on
-    top."""
+    """Returns the first part of a shape that performers moved. Without one, returns the first layer on top
+    that was performed."""
     return next((part for part in (*shape.parts, *shape.over) if part.possession is not None), None)
 
 
@@ -38,9 +38,9 @@ def transfer_performance(
 ) -> tuple[Project, str]:
     """Transfers the motion of performers from one mesh to another. Returns the project and the new mesh's id.
 
-    The performers possess the mesh in its pose at ``time``, scaled to the size that they need. Then the mesh
-    gets its own size again, and starts at its old position. A mesh without motion, bones and key poses
-    becomes the performed character itself. Any other character is copied and stays unchanged.
+    The performers possess the mesh in its pose at ``time``, temporarily scaled to their size. Afterwards it
+    has its own size again, and its motion starts at its old position. A mesh without motion, bones and key
+    poses is replaced by the performed character. Any other character is copied and stays unchanged.
 
     Args:
         time: seconds.

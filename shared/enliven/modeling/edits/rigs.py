@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import GraphShape, Pose, Project, Puppet, RigBase, Shape
 from enliven.errors import InputError
-from enliven.modeling.edits.root_motion_rig import RootMotionRig, set_down
+from enliven.modeling.edits.root_motion_rig import RootMotionRig, remove_root_layers
 from enliven.modeling.possessed import GraphRig
 from enliven.modeling.puppet import PuppetRig
 from enliven.modeling.rig import RigEdits
@@ -22,15 +22,16 @@ RIGS: dict[str, RigEdits] = {
 
 
 def rig_of(character: RigBase) -> RigEdits:
-    """Returns the edits of a character's rig, wrapped for its root layers if it has some."""
-    own = RIGS[character.kind]
-    return RootMotionRig(own) if character.root_layers else own
+    """Returns the edits for a character's rig. If the character has root layers, the edits are wrapped to
+    apply them."""
+    rig_edits = RIGS[character.kind]
+    return RootMotionRig(rig_edits) if character.root_layers else rig_edits
 
 
-def as_standing(project: Project, character: RigBase, time: float) -> RigBase:
+def bake_root_layers(project: Project, character: RigBase, time: float) -> RigBase:
     """Returns the character without root layers, moved to where they put it at a time of the project."""
     standing = project.with_characters(character)
-    return set_down(RIGS[character.kind], standing, character.id, time).character(character.id)
+    return remove_root_layers(RIGS[character.kind], standing, character.id, time).character(character.id)
 
 
 def handle_number(character: RigBase, handle: int | str) -> int:

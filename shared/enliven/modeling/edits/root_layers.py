@@ -29,7 +29,8 @@ larger."""
 
 
 class RigidMotion(NamedTuple):
-    """A rigid motion x -> turn x + move: rotation (..., 4) and metres (..., 3), of one or several moments."""
+    """A rigid motion x -> turn x + move at one or several moments: rotation (..., 4) and displacement (...,
+    3) in metres."""
 
     turn: Float
     move: Float
@@ -52,7 +53,7 @@ class RigidMotion(NamedTuple):
         return RigidMotion(back, -rotate(back, self.move))
 
 
-STAYS = RigidMotion(IDENTITY, np.zeros(3))
+IDENTITY_MOTION = RigidMotion(IDENTITY, np.zeros(3))
 """The identity motion."""
 
 
@@ -69,7 +70,7 @@ def root_motion(project: Project, character: RigBase, time: float) -> RigidMotio
     """
     if not np.isfinite(time):
         raise InputError(f"the time is {time}", where=character.where, mend="Give seconds.")
-    motion = STAYS
+    motion = IDENTITY_MOTION
     for layer in character.root_layers:
         motion = _layer_motion(project, layer, time)[0].after(motion)
     return motion
@@ -96,7 +97,7 @@ def root_values(
     Raises:
         InputError: if the layer does not play at that time.
     """
-    outer, inner = STAYS, STAYS
+    outer, inner = IDENTITY_MOTION, IDENTITY_MOTION
     for k, other in enumerate(character.root_layers):
         if k != number:
             done = _layer_motion(project, other, time)[0]
@@ -106,10 +107,10 @@ def root_values(
     if weight < _MIN_LAYER_WEIGHT:
         mend = "Unmute it, or give it weight, or go to a time at which it plays."
         raise InputError("its keys have no effect at this time", where=f"layer {layer.id!r}", mend=mend)
-    own = outer.inverse.after(motion).after(inner.inverse)
-    moved = own.move - layer.about + rotate(own.turn, layer.about)
+    layer_motion = outer.inverse.after(motion).after(inner.inverse)
+    moved = layer_motion.move - layer.about + rotate(layer_motion.turn, layer.about)
     back, flip = Axes(conjugate(layer.basis), False), Axes(IDENTITY, layer.mirrored)
-    turned = to_rotation_vector(flip.rotations(back.rotations(own.turn)))
+    turned = to_rotation_vector(flip.rotations(back.rotations(layer_motion.turn)))
     return turned / weight, flip.vectors(back.vectors(moved)) / (weight * layer.size)
 
 
@@ -120,7 +121,7 @@ def _layer_motion(project: Project, layer: RootLayer, time: float) -> tuple[Rigi
     at = layer.moment(time, clip.duration)
     weight = 0.0 if layer.muted else layer.weight * at.weight
     if weight == 0.0:
-        return STAYS, 0.0
+        return IDENTITY_MOTION, 0.0
     turn, place = _recorded_root(clip, at.second)
     if at.share > 0.0:
         turn, place = _interpolate_root((turn, place), _recorded_root(clip, at.other), at.share)

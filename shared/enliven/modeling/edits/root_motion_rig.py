@@ -25,7 +25,7 @@ class RootMotionRig(RigEdits):
     """The edits of a rig, for characters with root layers.
 
     Args:
-        own: the edits of the rig.
+        own: the edits of the rig itself.
     """
 
     def __init__(self, own: RigEdits) -> None:
@@ -49,10 +49,10 @@ class RootMotionRig(RigEdits):
 
     def player(self, project: Project, character: Any) -> Player:
         """Returns a function that gives poses and handles, moved by the root layers."""
-        own = self.own.player(project, character)
+        rig_player = self.own.player(project, character)
 
         def at(time: float) -> CharacterState:
-            (pose, handles), motion = own(time), root_motion(project, character, time)
+            (pose, handles), motion = rig_player(time), root_motion(project, character, time)
             linear, positions = _apply_motion(motion, pose.linear, pose.positions)
             moved = replace(pose, linear=linear.astype(np.float32), positions=positions.astype(np.float32))
             return CharacterState(moved, motion(handles))
@@ -61,11 +61,11 @@ class RootMotionRig(RigEdits):
 
     def surface(self, project: Project, character: Any) -> Callable[[float], Float]:
         """Returns a function that gives the surface, moved by the root layers."""
-        own = self.own.surface(project, character)
-        return lambda time: root_motion(project, character, time)(own(time))
+        rig_surface = self.own.surface(project, character)
+        return lambda time: root_motion(project, character, time)(rig_surface(time))
 
     def lacking(self, project: Project, character: Any) -> tuple[str, ...]:
-        """Returns the rig's own list. Root layers do not change it."""
+        """Returns the sentences of the rig itself. Root layers do not change them."""
         return self.own.lacking(project, character)
 
     def check_layers(self, project: Project, character: Any, numbers: set[int]) -> None:
@@ -134,10 +134,10 @@ class RootMotionRig(RigEdits):
         """Cuts the character in its pose at ``time``. The root layers keep moving all parts."""
         character = project.character(name)
         project, parts = self.own.cut(
-            set_down(self.own, project, name, time), name, stroke, time, notes=notes
+            remove_root_layers(self.own, project, name, time), name, stroke, time, notes=notes
         )
         for part in parts:
-            project = taken_up(self.own, project, part, character, time)
+            project = restore_root_layers(self.own, project, part, character, time)
         return project, parts
 
     def merged(self, project: Project, merge: Merge) -> Project:
@@ -145,8 +145,8 @@ class RootMotionRig(RigEdits):
         return self.own.merged(project, merge)
 
 
-def set_down(own: RigEdits, project: Project, name: str, time: float) -> Project:
-    """Replaces a character's root layers by a placement with the same position at a time."""
+def remove_root_layers(own: RigEdits, project: Project, name: str, time: float) -> Project:
+    """Removes a character's root layers, and moves the character to its position at a time."""
     character = project.character(name)
     if not character.root_layers:
         return project
@@ -155,8 +155,8 @@ def set_down(own: RigEdits, project: Project, name: str, time: float) -> Project
     return project.with_characters(own.moved(bare, move, turn, np.zeros(3)))
 
 
-def taken_up(own: RigEdits, project: Project, name: str, before: Any, time: float) -> Project:
-    """Restores the root layers of ``before`` that ``set_down`` replaced at a time."""
+def restore_root_layers(own: RigEdits, project: Project, name: str, before: Any, time: float) -> Project:
+    """Restores the root layers of ``before`` that ``remove_root_layers`` removed, and reverts its move."""
     character = project.character(name)
     if not before.root_layers:
         return project

@@ -1,7 +1,6 @@
-"""Alternative takes (take comping): a repeated performance is kept next to the earlier ones, and one of them
-plays.
+"""Alternative takes (take comping): repeated performances are kept, and one of them plays.
 
-    takes_beside(project, "take 1")                # {"take 1": False, "take 2": True}: the second plays
+    alternative_takes(project, "take 1")                # {"take 1": False, "take 2": True}: the second plays
     choose_take(project, "take 1", "take 1")       # the first plays again, on every character
     drop_take(project, "take 1", "take 2")         # removes its layers and its takes
 
@@ -19,7 +18,7 @@ from enliven.document import GraphPart, LayerBase, PoseStream, Project, RigBase,
 from enliven.errors import InputError
 
 
-def takes_beside(project: Project, alternatives: str) -> dict[str, bool]:
+def alternative_takes(project: Project, alternatives: str) -> dict[str, bool]:
     """Returns the recordings in a group of alternatives, in their order, each with True if it plays."""
     plays: dict[str, bool] = {}
     for character in project.characters.values():
@@ -42,7 +41,7 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
     Raises:
         InputError: if the recording is not in the group.
     """
-    takes = takes_beside(project, alternatives)
+    takes = alternative_takes(project, alternatives)
     if recorded and recorded not in takes:
         mend = f"Known: {', '.join(takes) or 'none'}."
         raise InputError(
@@ -63,7 +62,7 @@ def choose_take(project: Project, alternatives: str, recorded: str) -> Project:
     return project.with_characters(*changed) if alternatives else project
 
 
-def as_take(before: Project, project: Project, recorded: str, alternatives: str) -> Project:
+def group_as_take(before: Project, project: Project, recorded: str, alternatives: str) -> Project:
     """Adds the layers that play takes missing in ``before`` to a group of alternatives."""
 
     def labelled(layer: LayerBase) -> LayerBase:
@@ -79,20 +78,21 @@ def as_take(before: Project, project: Project, recorded: str, alternatives: str)
         if character is not before.characters.get(name)
     ]
     project = project.with_characters(*changed)
-    is_listed = recorded in takes_beside(project, alternatives)
+    is_listed = recorded in alternative_takes(project, alternatives)
     return choose_take(project, alternatives, recorded) if is_listed else project
 
 
 def drop_take(project: Project, alternatives: str, recorded: str) -> Project:
     """Removes one of several alternatives: its layers, and takes that are no longer played.
 
-    The first recording of a possessed mesh drives its nodes. There the nodes keep the pose of its first frame
-    instead. If the removed alternative was playing, its predecessor plays next, or else its successor.
+    The first recording of a possessed mesh drives its nodes. If it is removed, the nodes keep the pose of its
+    first frame. If the removed alternative was playing, the previous one plays next, or else the following
+    one.
 
     Raises:
         InputError: if the recording is not in the group.
     """
-    takes = takes_beside(project, alternatives)
+    takes = alternative_takes(project, alternatives)
     if recorded not in takes:
         mend = f"Known: {', '.join(takes) or 'none'}."
         raise InputError(
@@ -117,7 +117,7 @@ def keep_take(project: Project, alternatives: str, recorded: str) -> Project:
         InputError: if the recording is not in the group.
     """
     project = choose_take(project, alternatives, recorded)
-    for name in takes_beside(project, alternatives):
+    for name in alternative_takes(project, alternatives):
         if name != recorded:
             project = drop_take(project, alternatives, name)
     return choose_take(project, alternatives, recorded)

@@ -22,7 +22,7 @@ def handle_characters(
 
     Args:
         size: scale of the characters on a stage, relative to their own size.
-        exaggeration: strength with which their soft parts overshoot the motion there.
+        exaggeration: strength with which their soft parts overshoot the motion on a stage.
 
     Raises:
         InputError: if the character does not exist.

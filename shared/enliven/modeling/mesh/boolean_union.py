@@ -17,7 +17,7 @@ from enliven.meshes import (
     first_of_position,
     joined_materials,
     materials_within,
-    mixed_paint,
+    split_paint,
     weld,
 )
 from enliven.modeling.mesh.solids import Solid
@@ -26,14 +26,15 @@ from enliven.modeling.skinning import skin_values as skins
 
 @dataclass(frozen=True)
 class Union:
-    """Two meshes united in one.
+    """The result of the union of two meshes.
 
     Attributes:
         mesh: both surfaces.
         skin: the combined skin weights.
         first: (V,) the number of each vertex in the first mesh, or -1.
         second: (V,) the number of each vertex in the second mesh, or -1.
-        seam: (V,) true where the two meshes meet: at new vertices, and at old ones that lie in both.
+        seam: (V,) True for vertices at which the two meshes meet: new vertices, and old vertices of both
+            meshes.
         fused: true if the result is one surface, and not two shells in one mesh.
         notes: what was repaired, or why the meshes were not fused.
         failed: true if manifold3d could not compute the union: one mesh is not a solid, or the library
@@ -63,13 +64,13 @@ class MeshPair:
         faces = np.concatenate([first.faces, second.faces + np.int32(len(first.vertices))])
         vertices = np.concatenate([first.vertices, second.vertices])
         paint = np.concatenate([mesh.paint for mesh in self.meshes])
-        colours, stiffness = mixed_paint(paint, *self.meshes)
+        colours, stiffness = split_paint(paint, *self.meshes)
         mine = np.concatenate([np.arange(len(first.vertices)), np.full(len(second.vertices), -1)])
         theirs = np.concatenate([np.full(len(first.vertices), -1), np.arange(len(second.vertices))])
         materials = joined_materials([(mesh.materials, len(mesh.faces)) for mesh in self.meshes])
         mesh = Mesh(vertices, faces, first.name, colours, materials, stiffness)
         none = np.zeros(len(vertices), bool)
-        return Union(mesh, skins.stacked(self.skins), mine, theirs, none, False, (note,), failed)
+        return Union(mesh, skins.concatenate_skins(self.skins), mine, theirs, none, False, (note,), failed)
 
     def traced(self, solids: tuple[Solid, Solid], made: manifold3d.Mesh64, notes: tuple[str, ...]) -> Union:
         """Builds the union from manifold3d's result. Kept vertices and faces stay in order and bit-exact."""
@@ -108,7 +109,8 @@ class Side:
 
 
 class UnionBuilder:
-    """Builds one mesh: first the kept vertices of both meshes in their order, then the new ones."""
+    """Builds the united mesh: first the kept vertices of both meshes in their order, then the new
+    vertices."""
 
     def __init__(self, pair: MeshPair, sides: list[Side], made: manifold3d.Mesh64) -> None:
         self.pair, self.sides = pair, sides
@@ -150,13 +152,13 @@ class UnionBuilder:
         # Fill in skin weights and paint. Kept vertices keep their values, and new vertices get interpolated
         # ones.
         weights, paint = self._interpolate_new(new)
-        whole = skins.bone_count(skins.stacked(self.pair.skins))
+        whole = skins.bone_count(skins.concatenate_skins(self.pair.skins))
         old_skins = [self._kept_skin(k, kept_vertices[k], whole) for k in range(2)]
-        skin = skins.stacked([*old_skins, skins.sparse(weights)])
+        skin = skins.concatenate_skins([*old_skins, skins.sparse(weights)])
         paint = np.concatenate(
             [*(m.paint[k] for m, k in zip(self.meshes, kept_vertices, strict=True)), paint]
         )
-        colours, stiffness = mixed_paint(paint, *self.meshes)
+        colours, stiffness = split_paint(paint, *self.meshes)
         # Record for each vertex of the result its number in the first and in the second mesh, or -1.
         counts = [len(mesh.vertices) for mesh in self.pair.meshes]
         first, second = (np.full(len(vertices), -1, np.int64) for _ in range(2))
@@ -202,17 +204,17 @@ class UnionBuilder:
         mesh, skin = self.meshes[k], self.pair.skins[k]
         given_count = len(self.pair.meshes[k].vertices)
         if len(mesh.vertices) == given_count:
-            return skins.taken(skin, kept_vertices)
+            return skins.select_vertices(skin, kept_vertices)
         full = skins.dense(skin, bones)
         for of, how in self.sides[k].solid.closing:
             full = np.concatenate([full, how(full[of])])
-        old = skins.taken(skin, kept_vertices[kept_vertices < given_count])
-        return skins.stacked([old, skins.sparse(full[kept_vertices[kept_vertices >= given_count]])])
+        old = skins.select_vertices(skin, kept_vertices[kept_vertices < given_count])
+        return skins.concatenate_skins([old, skins.sparse(full[kept_vertices[kept_vertices >= given_count]])])
 
     def _interpolate_new(self, new: Int) -> tuple[Float, Float]:
         """Returns weights (N, B) and paint (N, 4) of the new vertices, interpolated within the face that each
         lies in."""
-        bones = skins.bone_count(skins.stacked(self.pair.skins))
+        bones = skins.bone_count(skins.concatenate_skins(self.pair.skins))
         weights, paint = np.zeros((len(new), bones)), np.zeros((len(new), 4))
         row = np.full(len(self.places), -1, np.int64)
         row[new] = np.arange(len(new))
@@ -223,11 +225,11 @@ class UnionBuilder:
             vertex = side.triangles[face, corner]
             vertex, first = np.unique(vertex, return_index=True)
             own = mesh.faces[side.source[face[first]]]
-            share = barycentric(self.places[vertex], mesh.vertices[own])
+            coordinates = barycentric(self.places[vertex], mesh.vertices[own])
             corners, inverse = np.unique(own, return_inverse=True)
             full = skins.dense(self._kept_skin(k, corners, bones), bones)[inverse.reshape(-1, 3)]
-            weights[row[vertex]] = (share[..., None] * full).sum(1)
-            paint[row[vertex]] = (share[..., None] * own_paint[own]).sum(1)
+            weights[row[vertex]] = (coordinates[..., None] * full).sum(1)
+            paint[row[vertex]] = (coordinates[..., None] * own_paint[own]).sum(1)
         return weights, paint
 
     def _average_seam_skin(
@@ -247,7 +249,7 @@ class UnionBuilder:
         rows = np.flatnonzero(seam)
         bones = skins.bone_count(skin)
         full, counts = np.zeros((count, bones)), np.zeros(count)
-        np.add.at(full, first[rows], skins.dense(skins.taken(skin, rows), bones))
+        np.add.at(full, first[rows], skins.dense(skins.select_vertices(skin, rows), bones))
         np.add.at(counts, first[rows], 1.0)
         mean = skins.sparse(full[first[rows]] / counts[first[rows], None])
         indices, weights = skin.indices.copy(), skin.weights.copy()
@@ -256,7 +258,7 @@ class UnionBuilder:
 
 
 def _weld_vertices(union: Union) -> Union:
-    """Merges vertices at the same position. The first mesh's own vertex is kept, if it has one there."""
+    """Merges vertices at the same position. If a vertex of the first mesh is among them, it is kept."""
     mesh = union.mesh
     first = first_of_position(np.ascontiguousarray(mesh.vertices + 0.0))
     faces = first[mesh.faces]
@@ -271,7 +273,7 @@ def _weld_vertices(union: Union) -> Union:
     return replace(
         union,
         mesh=Mesh(mesh.vertices[used], faces, mesh.name, colours, materials, stiffness),
-        skin=skins.taken(union.skin, used),
+        skin=skins.select_vertices(union.skin, used),
         first=union.first[used],
         second=second[used],
         seam=union.seam[used],
@@ -279,7 +281,7 @@ def _weld_vertices(union: Union) -> Union:
 
 
 def _is_membrane(faces: Int) -> Bool:
-    """Returns (F,) true for faces that lie back to back. They remain between two caps that met."""
+    """Returns (F,) True for pairs of faces that lie back to back. They are left over if two caps touch."""
     if len(faces) == 0:
         return np.zeros(0, bool)
     lowest = np.argmin(faces, 1)

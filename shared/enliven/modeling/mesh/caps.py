@@ -10,8 +10,8 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags
 from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Int
-from enliven.modeling.mesh.cut_loops import area
-from enliven.modeling.mesh.planar import refined, triangulated
+from enliven.modeling.mesh.cut_loops import signed_area
+from enliven.modeling.mesh.planar import refine_triangulation, triangulate_loops
 from enliven.modeling.mesh.poisson_equation import SYMMETRIC_LU
 
 _EDGE_GROWTH = 1.25
@@ -29,10 +29,10 @@ class HarmonicInterpolation:
     def __init__(self, points: Float, triangles: Int, fixed: int) -> None:
         self.count = len(points) - fixed
         if self.count:
-            web = _cotangent_weights(points, triangles)
-            own = np.asarray(web.sum(1)).ravel()
-            self._rim = csr_matrix(web[fixed:, :fixed])
-            self._factor = splu(csc_matrix(diags(own[fixed:]) - web[fixed:, fixed:]), **SYMMETRIC_LU)
+            weights = _cotangent_weights(points, triangles)
+            degree = np.asarray(weights.sum(1)).ravel()
+            self._rim = csr_matrix(weights[fixed:, :fixed])
+            self._factor = splu(csc_matrix(diags(degree[fixed:]) - weights[fixed:, fixed:]), **SYMMETRIC_LU)
 
     def __call__(self, values: Float) -> Float:
         """Returns (I, K) values at the inner points, from (R, K) values at the fixed points."""
@@ -63,16 +63,16 @@ def cap_of(loops: list[Int], places: Float, fine: bool = True) -> Cap:
     Args:
         loops: the points of each loop, in order.
         places: (N, 2) coordinates of the points in the surface.
-        fine: if false, no inner points are added.
+        fine: True to add inner points.
     """
-    mirrored = sum(area(places[loop]) for loop in loops) < 0
+    mirrored = sum(signed_area(places[loop]) for loop in loops) < 0
     rim = np.concatenate(loops)
     points = places[rim] * ([-1.0, 1.0] if mirrored else [1.0, 1.0])
     ends = np.cumsum([len(loop) for loop in loops])
     numbers = [np.arange(end - len(loop), end) for loop, end in zip(loops, ends, strict=True)]
-    triangles = triangulated(points, numbers)
+    triangles = triangulate_loops(points, numbers)
     if fine:
-        points, triangles = refined(
+        points, triangles = refine_triangulation(
             points, triangles, _target_edge_lengths(points, numbers), growth=_EDGE_GROWTH
         )
     return Cap(rim, triangles, HarmonicInterpolation(points, triangles, len(rim)))
@@ -92,8 +92,8 @@ def _target_edge_lengths(points: Float, loops: list[Int]) -> Float:
     return sizes
 
 
-def flattened(points: Float) -> Float:
-    """Projects a loop onto its best-fitting plane: (N, 2), counter-clockwise."""
+def flatten_loop(points: Float) -> Float:
+    """Projects a loop onto its best-fitting plane. Returns (N, 2) points, counter-clockwise."""
     middle = points - points.mean(0)
     normal = np.cross(middle, np.roll(middle, -1, 0)).sum(0)
     normal /= max(float(np.linalg.norm(normal)), 1e-300)
@@ -115,9 +115,9 @@ def _cotangent_weights(points: Float, triangles: Int) -> csr_matrix:
         rows += [triangles[:, i], triangles[:, j]]
         columns += [triangles[:, j], triangles[:, i]]
         values += [cotangent, cotangent]
-    web = coo_matrix(
+    weights = coo_matrix(
         (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (count, count)
     )
-    web = web.tocsr()
-    web.data = np.maximum(web.data, 1e-9)
-    return web
+    weights = weights.tocsr()
+    weights.data = np.maximum(weights.data, 1e-9)
+    return weights

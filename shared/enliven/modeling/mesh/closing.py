@@ -1,5 +1,5 @@
-"""Closes any triangle mesh to an oriented 2-manifold: separates touching sheets, caps holes, leaves out
-leaves.
+"""Closes any triangle mesh to an oriented 2-manifold: separates touching sheets, caps holes, and removes open
+sheets (leaves).
 
 Two faces are connected across an edge if they alone share it with opposite directions. If more than two faces
 share an edge (an edge of two touching boxes), pairs with the thinnest wedge of solid between them are
@@ -19,14 +19,15 @@ from scipy.sparse.csgraph import connected_components
 
 from enliven.arrays import Bool, Float, Int
 from enliven.meshes import Mesh, face_areas
-from enliven.modeling.mesh.caps import cap_of, flattened
+from enliven.modeling.mesh.caps import cap_of, flatten_loop
 
 _MAX_CAP_FRACTION = 0.25
 """Maximum area of the caps, as a fraction of the surface area, for a mesh or connected part to be closed. A
 part with larger holes is a leaf."""
 
 Interpolation = Callable[[Float], Float]
-"""Interpolates (I, K) values at new points from (R, K) values at the points they are made from."""
+"""A function that interpolates (I, K) values at new points from (R, K) values at the points from which they
+were made."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class ClosedSurface:
     """An oriented 2-manifold without border.
 
     Attributes:
-        vertices: (V', 3) metres: the given ones, then those added to close the surface.
+        vertices: (V', 3) metres: the given vertices, then those that were added to close the surface.
         faces: (F', 3): the given faces without leaves, with their corners at the same positions, then the
             caps.
         label: (V',) the manifold vertex that each vertex belongs to. Vertices with equal labels are the same
@@ -68,10 +69,10 @@ def closed_surface(mesh: Mesh, of: Int) -> ClosedSurface:
         part = connected_components(_face_adjacency(mates // 3, len(welded)), directed=False)[1]
         caps = [work.cap(loop) for loop in loops]
         area = np.bincount(part, face_areas(mesh.vertices, mesh.faces))
-        own = part[[loop[0] // 3 for loop in loops]]
-        missing = np.bincount(own, [cap.area for cap in caps], len(area))
+        loop_parts = part[[loop[0] // 3 for loop in loops]]
+        missing = np.bincount(loop_parts, [cap.area for cap in caps], len(area))
         open_parts = (missing > _MAX_CAP_FRACTION * area) & (missing.sum() > _MAX_CAP_FRACTION * area.sum())
-        for number, cap in zip(own, caps, strict=True):
+        for number, cap in zip(loop_parts, caps, strict=True):
             if not open_parts[number]:
                 work.close(cap)
         leaf = open_parts[part]
@@ -129,19 +130,19 @@ def _corner_fans(mates: Int) -> Int:
     joined = np.flatnonzero(mates >= 0)
     other = mates[joined]
     after = other - other % 3 + (other + 1) % 3
-    web = coo_matrix((np.ones(len(joined)), (joined, after)), (len(mates), len(mates)))
-    return np.asarray(connected_components(web, directed=False)[1], np.int64)
+    adjacency = coo_matrix((np.ones(len(joined)), (joined, after)), (len(mates), len(mates)))
+    return np.asarray(connected_components(adjacency, directed=False)[1], np.int64)
 
 
 def _border_loops(mates: Int, corner: Int) -> list[Int]:
     """Returns the half-edges of each border in the order of the cap's rim, which is opposite to the faces'
     direction."""
-    lonely = np.flatnonzero(mates < 0)
+    border_edges = np.flatnonzero(mates < 0)
     flat = corner.ravel()
-    after = lonely - lonely % 3 + (lonely + 1) % 3
-    into = dict(zip(flat[after].tolist(), lonely.tolist(), strict=True))
-    loops, remaining = list[Int](), set(lonely.tolist())
-    for start in lonely.tolist():
+    after = border_edges - border_edges % 3 + (border_edges + 1) % 3
+    into = dict(zip(flat[after].tolist(), border_edges.tolist(), strict=True))
+    loops, remaining = list[Int](), set(border_edges.tolist())
+    for start in border_edges.tolist():
         loop, at = list[int](), start
         while at in remaining:
             remaining.remove(at)
@@ -193,7 +194,7 @@ class _Work:
     def cap(self, loop: Int) -> _Rim:
         """Returns the cap that would close a border of half-edges."""
         rim = self.corners.ravel()[loop]
-        cap = cap_of([np.arange(len(rim))], flattened(self.vertices[rim]))
+        cap = cap_of([np.arange(len(rim))], flatten_loop(self.vertices[rim]))
         order, faces = rim[cap.rim], cap.faces
         how: Interpolation = cap.inside
         if len(faces) != len(rim) - 2 + 2 * cap.inside.count:

@@ -8,13 +8,14 @@ from enliven.arrays import Bool, Float, Int, Int32
 from enliven.modeling.mesh.remesh import flip_within
 
 _MIN_EDGE_RATIO = 0.5
-"""Edges of the seam shorter than this fraction of the median edge length nearby are contracted."""
+"""Minimum length of the seam's edges, as a fraction of the median edge length nearby. Shorter edges are
+contracted."""
 _KEPT_VERTEX_FACTOR = 0.5
 """Factor on the limit above for an edge with one vertex that must stay: the seam is pulled onto that
 vertex."""
 
 
-def without_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
+def remove_slivers(vertices: Float, faces: Int32, new: Bool) -> tuple[Float, Int32, Bool, Bool]:
     """Removes slivers at the new vertices of a surface.
 
     Args:

@@ -28,16 +28,16 @@ class Crossings:
     loops: Int
 
 
-def crossings_of(faces: Int, far: Bool) -> Crossings:
-    """Finds the crossed faces among ``faces`` (F, 3): those with one or two vertices that are ``far``
-    (V,)."""
+def find_crossings(faces: Int, far: Bool) -> Crossings:
+    """Finds the crossed faces among ``faces`` (F, 3): those with one or two vertices on the far side (``far``
+    (V,))."""
     side = far[faces]
     far_count = side.sum(1)
     crossed = np.flatnonzero((far_count == 1) | (far_count == 2))
     corners, side = faces[crossed], side[crossed]
     # Rotate the corners of each face so that the corner that is alone on its side of the cut comes first.
-    lonely = np.where(side.sum(1) == 1, np.argmax(side, 1), np.argmin(side, 1))
-    turn = (lonely[:, None] + np.arange(3)) % 3
+    single_corner = np.where(side.sum(1) == 1, np.argmax(side, 1), np.argmin(side, 1))
+    turn = (single_corner[:, None] + np.arange(3)) % 3
     corners = np.take_along_axis(corners, turn, 1)
     out_of, into = corners[:, [0, 1]], corners[:, [2, 0]]
     both = np.sort(np.stack([out_of, into], 1).reshape(-1, 2), 1)
@@ -45,13 +45,13 @@ def crossings_of(faces: Int, far: Bool) -> Crossings:
     pairs = number.reshape(-1, 2)
     # If the lone corner is on the far side, the border of the near part runs from the last edge to the first.
     # So reverse the pair.
-    lonely_far = np.take_along_axis(side, lonely[:, None], 1)[:, 0]
+    lonely_far = np.take_along_axis(side, single_corner[:, None], 1)[:, 0]
     pairs = np.where(lonely_far[:, None], pairs, pairs[:, ::-1])
     label = components(len(edges), pairs) if len(edges) else np.zeros(0, np.int64)
     return Crossings(crossed, edges, pairs, label[pairs[:, 0]])
 
 
-def chains_of(pairs: Int) -> list[tuple[Int, bool]]:
+def order_chains(pairs: Int) -> list[tuple[Int, bool]]:
     """Orders the edges of each loop in the direction of most pairs.
 
     Args:
@@ -121,7 +121,7 @@ def _polyline_length(points: Float) -> float:
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
-def winding(polygon: Float, point: Float) -> float:
+def winding_number(polygon: Float, point: Float) -> float:
     """Returns the winding number of a closed polygon (P, 2) around a point: about 0 outside, 1 or -1
     inside."""
     rays = polygon - point
@@ -130,7 +130,7 @@ def winding(polygon: Float, point: Float) -> float:
     return float(np.arctan2(cross, (rays * ahead).sum(1)).sum() / (2 * np.pi))
 
 
-def area(polygon: Float) -> float:
+def signed_area(polygon: Float) -> float:
     """Computes the signed area of a polygon (P, 2)."""
     ahead = np.roll(polygon, -1, 0)
     return float((polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0]).sum() / 2)

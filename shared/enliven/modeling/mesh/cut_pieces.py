@@ -8,7 +8,7 @@ import numpy as np
 
 from enliven.arrays import Bool, Float, Int
 from enliven.document import SkinWeights
-from enliven.meshes import Mesh, joined_materials, materials_within, mixed_paint
+from enliven.meshes import Mesh, joined_materials, materials_within, split_paint
 from enliven.modeling.mesh.caps import Cap, HarmonicInterpolation
 from enliven.modeling.mesh.cut_plan import CutPlan
 from enliven.modeling.skinning import skin_values as skins
@@ -31,17 +31,17 @@ class Piece:
     caps: int
 
 
-def piece_of(work: CutPlan, keeps: Bool, caps: list[Cap], far: bool) -> Piece:
+def build_piece(work: CutPlan, keeps: Bool, caps: list[Cap], far: bool) -> Piece:
     """Builds one side of a cut from its whole faces, its parts of the split faces, and its caps.
 
     Args:
         keeps: (W,) true for welded vertices on this side.
         far: true for the side with positive field values.
     """
-    return _Maker(work, keeps, far).piece(caps)
+    return _PieceBuilder(work, keeps, far).piece(caps)
 
 
-class _Maker:
+class _PieceBuilder:
     """Builds one side of a cut: kept vertices, new ones on crossed edges, then the inner vertices of caps."""
 
     def __init__(self, work: CutPlan, keeps: Bool, far: bool) -> None:
@@ -92,7 +92,7 @@ class _Maker:
         materials = joined_materials(
             [(kept_materials, len(whole_faces)), (inside, len(split)), (None, len(closing))]
         )
-        colours, stiffness = mixed_paint(paint, self.mesh)
+        colours, stiffness = split_paint(paint, self.mesh)
         faces = faces.astype(np.int32)
         mesh = Mesh(vertices, faces, self.mesh.name, colours, materials, stiffness)
         return Piece(mesh, skin, originals, len(closing))
@@ -107,9 +107,9 @@ class _Maker:
         work = self.work
         own = self.mesh.faces[self.split].astype(np.int64)
         side = work.far[work.of[own]]
-        lonely = np.where(side.sum(1) == 1, np.argmax(side, 1), np.argmin(side, 1))
-        corner = np.take_along_axis(own, (lonely[:, None] + np.arange(3)) % 3, 1)
-        lonely_far = np.take_along_axis(side, lonely[:, None], 1)[:, 0]
+        single_corner = np.where(side.sum(1) == 1, np.argmax(side, 1), np.argmin(side, 1))
+        corner = np.take_along_axis(own, (single_corner[:, None] + np.arange(3)) % 3, 1)
+        lonely_far = np.take_along_axis(side, single_corner[:, None], 1)[:, 0]
         pairs = np.where(lonely_far[:, None], self.pairs, self.pairs[:, ::-1])
         # Create one new vertex for each pair of old ones. On a flat-shaded mesh, this creates one for each
         # face.
@@ -131,13 +131,17 @@ class _Maker:
     ) -> tuple[Float, Float, SkinWeights | None]:
         """Returns positions, paint and skin of all vertices."""
         work, mesh = self.work, self.mesh
-        share = work.share[edges][:, None]
+        edge_fraction = work.share[edges][:, None]
         base = len(self.kept)
 
         def grown(old: Float, rim: Float | None = None) -> Float:
             """Interpolates values at the new vertices: along the crossed edges, and inside caps from their
             rims."""
-            on_edges = old[sources[:, 0]] * (1 - share) + old[sources[:, 1]] * share if rim is None else rim
+            on_edges = (
+                old[sources[:, 0]] * (1 - edge_fraction) + old[sources[:, 1]] * edge_fraction
+                if rim is None
+                else rim
+            )
             out = [on_edges]
             for around, spread in insides:
                 own = on_edges[around - base]
@@ -151,10 +155,14 @@ class _Maker:
             return vertices, paint, None
         old = np.unique(sources)
         few = np.searchsorted(old, sources)
-        full = skins.dense(skins.taken(work.skin, old), skins.bone_count(work.skin))
+        full = skins.dense(skins.select_vertices(work.skin, old), skins.bone_count(work.skin))
         used_bones = np.flatnonzero(full.any(0))
         full = full[:, used_bones]
-        rim_skin = full[few[:, 0]] * (1 - share) + full[few[:, 1]] * share
+        rim_skin = full[few[:, 0]] * (1 - edge_fraction) + full[few[:, 1]] * edge_fraction
         new_skin = skins.sparse(grown(np.zeros((0, 0)), rim_skin))
         new_skin = SkinWeights(used_bones[new_skin.indices].astype(np.uint16), new_skin.weights)
-        return vertices, paint, skins.stacked([skins.taken(work.skin, self.kept), new_skin])
+        return (
+            vertices,
+            paint,
+            skins.concatenate_skins([skins.select_vertices(work.skin, self.kept), new_skin]),
+        )

@@ -13,16 +13,23 @@ from enliven.deformation.graph import components
 from enliven.document import SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, weld
-from enliven.modeling.mesh.caps import Cap, cap_of, flattened
-from enliven.modeling.mesh.cut_loops import Crossings, area, chains_of, crossings_of, joined, winding
+from enliven.modeling.mesh.caps import Cap, cap_of, flatten_loop
+from enliven.modeling.mesh.cut_loops import (
+    Crossings,
+    find_crossings,
+    joined,
+    order_chains,
+    signed_area,
+    winding_number,
+)
 from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.settings import setting
 
 _SIDES = ((0, 1), (1, 2), (2, 0))
-"""The pairs of corners that form a triangle's three sides."""
+"""The numbers of the two corners of each of a triangle's three sides."""
 _MIN_ISLAND_FRACTION = 0.05
-"""Islands of vertices below this fraction of their side are not cut out. Skin weights alone may create
-them."""
+"""Minimum size of an island of vertices that is cut out, as a fraction of its side. Cuts along skin weights
+can create small islands."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +61,7 @@ class CutSettings:
 
 @dataclass
 class CutPlan:
-    """The plan of a cut. Its topology is that of the welded mesh, but its result refers to the given mesh."""
+    """The plan of a cut. It uses the topology of the welded mesh, but its result refers to the given mesh."""
 
     mesh: Mesh
     skin: SkinWeights | None
@@ -63,7 +70,8 @@ class CutPlan:
     settings: CutSettings
     loyal: Float | None
     values: Float | None = None
-    """(V,) a field to cut along instead of the surface's own. The caps are then only near the surface."""
+    """(V,) values of a field that replaces the surface's own field. The caps are then only near the cut
+    surface."""
     notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -82,7 +90,7 @@ class CutPlan:
         self.field = self.surface.field(self.at) if self.values is None else self._without_islands()
         self.shift = self._offset_off_vertices()
         self.far = self.field > self.shift
-        self.found: Crossings = crossings_of(self.faces, self.far)
+        self.found: Crossings = find_crossings(self.faces, self.far)
         self.share = self._crossing_positions(self.found.edges)
         self.places = self.surface.flat(self.between(self.at, self.found.edges, self.share))
         self.count = int(self.found.loops.max(initial=-1)) + 1
@@ -145,7 +153,7 @@ class CutPlan:
 
     def _longest_chain(self, loop: int) -> Float:
         """Returns the longest chain of a loop, (P, 2) coordinates on the surface."""
-        chains = chains_of(self.found.pairs[self.found.loops == loop])
+        chains = order_chains(self.found.pairs[self.found.loops == loop])
         return self.places[max(chains, key=lambda chain: len(chain[0]))[0]]
 
     def choose_around(self, point: Float, own: Float, where: str) -> None:
@@ -156,7 +164,7 @@ class CutPlan:
         """
         self.point = point
         polygons = [self._longest_chain(loop) for loop in range(self.count)]
-        around = [i for i, polygon in enumerate(polygons) if abs(winding(polygon, point)) > 0.5]
+        around = [i for i, polygon in enumerate(polygons) if abs(winding_number(polygon, point)) > 0.5]
         if not around:
             around = self._neighbouring_loop(point, own, polygons)
             note = "the bone runs outside of the mesh there: the part that follows it was cut"
@@ -166,9 +174,11 @@ class CutPlan:
             return
         # Loops inside other loops belong to the same limb. Examples are the inner side of a shell, and a bone
         # in a sleeve.
-        outer = max(around, key=lambda i: abs(area(polygons[i])))
+        outer = max(around, key=lambda i: abs(signed_area(polygons[i])))
         inside = [
-            i for i, polygon in enumerate(polygons) if abs(winding(polygons[outer], polygon.mean(0))) > 0.5
+            i
+            for i, polygon in enumerate(polygons)
+            if abs(winding_number(polygons[outer], polygon.mean(0))) > 0.5
         ]
         self.chosen = np.array(sorted({*around, *inside}), np.int64)
 
@@ -179,7 +189,7 @@ class CutPlan:
         best: tuple[float, list[int]] = (1.0, [])
         for i, polygon in enumerate(polygons):
             faces = self.faces[self.found.faces[self.found.loops == i]]
-            thick = np.sqrt(abs(area(polygon)) / np.pi)
+            thick = np.sqrt(abs(signed_area(polygon)) / np.pi)
             far = float(np.linalg.norm(polygon - point, axis=1).min()) / max(thick, 1e-300)
             if of_bone[faces].mean() > 0.3 and far < best[0]:
                 best = (far, [i])
@@ -208,8 +218,8 @@ class CutPlan:
         self.point = self.places[covered].mean(0)
 
     def sides(self) -> Bool:
-        """Returns (W,) true for welded vertices on the far side. Cuts more loops while the two sides are
-        still connected."""
+        """Returns (W,) true for welded vertices on the far side. As long as the two sides are connected, more
+        loops are cut."""
         while True:
             cut = np.isin(self.found.loops, self.chosen)
             part = self._components_after_cut(cut)
@@ -271,7 +281,7 @@ class CutPlan:
         shell = components(len(self.rest), ends)[self.faces[self.found.faces, 0]]
         caps = []
         for shell_number in np.unique(shell[cut]):
-            chains = chains_of(self.found.pairs[cut & (shell == shell_number)])
+            chains = order_chains(self.found.pairs[cut & (shell == shell_number)])
             loops = [
                 order
                 for order, shut in joined(chains, self.places, self.settings.gap)
@@ -290,5 +300,5 @@ class CutPlan:
     def _own_cap(self, loop: Int) -> Cap:
         """Returns a cap in the best-fitting plane of a loop."""
         points = self.between(self.at, self.found.edges[loop], self.share[loop])
-        cap = cap_of([np.arange(len(loop))], flattened(points), self.settings.fine)
+        cap = cap_of([np.arange(len(loop))], flatten_loop(points), self.settings.fine)
         return Cap(loop[cap.rim], cap.faces, cap.inside)

@@ -19,10 +19,10 @@ from enliven.document import SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh
 from enliven.modeling.mesh.boolean_union import Union
-from enliven.modeling.mesh.mesh_union import united
+from enliven.modeling.mesh.mesh_union import unite_meshes
 
 Heal = Callable[[Mesh, SkinWeights, Bool], tuple[Mesh, SkinWeights]]
-"""Smooths a surface and recomputes its weights around a seam (V,)."""
+"""A function that smooths a surface and recomputes its weights around a seam (V,)."""
 
 
 class SkinnedSurface(NamedTuple):
@@ -55,7 +55,7 @@ def joined(
     Raises:
         InputError: if the union fails and ``loose`` is false.
     """
-    union = united(
+    union = unite_meshes(
         replace(first.mesh, vertices=first.seen),
         first.skin,
         replace(second.mesh, vertices=second.seen),
@@ -74,11 +74,13 @@ def joined(
     changed |= (mesh.vertices != union.mesh.vertices).any(1)
     changed |= (skin.indices != union.skin.indices).any(1) | (skin.weights != union.skin.weights).any(1)
     rows = np.flatnonzero(changed)
-    rest[rows] = unposed(mesh.vertices[rows], SkinWeights(skin.indices[rows], skin.weights[rows]), maps)
+    rest[rows] = unpose_vertices(
+        mesh.vertices[rows], SkinWeights(skin.indices[rows], skin.weights[rows]), maps
+    )
     return replace(mesh, vertices=rest), skin
 
 
-def unposed(seen: Float, skin: SkinWeights, maps: Float) -> Float:
+def unpose_vertices(seen: Float, skin: SkinWeights, maps: Float) -> Float:
     """Computes the rest positions (V, 3) that the blend of ``maps`` (B, 3, 4) takes to ``seen`` (V, 3).
 
     A nearly singular blend (of bones that turned against one another) has no useful inverse. In that case the

@@ -21,7 +21,7 @@ from enliven.deformation.graph import components
 from enliven.document import Skeleton, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import Mesh, face_areas, weld
-from enliven.modeling.mesh.cut_pieces import Piece, piece_of
+from enliven.modeling.mesh.cut_pieces import Piece, build_piece
 from enliven.modeling.mesh.cut_plan import CutPlan, CutSettings
 from enliven.modeling.mesh.cut_surfaces import CutSurface, PlaneCut
 from enliven.modeling.mesh.poisson_equation import poisson
@@ -71,28 +71,28 @@ def cut_across_bone(
         InputError: if the bone has no length, or if no part of the mesh surrounds it there.
     """
     settings = settings or CutSettings()
-    where = f"bone {skeleton.names[bone]!r}"
+    location = f"bone {skeleton.names[bone]!r}"
     if bone == 0 or not skeleton.lengths[bone] > 0:
-        raise InputError("it has no length to cut across", where=where, mend="Choose another bone.")
+        raise InputError("it has no length to cut across", where=location, mend="Choose another bone.")
     start = skeleton.positions[skeleton.parents[bone]]
     surface = PlaneCut(start + u * skeleton.vectors[bone], skeleton.vectors[bone])
     beyond = np.zeros(max(skins.bone_count(skin), len(skeleton)))
     beyond[list(skeleton.below(bone))] = 1.0
     beyond[bone] = 0.5
     loyal = (beyond[skin.indices] * skin.weights).sum(1)
-    own = np.where(skin.indices == bone, skin.weights, 0.0).sum(1, dtype=np.float64)
+    bone_weight = np.where(skin.indices == bone, skin.weights, 0.0).sum(1, dtype=np.float64)
     work = CutPlan(mesh, skin, surface, None, settings, loyal)
-    work.choose_around(surface.flat(surface.point[None])[0], own, where)
+    work.choose_around(surface.flat(surface.point[None])[0], bone_weight, location)
     cut = _build_pieces(work)
     beyond[bone] = 0.0
     ahead = (beyond[skin.indices] * skin.weights).sum(1)
-    behind = 1.0 - ahead - own
+    behind = 1.0 - ahead - bone_weight
     if len(work.chosen) == 0 or _bone_match(cut, ahead, behind) > settings.belongs:
         return cut
     # The selected cut does not separate the bones' skin well. For example, a plane through the middle of the
     # body, at a bone to a hip, would cut the body in half. So try a cut along the skin weights.
     along = np.clip(work.surface.field(mesh.vertices) / skeleton.lengths[bone], -1, 1)
-    other = CutPlan(mesh, skin, surface, None, settings, loyal, ahead - behind + own * along)
+    other = CutPlan(mesh, skin, surface, None, settings, loyal, ahead - behind + bone_weight * along)
     other.choose_all()
     by_skin = _build_pieces(other) if other.count else cut
     if _bone_match(by_skin, ahead, behind) <= _bone_match(cut, ahead, behind):
@@ -151,13 +151,15 @@ def _build_pieces(work: CutPlan) -> Cut:
         raise InputError("it separates nothing", where="cut", mend="Cut elsewhere.")
     caps = work.caps()
     near, far = (
-        rounded(piece_of(work, side == half, caps, half), work.settings.rounding) for half in (False, True)
+        round_caps(build_piece(work, side == half, caps, half), work.settings.rounding)
+        for half in (False, True)
     )
     return Cut(near, far, tuple(work.notes))
 
 
-def rounded(piece: Piece, share: float) -> Piece:
-    """Inflates the caps of a piece with the method of ``inflate``. A share of 1 makes hemispheres."""
+def round_caps(piece: Piece, share: float) -> Piece:
+    """Inflates the caps of a piece (:mod:`enliven.modeling.sketching.inflate`'s method). A ``share`` of 1
+    makes hemispheres."""
     if share == 0.0 or piece.caps == 0:
         return piece
     mesh = piece.mesh
@@ -169,13 +171,13 @@ def rounded(piece: Piece, share: float) -> Piece:
     used = np.zeros(len(caps.vertices), bool)
     used[caps.faces] = True
     height = share * np.sqrt(2.0 * np.maximum(poisson(caps.vertices, caps.faces, used & ~rim), 0.0))
-    moved = mesh.vertices + (height[:, None] * outward_of(caps))[of]
+    moved = mesh.vertices + (height[:, None] * cap_normals(caps))[of]
     return replace(
         piece, mesh=replace(mesh, vertices=np.where((height > 0)[of][:, None], moved, mesh.vertices))
     )
 
 
-def outward_of(caps: Mesh) -> Float:
+def cap_normals(caps: Mesh) -> Float:
     """Returns (V, 3) for each vertex the mean normal of its cap."""
     part = components(len(caps.vertices), caps.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
     total = np.zeros((int(part.max()) + 1, 3))

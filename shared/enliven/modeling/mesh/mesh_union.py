@@ -1,6 +1,6 @@
 """The union of two skinned meshes in one frame. Every vertex is traced to its origin.
 
-    united(first, first_skin, second, second_skin, offset=0) -> Union
+    unite_meshes(first, first_skin, second, second_skin, offset=0) -> Union
 
 ``offset`` is added to the bone numbers of the second skin (0 if they are already numbered for the merged
 skeleton). ``Union.first`` and ``Union.second`` give the old number of each vertex in either mesh, or -1.
@@ -21,13 +21,13 @@ from enliven.arrays import Bool, Float
 from enliven.document import SkinWeights
 from enliven.meshes import Mesh, MeshMaterials, joined_materials, materials_within, weld
 from enliven.modeling.mesh.boolean_union import MeshPair, Union
-from enliven.modeling.mesh.collapse_slivers import without_slivers
-from enliven.modeling.mesh.seam import creased
+from enliven.modeling.mesh.collapse_slivers import remove_slivers
+from enliven.modeling.mesh.seam import find_creases
 from enliven.modeling.mesh.solids import Solid, solid_of
 from enliven.modeling.skinning import skin_values as skins
 
 
-def united(
+def unite_meshes(
     first: Mesh,
     first_skin: SkinWeights,
     second: Mesh,
@@ -62,12 +62,12 @@ def united(
 
 def _without_slivers(union: Union) -> Union:
     """Removes slivers at the new vertices of a union, where the seam has a crease."""
-    new = creased(union.mesh, union.seam) & (union.first < 0) & (union.second < 0)
+    new = find_creases(union.mesh, union.seam) & (union.first < 0) & (union.second < 0)
     # If positions occur twice, as in a flat-shaded mesh, moving only one of the two vertices would open a
     # crack. So keep the slivers of such a mesh.
     if not new.any() or len(weld(union.mesh)[0].vertices) < len(union.mesh.vertices):
         return union
-    vertices, faces, is_kept, drawn = without_slivers(union.mesh.vertices, union.mesh.faces, new)
+    vertices, faces, is_kept, drawn = remove_slivers(union.mesh.vertices, union.mesh.faces, new)
     number = np.cumsum(is_kept) - 1
     colours, stiffness = union.mesh.paint_at(is_kept)
     materials = _materials_after(union.mesh, new, vertices[faces])
@@ -76,7 +76,7 @@ def _without_slivers(union: Union) -> Union:
     return replace(
         union,
         mesh=mesh,
-        skin=skins.taken(union.skin, is_kept),
+        skin=skins.select_vertices(union.skin, is_kept),
         first=union.first[is_kept],
         second=union.second[is_kept],
         seam=(union.seam | drawn)[is_kept],

@@ -20,10 +20,14 @@ def posed_vertices(shape: Shape, linear: Float, joints: Float) -> Float:
     3)."""
     assert shape.mesh is not None and shape.skin is not None
     above = np.maximum(shape.skeleton.parents, 0)
-    return blended(shape.mesh.vertices, shape.skin, shape.skeleton.positions[above], linear, joints[above])
+    return blend_vertices(
+        shape.mesh.vertices, shape.skin, shape.skeleton.positions[above], linear, joints[above]
+    )
 
 
-def blended(vertices: Float, skin: SkinWeights, pivots: Float, linear: Float, positions: Float) -> Float:
+def blend_vertices(
+    vertices: Float, skin: SkinWeights, pivots: Float, linear: Float, positions: Float
+) -> Float:
     """Computes (V, 3) metres: v' = sum_k w_k (linear_k (v - pivot_k) + position_k), in double precision."""
     out = np.zeros_like(vertices)
     for slot in range(4):
@@ -41,15 +45,15 @@ def with_piece(shape: Shape, piece: Piece, numbers: Int) -> Shape:
 
 
 def numbers_in(before: Shape, shape: Shape, otherwise: str) -> Int:
-    """Returns (N,) the bone of ``shape`` with the same name as each bone of ``before``, or the bone
-    ``otherwise``."""
+    """Returns (N,) for each bone of ``before`` the bone of ``shape`` with the same name, or ``otherwise`` if
+    there is none."""
     number = {name: j for j, name in enumerate(shape.skeleton.names)}
     return np.array([number.get(name, number[otherwise]) for name in before.skeleton.names], np.int64)
 
 
-def parted(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
-    """Assigns each shell of a piece to the group of bones that it follows most. A group without shells gives
-    None."""
+def divide_by_bones(piece: Piece, groups: Sequence[Sequence[int]]) -> list[Piece | None]:
+    """Divides a piece by groups of bones: each shell goes to the group that it follows most. Returns None for
+    a group without shells."""
     assert piece.skin is not None
     welded, of = weld(piece.mesh)
     ends = welded.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
@@ -77,12 +81,13 @@ def _part_of(piece: Piece, inside: Bool) -> Piece | None:
 
 
 def bone_maps(shape: Shape, linear: Float, joints: Float) -> Float:
-    """Returns (N, 3, 4) world from rest of each bone: L_j (v - rest_parent) + x_parent, for L (N, 3, 3)."""
+    """Returns (N, 3, 4) the map of each bone from rest to the world, L_j (v - rest_parent) + x_parent, for L
+    (N, 3, 3)."""
     above = np.maximum(shape.skeleton.parents, 0)
     offset = joints[above] - np.einsum("nab,nb->na", linear, shape.skeleton.positions[above])
     return np.concatenate([linear, offset[..., None]], -1)
 
 
-def no_maps(shape: Shape) -> Float:
+def identity_maps(shape: Shape) -> Float:
     """Returns (N, 3, 4) the identity for each bone: the rest pose."""
     return np.tile(np.eye(3, 4), (len(shape.skeleton), 1, 1))

@@ -33,8 +33,8 @@ _MAX_PLANES_REFINED = 5
 _SAME_NORMAL_COSINE = 0.98
 """Cosine between normals above which two planes count as equal."""
 _NORMAL_WEIGHT = 0.3
-"""Weight of normals in the nearest-neighbour search: a unit difference counts as this fraction of the
-size."""
+"""Weight of normals in the nearest-neighbour search: a unit difference counts as a distance of this fraction
+of the size."""
 _MAX_HORIZONTAL_SINE = 0.35
 """Sine of the angle to the horizontal up to which a plane's normal counts as horizontal."""
 
@@ -119,7 +119,7 @@ def _refine_plane(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0)
     points = cloud.points
     for _ in range(steps):
         pairs = cloud.points[_nearest_mirrored(cloud, normal, offset)]
-        middles, ways = (points + pairs) / 2, pairs - points
+        middles, differences = (points + pairs) / 2, pairs - points
         # Use only the best 80 % of the pairs, so that parts without a counterpart, such as a raised hand, are
         # ignored.
         missed = np.linalg.norm(_mirror_points(points, normal, offset) - pairs, axis=1)
@@ -128,7 +128,7 @@ def _refine_plane(cloud: _Cloud, normal: Float, steps: int, offset: float = 0.0)
         about = middles[good] - centre
         # The normal is parallel to the differences of the pairs, and the midpoints of the pairs lie in the
         # plane.
-        normal = np.linalg.eigh(about.T @ about - ways[good].T @ ways[good] / 4)[1][:, 0]
+        normal = np.linalg.eigh(about.T @ about - differences[good].T @ differences[good] / 4)[1][:, 0]
         offset = float(normal @ centre)
     nearest = _nearest_mirrored(cloud, normal, offset)
     image = _mirror_points(points, normal, offset)

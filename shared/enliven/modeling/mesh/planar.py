@@ -1,8 +1,8 @@
 """Constrained Delaunay triangulation in the plane, refined until triangles are as even as the outline.
 
-manifold3d clips the ears. Flipping inner edges until every edge is legal makes the result the constrained
-Delaunay triangulation (Lawson 1977). Points are added where a triangle is larger than the edges of the
-outline around it (P. Liepa, "Filling holes in meshes", 2003, section 4).
+manifold3d triangulates by ear clipping. Then inner edges are flipped until all are legal, which gives the
+constrained Delaunay triangulation (Lawson 1977). Points are added where a triangle is larger than the edges
+of the outline around it (P. Liepa, "Filling holes in meshes", 2003, section 4).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _MAX_ADDED_POINTS = 20_000
 """Maximum number of points that a refinement adds."""
 
 
-def triangulated(points: Float, loops: Sequence[Int]) -> Int:
+def triangulate_loops(points: Float, loops: Sequence[Int]) -> Int:
     """Returns (T, 3) counter-clockwise constrained Delaunay triangles between loops, without adding points.
 
     Args:
@@ -34,7 +34,7 @@ def triangulated(points: Float, loops: Sequence[Int]) -> Int:
     return triangles
 
 
-def refined(
+def refine_triangulation(
     points: Float, triangles: Int, sizes: Float, smooth: int = 3, growth: float = 1.0
 ) -> tuple[Float, Int]:
     """Refines a triangulation to triangles of about the requested size. The outline stays unchanged.

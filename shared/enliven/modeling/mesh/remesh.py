@@ -14,7 +14,7 @@ _UNSHRINKING_FACTOR = -0.53
 """Taubin's factor mu. This negative step, slightly larger than the smoothing step, prevents shrinking."""
 
 
-def flipped(vertices: Float, faces: Int32) -> Int32:
+def flip_to_delaunay(vertices: Float, faces: Int32) -> Int32:
     """Returns faces (F, 3) with an edge flipped wherever its two opposite angles add up to more than 180
     degrees."""
     out = faces.astype(np.int64)
@@ -32,9 +32,9 @@ def flip_within(vertices: Float, faces: Int, seam: Bool) -> Int:
     return out
 
 
-def taubin_smoothed(vertices: Float, faces: Int32, times: int) -> Float:
-    """Smooths vertices (V, 3) between their neighbours: keeps low frequencies, removes noise, evens out
-    triangles."""
+def smooth_taubin(vertices: Float, faces: Int32, times: int) -> Float:
+    """Smooths vertices (V, 3) by the mean of their neighbours. Noise is removed, low frequencies are kept,
+    and triangles become more regular."""
     count = len(vertices)
     out = np.ascontiguousarray(vertices).copy()
     for _ in range(times):

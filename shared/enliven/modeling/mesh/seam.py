@@ -1,8 +1,8 @@
 """Seam repair: smooths the surface around a seam and recomputes the skin weights there, and nowhere else.
 
-    healed(mesh, skin, skeleton, seam) -> (Mesh, SkinWeights)      both of the below
-    smoothed(mesh, seam) -> Mesh                                   positions only
-    reweighted(mesh, skin, skeleton, seam) -> SkinWeights          weights only
+    heal_seam(mesh, skin, skeleton, seam) -> (Mesh, SkinWeights)      positions and weights
+    smooth_seam(mesh, seam) -> Mesh                                   positions only
+    reweight_seam(mesh, skin, skeleton, seam) -> SkinWeights          weights only
 
 ``seam`` is (V,) true at the vertices of the seam: ``Union.seam``, or ``Piece.kept < 0``. Everything farther
 from the seam than the settings allow stays bit-exact. Near the seam, the surface continues the direction and
@@ -72,7 +72,7 @@ class SeamSettings:
     )
 
 
-def healed(
+def heal_seam(
     mesh: Mesh, skin: SkinWeights, skeleton: Skeleton, seam: Bool, settings: SeamSettings | None = None
 ) -> tuple[Mesh, SkinWeights]:
     """Smooths the seam of a mesh and recomputes the skin weights around it.
@@ -81,16 +81,16 @@ def healed(
         skeleton: the bones that the skin refers to, in the mesh's frame.
         seam: (V,) true for vertices of the seam.
     """
-    smooth = smoothed(mesh, seam, settings)
-    return smooth, reweighted(smooth, skin, skeleton, seam, settings)
+    smooth = smooth_seam(mesh, seam, settings)
+    return smooth, reweight_seam(smooth, skin, skeleton, seam, settings)
 
 
-def smoothed(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Mesh:
+def smooth_seam(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Mesh:
     """Returns the mesh with the rings around the seam as smooth as the surrounding surface allows."""
     settings = settings or SeamSettings()
     if settings.strength == 0.0 or not seam.any():
         return mesh
-    sharp = creased(mesh, seam, settings.crease)
+    sharp = find_creases(mesh, seam, settings.crease)
     free = _is_near_seam(
         mesh, seam, sharp, settings.smooth_rings, settings.smooth_reach, settings.smooth_most
     )
@@ -103,7 +103,7 @@ def smoothed(mesh: Mesh, seam: Bool, settings: SeamSettings | None = None) -> Me
     return replace(mesh, vertices=np.where(free[:, None], moved, mesh.vertices))
 
 
-def reweighted(
+def reweight_seam(
     mesh: Mesh, skin: SkinWeights, skeleton: Skeleton, seam: Bool, settings: SeamSettings | None = None
 ) -> SkinWeights:
     """Returns the skin with the rings around the seam recomputed by bone heat. The other weights stay
@@ -132,24 +132,24 @@ def fair(mesh: Mesh, free: Bool) -> Float:
     welded, of = weld(mesh)
     loose = np.zeros(len(welded.vertices), bool)
     loose[of[free]] = True
-    web, lengths = _neighbour_shares(welded)
+    neighbour_weights, lengths = _neighbour_shares(welded)
     inner = np.flatnonzero(loose)
     # Only the Laplacians of free vertices and of their neighbours depend on the free positions.
-    rows = np.unique(np.concatenate([inner, web[inner].indices]))
+    rows = np.unique(np.concatenate([inner, neighbour_weights[inner].indices]))
     unknown = np.zeros(len(loose), bool)
     unknown[rows] = True
-    laplacian = csr_matrix(web - diags(np.ones(web.shape[0])))
+    laplacian = csr_matrix(neighbour_weights - diags(np.ones(neighbour_weights.shape[0])))
     normals = welded.vertex_normals()
     bent = ((laplacian @ welded.vertices) * normals).sum(1) / lengths**2
-    carried = _interpolate_unknown(web, np.concatenate([bent[:, None], normals], 1), unknown)
+    carried = _interpolate_unknown(neighbour_weights, np.concatenate([bent[:, None], normals], 1), unknown)
     ahead = carried[:, 1:] / np.maximum(np.linalg.norm(carried[:, 1:], axis=1, keepdims=True), 1e-300)
     wanted = (carried[:, 0] * lengths**2)[:, None] * ahead
-    own, rest = laplacian[rows][:, inner], laplacian[rows][:, np.flatnonzero(~loose)]
-    right = own.T @ (wanted[rows] - rest @ welded.vertices[~loose])
+    seam_vertices, rest = laplacian[rows][:, inner], laplacian[rows][:, np.flatnonzero(~loose)]
+    right = seam_vertices.T @ (wanted[rows] - rest @ welded.vertices[~loose])
     # Pull weakly towards the old positions. This determines small shells that are entirely free, because
     # nothing else fixes their position.
     right = right + _HOLD_WEIGHT * welded.vertices[inner]
-    square = (own.T @ own + _HOLD_WEIGHT * diags(np.ones(len(inner)))).tocsc()
+    square = (seam_vertices.T @ seam_vertices + _HOLD_WEIGHT * diags(np.ones(len(inner)))).tocsc()
     vertices = welded.vertices.copy()
     move = np.asarray(spsolve(square, right)).reshape(len(inner), 3) - vertices[inner]
     limit = _MAX_DISPLACEMENT_EDGES * np.maximum(lengths[inner], np.median(lengths[inner]))
@@ -158,16 +158,16 @@ def fair(mesh: Mesh, free: Bool) -> Float:
     return np.asarray(vertices[of])
 
 
-def _interpolate_unknown(web: csr_matrix, values: Float, unknown: Bool) -> Float:
+def _interpolate_unknown(neighbour_weights: csr_matrix, values: Float, unknown: Bool) -> Float:
     """Returns the values (V, K) with unknown ones interpolated harmonically from known ones."""
     out = values.copy()
     inner, fixed = np.flatnonzero(unknown), np.flatnonzero(~unknown)
     if len(inner) == 0 or len(fixed) == 0:
         return out
-    matrix = diags(np.full(len(inner), 1.0 + 1e-9)) - web[inner][:, inner]
-    out[inner] = np.asarray(spsolve(matrix.tocsc(), web[inner][:, fixed] @ values[fixed])).reshape(
-        len(inner), -1
-    )
+    matrix = diags(np.full(len(inner), 1.0 + 1e-9)) - neighbour_weights[inner][:, inner]
+    out[inner] = np.asarray(
+        spsolve(matrix.tocsc(), neighbour_weights[inner][:, fixed] @ values[fixed])
+    ).reshape(len(inner), -1)
     return out
 
 
@@ -186,19 +186,21 @@ def _neighbour_shares(welded: Mesh) -> tuple[csr_matrix, Float]:
     faces = welded.faces
     starts, ends = faces.ravel(), np.roll(faces, -1, 1).ravel()
     length = np.linalg.norm(welded.vertices[starts] - welded.vertices[ends], axis=1)
-    share = 1.0 / np.maximum(length, 0.2 * float(np.median(length)) + 1e-300)
+    inverse_length = 1.0 / np.maximum(length, 0.2 * float(np.median(length)) + 1e-300)
     rows, columns = np.concatenate([starts, ends]), np.concatenate([ends, starts])
     count = len(welded.vertices)
-    web = coo_matrix((np.tile(share, 2), (rows, columns)), (count, count)).tocsr()
-    total = np.asarray(web.sum(1)).ravel()
-    web = csr_matrix(diags(1.0 / np.where(total > 0, total, 1.0)) @ web)
+    neighbour_weights = coo_matrix((np.tile(inverse_length, 2), (rows, columns)), (count, count)).tocsr()
+    total = np.asarray(neighbour_weights.sum(1)).ravel()
+    neighbour_weights = csr_matrix(diags(1.0 / np.where(total > 0, total, 1.0)) @ neighbour_weights)
     counts = np.bincount(starts, minlength=count)
     # Compute the root mean square with the same weights as the Laplacian.
-    square = np.bincount(starts, share * length**2, count) + np.bincount(ends, share * length**2, count)
-    return web, np.sqrt(np.where(counts > 0, square / np.where(total > 0, total, 1.0), 1.0))
+    square = np.bincount(starts, inverse_length * length**2, count) + np.bincount(
+        ends, inverse_length * length**2, count
+    )
+    return neighbour_weights, np.sqrt(np.where(counts > 0, square / np.where(total > 0, total, 1.0), 1.0))
 
 
-def creased(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
+def find_creases(mesh: Mesh, seam: Bool, degrees: float = 15.0) -> Bool:
     """Returns (V,) true for seam vertices at seam edges with a dihedral bend of more than ``degrees``."""
     welded, of = weld(mesh)
     on = np.zeros(len(welded.vertices), bool)
@@ -239,16 +241,18 @@ def _is_near_seam(
     away = np.full(len(seeds), np.inf)
     starts, ends = welded.faces.ravel(), np.roll(welded.faces, -1, 1).ravel()
     length = np.linalg.norm(welded.vertices[starts] - welded.vertices[ends], axis=1)
-    web = coo_matrix((length, (starts, ends)), (len(seeds), len(seeds))).tocsr()
-    own = np.unique(of[seam])
-    parts = connected_components(web[own][:, own], directed=False)[1]
+    neighbour_weights = coo_matrix((length, (starts, ends)), (len(seeds), len(seeds))).tocsr()
+    seam_vertices = np.unique(of[seam])
+    parts = connected_components(neighbour_weights[seam_vertices][:, seam_vertices], directed=False)[1]
     limit = max(reach, most) if np.isfinite(most) else reach
     for part in range(parts.max() + 1):
-        members = own[parts == part]
+        members = seam_vertices[parts == part]
         points = welded.vertices[members]
         radius = _loop_radius(points)
         members = members[seeds[members]]
         if radius > 0 and len(members):
-            far = dijkstra(web, directed=False, indices=members, limit=limit * radius, min_only=True)
+            far = dijkstra(
+                neighbour_weights, directed=False, indices=members, limit=limit * radius, min_only=True
+            )
             away = np.minimum(away, far / radius)
     return np.asarray((seeds | (ringed & ((away <= most) | np.isinf(most))) | (away <= reach))[of])

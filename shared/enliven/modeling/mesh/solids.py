@@ -8,7 +8,7 @@ import manifold3d
 import numpy as np
 
 from enliven.arrays import Bool, Int
-from enliven.meshes import Mesh, joined_materials, mixed_paint, weld
+from enliven.meshes import Mesh, joined_materials, split_paint, weld
 from enliven.modeling.mesh.closing import ClosedSurface, Interpolation, closed_surface
 
 
@@ -22,8 +22,8 @@ class Solid:
         closing: for the vertices that close the surface, in their order: the vertices they are made from, and
             the interpolation.
         leaves: the vertices of ``mesh`` with the given faces that do not enclose a volume (open sheets).
-        id: the number that identifies the solid in manifold3d's results.
-        notes: what was repaired.
+        id: number of the solid in manifold3d's results.
+        notes: a sentence for each repair.
     """
 
     manifold: manifold3d.Manifold
@@ -35,7 +35,7 @@ class Solid:
 
 
 def solid_of(mesh: Mesh) -> Solid | str:
-    """Converts a mesh to a solid. Returns the reason as a sentence if that fails."""
+    """Converts a mesh to a solid. If that fails, returns the reason as a sentence."""
     if not np.isfinite(mesh.vertices).all():
         return "some vertices are not finite"
     notes: list[str] = []
@@ -73,7 +73,7 @@ def _closed_mesh(mesh: Mesh, closed: ClosedSurface) -> Mesh:
     paint = mesh.paint
     for of, how in closed.made:
         paint = np.concatenate([paint, how(paint[of])])
-    colours, stiffness = mixed_paint(paint, mesh)
+    colours, stiffness = split_paint(paint, mesh)
     enclosing = mesh.with_faces(~closed.leaf)
     groups = [(enclosing.materials, len(enclosing.faces)), (None, len(closed.faces) - len(enclosing.faces))]
     faces = closed.faces.astype(np.int32)
@@ -109,14 +109,14 @@ def _manifold_solid(mesh: Mesh, label: Int) -> tuple[manifold3d.Manifold, int]:
     target = first[of.reshape(-1)]
     twice = np.flatnonzero(target != np.arange(len(used)))
     properties = np.concatenate([mesh.vertices[used], used[:, None].astype(np.float64)], 1)
-    own = manifold3d.Manifold.reserve_ids(1)
+    face_id = manifold3d.Manifold.reserve_ids(1)
     solid_mesh = manifold3d.Mesh64(
         np.ascontiguousarray(properties),
         np.ascontiguousarray(np.searchsorted(used, mesh.faces), np.uint64),
         merge_from_vert=np.asarray(twice, np.uint64),
         merge_to_vert=np.asarray(target[twice], np.uint64),
         run_index=np.array([0, 3 * len(mesh.faces)], np.uint64),
-        run_original_id=np.array([own], np.uint32),
+        run_original_id=np.array([face_id], np.uint32),
         face_id=np.arange(len(mesh.faces), dtype=np.uint64),
     )
-    return manifold3d.Manifold(solid_mesh), own
+    return manifold3d.Manifold(solid_mesh), face_id

@@ -31,12 +31,12 @@ def possess_another(
     """Adds a mesh that performers move as they moved the mesh of a possession. Returns the project and its
     id.
 
-    The mesh approaches its performers as on a stage, and keeps its own ends and joints. Settings that refer
-    to places on the first mesh (its ends, joints and stiff spots) are dropped.
+    The mesh moves to its performers as on a stage, and keeps its own ends and joints. Settings that refer to
+    places on the first mesh (ends, joints and stiff spots) are dropped.
 
     Args:
-        fit: whether the mesh is first scaled to a person's size; else it keeps its modeled size.
-        ends, joints: of the mesh, as in :func:`enliven.possession.prepare_for_actor`.
+        fit: True to scale the mesh to a person's size first. False keeps its modeled size.
+        ends, joints: ends and joints of the mesh, as in :func:`enliven.possession.prepare_for_actor`.
         nodes, progress, notes: as in :func:`possess_mesh`.
 
     Raises:

@@ -11,7 +11,7 @@ from enliven.document import Character, Pose, PoseStream
 from enliven.errors import InputError
 
 _MAX_PLACES = 1 << 23
-"""Maximum number of even poses times transforms: 0.8 GB, or 2.6 h of 30 nodes at 30 poses per second."""
+"""Maximum number of resampled poses times transforms: 0.8 GB, or 2.6 h of 30 nodes at 30 poses per second."""
 
 
 def stream_of(character: Character, poses: Sequence[Pose], stream_id: str) -> PoseStream:
@@ -35,16 +35,16 @@ def even_times(character: Character, poses: Sequence[Pose], begin: int) -> tuple
     Raises:
         InputError: if there are too few poses, or their times are too far apart.
     """
-    where = f"character {character.id!r}"
+    location = f"character {character.id!r}"
     seconds = np.array([(pose.time_ns - begin) / 1e9 for pose in poses])
     _, first = np.unique(seconds, return_index=True)
     seconds = seconds[first]
     if len(first) < 2:
-        raise InputError("all its poses have the same time", where=where, mend="Record it again.")
+        raise InputError("all its poses have the same time", where=location, mend="Record it again.")
     step, lasts = float(np.median(np.diff(seconds))), float(seconds[-1] - seconds[0])
     if lasts / step * len(character.pivots) > _MAX_PLACES:
         problem = f"its poses are spread over {lasts:.3g} s, at steps of {step:.3g} s: too many"
-        raise InputError(problem, where=where, mend="Record a shorter take.")
+        raise InputError(problem, where=location, mend="Record a shorter take.")
     return [poses[i] for i in first], seconds, np.arange(seconds[0], seconds[-1] + 0.5 * step, step)
 
 
@@ -52,6 +52,6 @@ def between(values: Float, seconds: Float, grid: Float) -> Float:
     """Interpolates ``values`` (F, ...) linearly from times ``seconds`` (F,) to ``grid`` (G,). Returns (G,
     ...)."""
     before = np.clip(np.searchsorted(seconds, grid, side="right") - 1, 0, len(seconds) - 2)
-    share = np.clip((grid - seconds[before]) / (seconds[before + 1] - seconds[before]), 0.0, 1.0)
-    share = share.reshape(-1, *[1] * (values.ndim - 1))
-    return np.asarray((1 - share) * values[before] + share * values[before + 1])
+    fraction = np.clip((grid - seconds[before]) / (seconds[before + 1] - seconds[before]), 0.0, 1.0)
+    fraction = fraction.reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray((1 - fraction) * values[before] + fraction * values[before + 1])

@@ -10,16 +10,16 @@ from enliven.arrays import Float, Int, Int32
 from enliven.document import GraphShape
 
 _FALLOFF_FRACTION = 0.3
-"""Falloff radius along the graph, as a fraction of the mesh's size: a limb follows, and not the whole
-mesh."""
+"""Falloff radius along the graph, as a fraction of the mesh's size: so large that a limb follows, but not the
+whole mesh."""
 _MIN_FALLOFF_EDGES = 1.5
 """Minimum falloff radius, in median lengths of the node's edges, so that its neighbours follow."""
 _SLOPE_REGULARIZATION = 1e-3
-"""Regularization of slopes across the graph's surface towards 0, as a fraction of squared edge length. Also
-the minimum difference between the share of the dragged node (1) and that of any other node."""
+"""Regularization of the slopes perpendicular to the surface, as a fraction of the squared edge length. It is
+also the minimum difference between the share of the dragged node (1) and that of any other node."""
 
 
-def followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
+def find_followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
     """Computes the nodes that follow a dragged node, and their shares.
 
     The share falls from 1 at the node to 0 at the falloff radius, with zero slope at both: (1 - (a /
@@ -30,8 +30,8 @@ def followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
         (K,) nodes, and (K, 4) their share followed by its slope per metre.
     """
     rest, edges = shape.positions, shape.edges
-    ways = rest[edges[:, 1]] - rest[edges[:, 0]]
-    lengths = np.maximum(np.linalg.norm(ways, axis=1), 1e-9)
+    edge_vectors = rest[edges[:, 1]] - rest[edges[:, 0]]
+    lengths = np.maximum(np.linalg.norm(edge_vectors, axis=1), 1e-9)
     graph = coo_matrix((lengths, (edges[:, 0], edges[:, 1])), shape=(len(rest), len(rest)))
     away = dijkstra(graph, directed=False, indices=node)
     near = lengths[(edges == node).any(1)]
@@ -40,18 +40,20 @@ def followers(shape: GraphShape, node: int) -> tuple[Int, Float]:
     shares = np.where(away < reach, (1.0 - np.minimum(away / reach, 1.0) ** 2) ** 2, 0.0)
     shares = np.minimum(shares, 1.0 - _SLOPE_REGULARIZATION)
     shares[node] = 1.0  # The dragged node is the only node with the full share.
-    own = np.flatnonzero(shares > 0.0)
-    return own, np.concatenate([shares[own, None], _share_slopes(rest, edges, shares, node)[own]], 1)
+    following = np.flatnonzero(shares > 0.0)
+    return following, np.concatenate(
+        [shares[following, None], _share_slopes(rest, edges, shares, node)[following]], 1
+    )
 
 
 def _share_slopes(rest: Float, edges: Int32, shares: Float, node: int) -> Float:
     """Computes (N, 3) the slope per metre of the shares (N,) at each node. It is 0 at the dragged node."""
     ends = np.concatenate([edges, edges[:, ::-1]])
-    ways = rest[ends[:, 1]] - rest[ends[:, 0]]
+    edge_vectors = rest[ends[:, 1]] - rest[ends[:, 0]]
     steps = shares[ends[:, 1]] - shares[ends[:, 0]]
     square, along = np.zeros((len(rest), 3, 3)), np.zeros((len(rest), 3))
-    np.add.at(square, ends[:, 0], ways[:, :, None] * ways[:, None, :])
-    np.add.at(along, ends[:, 0], ways * steps[:, None])
+    np.add.at(square, ends[:, 0], edge_vectors[:, :, None] * edge_vectors[:, None, :])
+    np.add.at(along, ends[:, 0], edge_vectors * steps[:, None])
     damping = _SLOPE_REGULARIZATION * np.trace(square, axis1=1, axis2=2) + 1e-12
     slopes = np.linalg.solve(square + damping[:, None, None] * np.eye(3), along[..., None])[..., 0]
     slopes[node] = 0.0

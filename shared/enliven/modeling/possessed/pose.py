@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import Bool, Float, Int
 from enliven.document import GraphLayer, GraphPart, GraphShape, Pose, PoseStream, Project, smoothed
 from enliven.errors import InputError
-from enliven.modeling.mesh import blended
+from enliven.modeling.mesh import blend_vertices
 from enliven.rotation import conjugate, from_matrix, multiply, rotate, to_matrix
 
 _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
@@ -20,8 +20,8 @@ _MIRROR_SIGNS = np.array([-1.0, 1.0, 1.0])
 def graph_pose(project: Project, shape: GraphShape, time: float) -> tuple[Float, Float]:
     """Returns (N, 3, 3) the linear maps and (N, 3) the positions in metres of the nodes of a shape.
 
-    Both are interpolated linearly between frames. A part with a ride is carried rigidly; see
-    :class:`enliven.document.Ride`. Layers on top act within the rest pose; see
+    Both are interpolated linearly between frames. A part with a ride rigidly follows its carrier; see
+    :class:`enliven.document.Ride`. Layers on top deform the rest pose; see
     :class:`enliven.document.GraphLayer`.
 
     Raises:
@@ -74,7 +74,7 @@ def within_layer(
 
 def graph_vertices(shape: GraphShape, linear: Float, positions: Float) -> Float:
     """Returns (V, 3) metres, the vertices for nodes with linear maps (N, 3, 3) at positions (N, 3)."""
-    return blended(shape.mesh.vertices, shape.skin, shape.positions, linear, positions)
+    return blend_vertices(shape.mesh.vertices, shape.skin, shape.positions, linear, positions)
 
 
 def pose_of_graph(project: Project, shape: GraphShape, time: float) -> Pose:
@@ -89,7 +89,7 @@ class _LayerMotion:
 
     Attributes:
         moves: (N,) true for nodes that the layer moves.
-        linear, apart: (N, 3, 3) and (N, 3) metres: the node at r goes to r + apart.
+        linear, apart: (N, 3, 3) linear maps, and (N, 3) metres: a node moves from r to r + apart.
     """
 
     moves: Bool
@@ -98,7 +98,7 @@ class _LayerMotion:
 
 
 def over_base(base: tuple[Float, Float], linear: Float, apart: Float) -> tuple[Float, Float]:
-    """Applies a motion at rest before linear maps (N, 3, 3) and positions (N, 3)."""
+    """Applies a motion of the rest pose before the motion with linear maps (N, 3, 3) and positions (N, 3)."""
     return base[0] @ linear, base[1] + np.einsum("nij,nj->ni", base[0], apart)
 
 

@@ -19,7 +19,7 @@ from enliven.document import (
     keyed_stream,
     unused,
 )
-from enliven.modeling.possessed.following import followers
+from enliven.modeling.possessed.following import find_followers
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices, pose_of_graph
 from enliven.modeling.possessed.surgery import cut_graph, merge_graphs
 from enliven.modeling.rig import CharacterState, Player, RigEdits
@@ -59,8 +59,8 @@ class GraphRig(RigEdits):
         return None
 
     def with_key_layer(self, project: Project, shape: GraphShape, handle: int, key: MotionKey) -> Project:
-        """Adds a layer on top of all others that bends the mesh around the node."""
-        own, follow = followers(shape, handle)
+        """Adds a layer on top of all others. It bends the mesh around the node."""
+        own, follow = find_followers(shape, handle)
         name = unused(f"{shape.id} node {handle} keys", project.streams)
         rest = shape.positions[own]
         layer = GraphLayer(name, np.arange(len(own)), own, rest)

@@ -1,9 +1,10 @@
 """Solves the motion of a possessed mesh from its performers, detects outdated solutions, and solves them
 again.
 
-The stream of a part is a cache. It has a checksum of its inputs: the mesh, its nodes, the performers' take,
-the attachments and the settings. Moving, rotating, scaling or mirroring the whole shape transforms the stream
-too, and the checksum stays valid. A cut, a merge or an edit of the mesh invalidates it.
+The stream of a part is a cached solution. It has a checksum of its inputs: the mesh, its nodes, the
+performers' take, the attachments and the settings. If the whole shape is moved, rotated, scaled or mirrored,
+the stream is transformed too, and the checksum stays valid. A cut, a merge or an edit of the mesh makes it
+invalid.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ from enliven.possession import replay
 from enliven.rotation import to_matrix
 
 _GRID_SIZE_M = 1e-5
-"""Grid size in metres for comparing meshes. A mesh that was scaled and scaled back differs by rounding,
-1e-15."""
+"""Grid size in metres to which coordinates are rounded for comparing meshes. Scaling a mesh and back causes
+rounding errors of 1e-15."""
 _GRID_OFFSET = 0.31830988618
 """Offset of the grid as a fraction of its size, so that round numbers do not fall on a boundary."""
 
@@ -47,7 +48,7 @@ def stale(project: Project, shape: GraphShape) -> bool:
     return any(_motion_checksum(project, shape, n) != how.solved for n, _, how in _possessed_parts(shape))
 
 
-def unsolved(shape: GraphShape) -> bool:
+def has_missing_motion(shape: GraphShape) -> bool:
     """Returns True if a motion of a shape is missing, for example after its file was damaged."""
     return any(not how.solved for _, _, how in _possessed_parts(shape))
 
@@ -59,12 +60,12 @@ def solve_lost(project: Project, progress: Callable[[float], None] | None = None
         InputError: if performers cannot attach to any point of a part.
     """
     for name, shape in project.graphs.items():
-        if unsolved(shape):
+        if has_missing_motion(shape):
             project = solve_again(project, name, progress)
     return project
 
 
-def as_solved(project: Project, shape_id: str) -> Project:
+def mark_as_solved(project: Project, shape_id: str) -> Project:
     """Marks the streams of a shape as solved from the current inputs."""
     shape, parts = project.graph(shape_id), list(project.graph(shape_id).parts)
     for number, part, how in _possessed_parts(shape):
@@ -153,8 +154,8 @@ def solve_again(
         for pose in replay(bare, graph_of(bare), take, how, notes):
             poses.append(pose)
             if progress is not None:
-                share = (pose.time_ns * 1e-9 - how.start) / max(how.last(take) - how.start, 1e-9)
-                progress(min((done + share) / len(due), 1.0))
+                fraction = (pose.time_ns * 1e-9 - how.start) / max(how.last(take) - how.start, 1e-9)
+                progress(min((done + fraction) / len(due), 1.0))
         users = [layer for character in project.characters.values() for layer in character.playing]
         alone = sum(layer.take == part.take for layer in users if layer.source == part.source) == 1
         stream = stream_of(bare, poses, part.take if alone else unused(shape_id, project.streams))
@@ -174,45 +175,48 @@ def _possessed_parts(shape: GraphShape) -> list[tuple[int, GraphPart, Possession
 
 
 def _rest_character(shape: GraphShape, number: int) -> tuple[Character, Float]:
-    """Restores a part of a shape as it was possessed: in the rest pose of its recording, without other parts.
+    """Returns a part of a shape as it was when it was possessed: in the rest pose of its recording, without
+    other parts.
 
     Returns:
         The character, and (K, 3) metres, its nodes in full precision.
     """
     part, start = shape.parts[number], shape.starts[number]
     assert part.possession is not None
-    own = np.arange(start, start + len(part.nodes))
+    own_nodes = np.arange(start, start + len(part.nodes))
     flip = np.array([-1.0 if part.mirrored else 1.0, 1.0, 1.0])
     turn = to_matrix(part.axes)
     linear = part.size * turn * flip
-    middle = shape.positions[own].mean(0) - linear @ part.possession.rest[part.nodes].mean(0)
+    middle = shape.positions[own_nodes].mean(0) - linear @ part.possession.rest[part.nodes].mean(0)
 
     def back(points: Float) -> Float:
         return np.asarray((points - middle) @ turn / part.size * flip)
 
-    vertices, faces, skin, painted = _part_surface(shape, own)
-    is_own_edge = np.isin(shape.edges, own).all(1)
-    rest, faces = back(shape.positions[own]), faces[:, ::-1] if part.mirrored else faces
+    vertices, faces, skin, painted = _part_surface(shape, own_nodes)
+    is_own_edge = np.isin(shape.edges, own_nodes).all(1)
+    rest, faces = back(shape.positions[own_nodes]), faces[:, ::-1] if part.mirrored else faces
     places = back(vertices).astype(np.float32), rest.astype(np.float32)
     edges = shape.edges[is_own_edge] - np.int32(start)
     bare = Character(shape.id, places[0], faces, skin, places[1], edges, stiffness=painted)
     return bare, rest
 
 
-def _part_surface(shape: GraphShape, own: AnyArray) -> tuple[Float, AnyArray, SkinWeights, Float32 | None]:
-    """Returns vertices, faces, skin and stiffness of the surface that follows the nodes ``own`` most, else of
-    all."""
+def _part_surface(
+    shape: GraphShape, own_nodes: AnyArray
+) -> tuple[Float, AnyArray, SkinWeights, Float32 | None]:
+    """Returns vertices, faces, skin and stiffness of the surface that follows the nodes ``own_nodes`` most,
+    or if there is none, of the whole surface."""
     mesh, skin = shape.mesh, shape.skin
-    if len(own) == len(shape.positions):
+    if len(own_nodes) == len(shape.positions):
         return mesh.vertices, mesh.faces, skin, mesh.stiffness
-    is_own: Bool = np.isin(skin.indices, own)
+    is_own: Bool = np.isin(skin.indices, own_nodes)
     mine = (skin.weights * is_own).sum(1) > 0.5
     faces = mesh.faces[mine[mesh.faces].all(1)]
     faces = faces if len(faces) else mesh.faces
     used = np.unique(faces)
     weights = np.where(is_own, skin.weights, 0.0)[used]
     weights = weights / np.maximum(weights.sum(1, keepdims=True), 1e-9)
-    indices = np.where(is_own, skin.indices - own[0], 0)[used]
+    indices = np.where(is_own, skin.indices - own_nodes[0], 0)[used]
     number = np.zeros(len(mesh.vertices), np.int32)
     number[used] = np.arange(len(used))
     own_skin = SkinWeights(indices.astype(np.uint16), weights.astype(np.float32))

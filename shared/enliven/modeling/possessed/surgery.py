@@ -19,7 +19,7 @@ from enliven.modeling.mesh import (
     SkinnedSurface,
     cut_by_stroke,
     joined,
-    smoothed,
+    smooth_seam,
 )
 from enliven.modeling.possessed.pose import graph_pose, graph_vertices
 from enliven.modeling.rig import Merge
@@ -57,38 +57,39 @@ def cut_graph(
 
 
 def merge_graphs(project: Project, merge: Merge) -> Project:
-    """Attaches one possessed mesh to another in their poses at a time; from then on they are one shape.
+    """Merges two possessed meshes in their poses at a time: attaches the graft to the host.
 
-    At that time both stay where they are. From then on the graft rigidly follows a node of the host, with its
-    own motion on top. The meshes are united in their poses at that time. The graft's rest pose is moved to
-    that of the host so that the two meet at the node as in these poses. The graft's vertices move as before.
+    At that time, neither moves. At other times, the graft rigidly follows a node of the host, with its own
+    motion on top. The meshes are united in their poses at that time. The graft's rest pose is aligned with
+    the host's so that the two meet at the node in the same way. The motion of the graft's vertices relative
+    to its nodes does not change.
 
     Raises:
         InputError: if the node does not exist, or the union of the meshes fails.
     """
     host, graft = project.graph(merge.host), project.graph(merge.graft)
-    ours, theirs = graph_pose(project, host, merge.time), graph_pose(project, graft, merge.time)
-    node, root = _meeting_nodes(host, ours[1], theirs[1], merge.node)
-    turn, place = from_matrix(ours[0][node]), ours[1][node]
-    axes = multiply(conjugate(turn), from_matrix(theirs[0][root]))
-    to = host.positions[node] + rotate(conjugate(turn), theirs[1][root] - place)
+    host_nodes, graft_nodes = graph_pose(project, host, merge.time), graph_pose(project, graft, merge.time)
+    node, root = _meeting_nodes(host, host_nodes[1], graft_nodes[1], merge.node)
+    turn, place = from_matrix(host_nodes[0][node]), host_nodes[1][node]
+    axes = multiply(conjugate(turn), from_matrix(graft_nodes[0][root]))
+    to = host.positions[node] + rotate(conjugate(turn), graft_nodes[1][root] - place)
     moved = _rotate_rest_pose(graft, normalized(axes), graft.positions[root], to)
     ride, first = Ride(node, turn, place), len(host.positions)
     parts = [_part_of_graft(part, ride, first) for part in moved.parts]
     edges = np.concatenate([host.edges, moved.edges + first, [[node, first + root]]])
-    turned = theirs[0] @ to_matrix(conjugate(axes))
+    turned = graft_nodes[0] @ to_matrix(conjugate(axes))
     maps = np.concatenate(
         [
-            _world_from_rest(ours[0], ours[1], host.positions),
-            _world_from_rest(turned, theirs[1], moved.positions),
+            _world_from_rest(host_nodes[0], host_nodes[1], host.positions),
+            _world_from_rest(turned, graft_nodes[1], moved.positions),
         ]
     )
     numbers = SkinWeights((graft.skin.indices + first).astype(np.uint16), graft.skin.weights)
     mesh, skin = joined(
-        SkinnedSurface(host.mesh, host.skin, graph_vertices(host, *ours)),
-        SkinnedSurface(moved.mesh, numbers, graph_vertices(graft, *theirs)),
+        SkinnedSurface(host.mesh, host.skin, graph_vertices(host, *host_nodes)),
+        SkinnedSurface(moved.mesh, numbers, graph_vertices(graft, *graft_nodes)),
         maps,
-        lambda mesh, skin, where: (smoothed(mesh, where, merge.seam), skin),
+        lambda mesh, skin, where: (smooth_seam(mesh, where, merge.seam), skin),
         loose=merge.loose,
         notes=merge.notes,
         where=host.where,
@@ -160,8 +161,8 @@ def _meeting_nodes(host: GraphShape, ours: Float, theirs: Float, node: int | str
 
 
 def _rotate_rest_pose(shape: GraphShape, axes: Float, root: Float, to: Float) -> GraphShape:
-    """Rotates the rest pose of a shape by ``axes`` about ``root`` and moves that point to ``to``. The motion
-    stays."""
+    """Rotates the rest pose of a shape by ``axes`` about ``root``, and moves that point to ``to``. The motion
+    in the world does not change."""
     positions = to + rotate(axes, shape.positions - root)
     vertices = to + rotate(axes, shape.mesh.vertices - root)
     back = conjugate(axes)
@@ -186,6 +187,6 @@ def _part_of_graft(part: GraphPart, ride: Ride, first: int) -> GraphPart:
 
 
 def _world_from_rest(linear: Float, positions: Float, rest: Float) -> Float:
-    """Returns (N, 3, 4) world from rest of each node."""
+    """Returns (N, 3, 4) the map of each node from rest to the world."""
     offset = positions - np.einsum("nab,nb->na", linear, rest)
     return np.concatenate([linear, offset[..., None]], -1)

@@ -18,7 +18,7 @@ from enliven.examples.baking import (
     BakeSettings,
     SurfaceFrames,
     bake_surface,
-    states_of,
+    evaluate_states,
 )
 from enliven.meshes import Mesh
 from enliven.rotation import rotate, to_matrix
@@ -39,17 +39,17 @@ def bake_puppet(
     The mesh takes the puppet's place and id. If the puppet is kept, the mesh gets a new id.
 
     Raises:
-        InputError: as :func:`baked`.
+        InputError: as :func:`bake_motion`.
     """
     puppet = project.puppet(puppet_id)
     rest = project if keep else project.without(puppet_id)
     graph_id = unused(puppet_id, rest.characters)
     stream_id = unused(puppet_id, project.streams)
-    graph, stream, error = baked(project, puppet, start, end, rate, (graph_id, stream_id), settings)
+    graph, stream, error = bake_motion(project, puppet, start, end, rate, (graph_id, stream_id), settings)
     return rest.with_streams(stream).with_characters(graph), graph_id, error
 
 
-def baked(
+def bake_motion(
     project: Project,
     puppet: Puppet,
     start: float = 0.0,
@@ -72,7 +72,7 @@ def baked(
     settings = settings or BakeSettings()
     stop = project.end_of(puppet) if end is None else end
     times = frame_times(start, stop, rate, puppet.id)
-    places, turns, roots = states_of(project, puppet, times)
+    places, turns, roots = evaluate_states(project, puppet, times)
     frames = SurfaceFrames(puppet, places, settings.kept)
     point_vertices = [point.vertex for point in puppet.points]
     surface = bake_surface(puppet.mesh, frames, places, point_vertices, settings)

@@ -1,4 +1,4 @@
-"""Dragging a control point at a moment of a puppet's motion: the moment becomes a key pose."""
+"""Drags a control point at a moment of a puppet's motion. The pose of that moment becomes a key pose."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import Project, Puppet
 from enliven.errors import InputError
 from enliven.examples import frame_at
-from enliven.modeling.puppet.parts import into_frame, state_at
+from enliven.modeling.puppet.parts import state_at, to_mesh_frame
 from enliven.modeling.puppet.poses import add_key_pose, change_key_pose
 
 
@@ -29,7 +29,7 @@ def drag_point(project: Project, puppet_id: str, point: int, place: AnyArray, ti
     second = layer.played(time, project.takes[layer.take].duration)[0]
     number = key_pose_at(project, puppet, layer.take, second)
     places: Float = np.array(state.places if number is None else puppet.poses[number].places)
-    places[point] = into_frame(puppet, state, place)
+    places[point] = to_mesh_frame(puppet, state, place)
     if number is None:
         return add_key_pose(project, puppet_id, layer.take, second, places)
     return change_key_pose(project, puppet_id, number, places=places)

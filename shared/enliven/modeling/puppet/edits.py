@@ -31,15 +31,15 @@ def make_puppet(project: Project, mesh: Mesh, puppet_id: str) -> Project:
     Raises:
         InputError: if the name is taken, or the mesh cannot be a puppet.
     """
-    where = f"puppet {puppet_id!r}"
+    location = f"puppet {puppet_id!r}"
     if not puppet_id or puppet_id in project.characters:
         problem = "something has that name already" if puppet_id else "it needs a name"
-        raise InputError(problem, where=where, mend="Choose another name.")
+        raise InputError(problem, where=location, mend="Choose another name.")
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         problem = (
             "its mesh has no faces" if len(mesh.faces) == 0 else "its mesh has vertices that are not finite"
         )
-        raise InputError(problem, where=where, mend="Export the mesh again.")
+        raise InputError(problem, where=location, mend="Export the mesh again.")
     return project.with_characters(Puppet(puppet_id, mesh))
 
 
@@ -61,10 +61,10 @@ def play_take(project: Project, puppet_id: str, take: str, **attributes: Any) ->
 
 def checked_layer(project: Project, puppet: Puppet, layer: PuppetLayer) -> PuppetLayer:
     """Returns the layer after the checks that an unfinished puppet allows."""
-    where = f"puppet {puppet.id!r}"
+    location = f"puppet {puppet.id!r}"
     if layer.take not in project.takes:
         mend = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
-        raise InputError(f"the take {layer.take!r} does not exist", where=where, mend=mend)
+        raise InputError(f"the take {layer.take!r} does not exist", where=location, mend=mend)
     for name in layer.points:
         puppet.index(name)
     if not missing(project, puppet):

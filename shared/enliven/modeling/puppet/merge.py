@@ -20,22 +20,23 @@ from enliven.arrays import AnyArray, Bool, Float, Int
 from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer, SkinWeights, unused
 from enliven.errors import InputError
 from enliven.examples import frame_at, in_world, missing, motion_of
-from enliven.modeling.mesh import Union, smoothed, united
+from enliven.modeling.mesh import Union, smooth_seam, unite_meshes
 from enliven.modeling.puppet.parts import (
+    add_moment,
+    align_puppet,
     nearest_paired,
     points_needed,
-    shown,
+    remove_symmetry_plane,
+    solve_surfaces,
     state_at,
-    stood_as,
     surface_of_puppet,
-    unfolded,
-    with_moment,
 )
 from enliven.modeling.rig import Merge
 from enliven.rotation import nearest_rotation
 
 _REGION_RADIUS_FRACTION = 0.08
-"""Radius of the surface region around a point, as a fraction of the puppet's size: about a limb's girth."""
+"""Radius of the surface region around the meeting point, as a fraction of the puppet's size: about a limb's
+thickness."""
 _MIN_REGION_VERTICES = 12
 """Minimum number of vertices in a region, for a mesh too coarse for ``_REGION_RADIUS_FRACTION``: a rigid fit
 needs several."""
@@ -69,7 +70,7 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     """Attaches one puppet to another in their poses at a time. The host keeps its name and its path.
 
     The meshes are united at rest, with the graft aligned to the host as at the meeting place in these poses.
-    The layers of both stay, each for its own control points. The graft's layers no longer travel, and its
+    The layers of both are kept, each for its own control points. The graft's layers no longer travel, and its
     hard constraints are dropped.
 
     Raises:
@@ -86,7 +87,7 @@ def merge_puppets(project: Project, merge: Merge) -> Project:
     merged = _Merge(host, graft, united_mesh, keys, middle).made(messages)
     project = project.without(merge.graft)
     state = state_at(project.with_characters(merged), merged, time)
-    return project.with_characters(stood_as(merged, state, before, host.state))
+    return project.with_characters(align_puppet(merged, state, before, host.state))
 
 
 class _Side:
@@ -105,14 +106,14 @@ class _Side:
         self._surface = surface_of_puppet(puppet)
         self.local = self._surface.settle(self.state.places)
         self.seen = in_world(puppet, self.state, self.local)
-        self.puppet = unfolded(project, with_moment(project, puppet, time))
+        self.puppet = remove_symmetry_plane(project, add_moment(project, puppet, time))
         takes = project.takes
         self.keys = [(pose.take, frame_at(takes[pose.take], pose.time)) for pose in self.puppet.poses]
         self.was = np.zeros((0, *puppet.mesh.vertices.shape))
 
     @property
     def world(self) -> _Rigid:
-        """World from the mesh's frame, at the time of the merge."""
+        """The rigid motion from the mesh's frame to the world at the time of the merge."""
         corners = in_world(self.puppet, self.state, np.concatenate([np.zeros((1, 3)), np.eye(3)]))
         return _Rigid((corners[1:] - corners[0]).T, corners[0])
 
@@ -120,11 +121,11 @@ class _Side:
         """Computes the surface for the key poses of both puppets."""
         count = len(self.puppet.points)
         places = np.array([self._key_places(key) for key in keys]).reshape(len(keys), count, 3)
-        self.was = shown(self._surface, places)
+        self.was = solve_surfaces(self._surface, places)
 
     def around(self, middle: Float) -> _Rigid:
-        """Returns world from rest of the surface around a point of the world (3,), at the time of the
-        merge."""
+        """Returns the rigid motion from rest to the world of the surface around a point (3,), at the time of
+        the merge."""
         self._near = _vertices_around(self.seen, middle, self.puppet)
         return _fit_rigid_motion(self.puppet.mesh.vertices[self._near], self.seen[self._near])
 
@@ -301,12 +302,14 @@ def _plays_same_frames(host: Puppet, graft: Puppet) -> bool:
 def _united_mesh(host: Puppet, graft: Puppet, to: _Rigid, merge: Merge) -> Union:
     """Returns the union of both at rest, with the graft moved and the seam smoothed."""
     moved = replace(graft.mesh, vertices=to(graft.mesh.vertices))
-    union = united(host.mesh, _placeholder_skin(host), moved, _placeholder_skin(graft), offset=1, tidy=True)
+    union = unite_meshes(
+        host.mesh, _placeholder_skin(host), moved, _placeholder_skin(graft), offset=1, tidy=True
+    )
     if union.failed and not merge.loose:
         mend = "Repair the mesh, or merge loosely: both shells in one mesh."
         raise InputError(f"no union can be made: {union.notes[0]}", where=host.where, mend=mend)
     merge.notes.extend(union.notes)
-    return replace(union, mesh=smoothed(union.mesh, union.seam, merge.seam)) if union.seam.any() else union
+    return replace(union, mesh=smooth_seam(union.mesh, union.seam, merge.seam)) if union.seam.any() else union
 
 
 def _placeholder_skin(puppet: Puppet) -> SkinWeights:

@@ -14,13 +14,13 @@ from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer
 from enliven.errors import InputError
 from enliven.examples import (
     State,
-    clock,
+    collect_material,
+    convert_to_reference,
     examples_of,
     frame_at,
-    material_of,
+    loop_position,
     missing,
     motion_of,
-    seen_by,
     state_of,
 )
 from enliven.examples.baking import EdgeGraph
@@ -50,28 +50,28 @@ def state_at(project: Project, puppet: Puppet, time: float) -> State:
     return state_of(project, puppet.with_changes(layers=()), time)
 
 
-def into_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
+def to_mesh_frame(puppet: Puppet, state: State, place: AnyArray) -> Float:
     """Returns (3,) metres in the mesh's frame of a point in the world: the inverse of ``in_world``."""
     local = rotate(conjugate(puppet.turn), np.asarray(place) - puppet.place) - state.root
     return rotate(_rotation_about_y(-state.yaw), local)
 
 
-def shown(surface: PuppetSurface, places: Float) -> Float:
+def solve_surfaces(surface: PuppetSurface, places: Float) -> Float:
     """Returns (n, V, 3) metres in the mesh's frame, the solved surface for each of (n, P, 3) control point
     positions."""
     count = len(surface.mesh.vertices)
     return np.array([surface.settle(each) for each in places]).reshape(len(places), count, 3)
 
 
-def stood_as(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
-    """Places the puppet so that its mesh's frame in state ``now`` coincides with that of another in state
-    ``then``."""
+def align_puppet(puppet: Puppet, now: State, before: Puppet, then: State) -> Puppet:
+    """Moves the puppet so that its mesh's frame in state ``now`` coincides with that of puppet ``before`` in
+    state ``then``."""
     turn = normalized(multiply(_world_rotation(before, then), _rotation_about_y(-now.yaw)))
     place = rotate(before.turn, then.root) + before.place - rotate(turn, now.root)
     return puppet.with_changes(turn=turn, place=place)
 
 
-def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
+def add_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
     """Adds the puppet's pose at a time as a key pose, so that its parts take that pose again.
 
     The puppet stays unchanged if several takes make the pose, or if it has that key pose.
@@ -80,12 +80,13 @@ def with_moment(project: Project, puppet: Puppet, time: float) -> Puppet:
     if layer is None or missing(project, puppet):
         return puppet
     motion = motion_of(project, puppet, puppet.layers.index(layer))
-    frame = round(clock(layer, motion, time)[0])
+    frame = round(loop_position(layer, motion, time)[0])
     return with_pose_of(project, puppet, layer, frame)
 
 
 def with_pose_of(project: Project, puppet: Puppet, layer: PuppetLayer, frame: int) -> Puppet:
-    """Adds a layer's pose at a frame of its take as a key pose, if the examples still differ then."""
+    """Adds a layer's pose at a frame of its take as a key pose, unless its examples would no longer
+    differ."""
     motion, take = motion_of(project, puppet, puppet.layers.index(layer)), project.takes[layer.take]
     frames = [
         frame_at(project.takes[pose.take], pose.time) for pose in puppet.poses if pose.take == layer.take
@@ -101,7 +102,7 @@ def _with_example(project: Project, puppet: Puppet, pose: KeyPose) -> Puppet:
     return more if _examples_differ(project, more) else puppet
 
 
-def unfolded(project: Project, puppet: Puppet) -> Puppet:
+def remove_symmetry_plane(project: Project, puppet: Puppet) -> Puppet:
     """Removes the puppet's symmetry plane.
 
     For each mirrored key pose, the most similar frame of its take becomes a key pose.
@@ -111,7 +112,7 @@ def unfolded(project: Project, puppet: Puppet) -> Puppet:
     if puppet.symmetry is None or layer is None or missing(project, puppet):
         return plain
     motion = motion_of(project, puppet, puppet.layers.index(layer))
-    examples, took = seen_by(material_of(project, puppet, layer))
+    examples, took = convert_to_reference(collect_material(project, puppet, layer))
     for image in examples.sources[len(puppet.poses) :]:
         frame = int(((took.poses - image) ** 2).sum((1, 2)).argmin())
         pose = KeyPose(layer.take, frame * motion.step, motion.places_at(frame))
@@ -127,11 +128,11 @@ def points_needed(
     most: int,
     tolerance: float,
 ) -> tuple[list[int], float]:
-    """Finds vertices that need a control point to keep the surface of the key poses.
+    """Finds vertices that need a control point so that the surface in the key poses stays the same.
 
     Args:
         puppet: on its new mesh; the control points of its key poses are positioned as in ``was``.
-        was: (n, V, 3) metres, the old positions of the vertices.
+        was: (n, V, 3) metres, the old positions of the vertices in the key poses.
         known: (V,) true for vertices with a known old position that should be kept.
         among: vertices that get a control point in any case.
         most: maximum number of them.
@@ -148,7 +149,7 @@ def points_needed(
         if not all_held or not len(was):
             return added, 0.0
         surface.hold(all_held, [*weights, *[None] * len(added)])
-        each = np.linalg.norm(shown(surface, was[asked][:, all_held]) - was[asked], axis=2) * known
+        each = np.linalg.norm(solve_surfaces(surface, was[asked][:, all_held]) - was[asked], axis=2) * known
         off, worst = each.max(0), float(each.max())
         off[all_held] = 0.0
         if worst <= tolerance or len(added) >= most or off.max() <= 0.0:
@@ -165,8 +166,8 @@ def points_needed(
 
 
 def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -> list[int]:
-    """Returns up to ``count`` vertices with errors above the tolerance, the worst first, at a distance from
-    one another."""
+    """Returns up to ``count`` vertices with errors above the tolerance, the worst first. They keep a distance
+    from each other."""
     errors, chosen = off.copy(), list[int]()
     spacing = 0.1 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     while len(chosen) < count and (not chosen or errors.max() > tolerance):
@@ -176,10 +177,10 @@ def _worst_vertices(vertices: Float, off: Float, tolerance: float, count: int) -
 
 
 def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoint, ...]:
-    """Returns the paired control points with joints in different places in two key poses or more, or all if
-    there are none.
+    """Returns the paired control points with joints that differ between key poses. Returns all paired control
+    points if there are none.
 
-    The performer's root is always at one place in the body frame, so its control point is left out.
+    The performer's root never moves in the body frame, so its control point is left out.
     """
     paired = tuple(point for point in puppet.points if point.joint)
     sources = _joints_at_key_poses(project, puppet)
@@ -192,7 +193,8 @@ def distinguishing_points(project: Project, puppet: Puppet) -> tuple[ControlPoin
 
 
 def without_ambiguous_poses(project: Project, puppet: Puppet) -> tuple[Puppet, int]:
-    """Removes key poses with the same joints as an earlier one. Returns the puppet and their number."""
+    """Removes key poses with the same joint positions as an earlier one. Returns the puppet and the number of
+    removed poses."""
     poses: list[KeyPose] = []
     for pose in puppet.poses:
         tried = puppet.with_changes(poses=(*poses, pose))
@@ -234,7 +236,9 @@ def nearest_paired(
     return [paired[int(np.argmin(away[:, of[vertex]]))] for vertex in vertices]
 
 
-def spread_over(vertices: Float, among: Int | Int32, known: Sequence[int], count: int) -> list[int]:
+def sample_spread_vertices(
+    vertices: Float, among: Int | Int32, known: Sequence[int], count: int
+) -> list[int]:
     """Returns up to ``count`` of the vertices ``among`` by farthest point sampling."""
     if not len(among):
         return []

@@ -27,8 +27,8 @@ def add_point(
 
     Args:
         vertex: of the mesh.
-        name: unique on the puppet; if empty, one is generated.
-        joint: the performer's joint that it follows; empty for none yet.
+        name: name that is unique on the puppet. If empty, a name is generated.
+        joint: the performer's joint that the control point follows. Empty for none.
         foot: whether the puppet can stand on it.
         places: (n, 3) metres, its solved position in each key pose; None solves them here.
 
@@ -69,8 +69,8 @@ def remove_point(project: Project, puppet_id: str, name: str) -> Project:
 def change_point(project: Project, puppet_id: str, point: str, **changes: Any) -> Project:
     """Changes a control point: its ``name``, ``vertex``, ``joint``, ``foot`` flag, or ``weight`` as a handle.
 
-    On another vertex it lies on the surface in each key pose. Layers and constraints follow a change of its
-    name.
+    If the vertex changes, the control point is placed on the surface in each key pose. If the name changes,
+    layers and constraints are updated.
 
     Raises:
         InputError: if there is none with that name, or a value is invalid.
@@ -120,8 +120,8 @@ def checked_vertex(puppet: Puppet, vertex: int) -> int:
 
 
 def surface_places(puppet: Puppet, vertex: int) -> Float:
-    """Returns (n, 3) metres, the position of a vertex on the surface of each key pose, in the mesh's
-    frame."""
+    """Returns (n, 3) metres in the mesh's frame, the position of a vertex on the solved surface in each key
+    pose."""
     rest = puppet.mesh.vertices[vertex]
     if not puppet.points or not puppet.poses:
         return np.tile(rest, (len(puppet.poses), 1))

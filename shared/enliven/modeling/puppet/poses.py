@@ -10,7 +10,7 @@ import numpy as np
 from enliven.arrays import AnyArray
 from enliven.document import KeyPose, Plane, Project, Puppet
 from enliven.errors import InputError
-from enliven.examples import examples_of, frame_at, mirrored_places, missing, partners_of
+from enliven.examples import examples_of, find_partners, frame_at, mirror_places, missing
 from enliven.modeling.mesh import plane_of_symmetry
 from enliven.modeling.rig import check_names
 
@@ -75,8 +75,8 @@ def mirror_key_pose(project: Project, puppet_id: str, number: int) -> Project:
         mend = "Set a plane of symmetry first."
         raise InputError("its mesh has no plane of symmetry", where=f"puppet {puppet.id!r}", mend=mend)
     names = [point.name for point in puppet.points]
-    partners = partners_of(puppet.rest, np.array(plane.point), np.array(plane.normal), names=names)
-    places = mirrored_places(pose.places, puppet.rest, partners, np.array(plane.normal))
+    partners = find_partners(puppet.rest, np.array(plane.point), np.array(plane.normal), names=names)
+    places = mirror_places(pose.places, puppet.rest, partners, np.array(plane.normal))
     return project.with_characters(_with_pose(puppet, number, replace(pose, places=places)))
 
 
@@ -120,19 +120,19 @@ def _with_pose(puppet: Puppet, number: int, pose: KeyPose) -> Puppet:
 
 def _checked_pose(project: Project, puppet: Puppet, pose: KeyPose, number: int | None) -> KeyPose:
     """Returns a key pose after checking that it can replace number ``number``, or be the last."""
-    where = f"puppet {puppet.id!r}"
+    location = f"puppet {puppet.id!r}"
     if pose.take not in project.takes:
         mend = f"Known: {', '.join(project.takes)}." if project.takes else "Import one first."
-        raise InputError(f"the take {pose.take!r} does not exist", where=where, mend=mend)
+        raise InputError(f"the take {pose.take!r} does not exist", where=location, mend=mend)
     frame = frame_at(project.takes[pose.take], pose.time)
     if pose.places.shape != (len(puppet.points), 3) or not np.isfinite(pose.places).all():
         problem = (
             f"places {pose.places.shape}: they must be finite, one for each of {len(puppet.points)} points"
         )
-        raise InputError(problem, where=where, mend="Give one place for each control point.")
+        raise InputError(problem, where=location, mend="Give one place for each control point.")
     for other, existing in enumerate(puppet.poses):
         same = existing.take == pose.take and frame_at(project.takes[existing.take], existing.time) == frame
         if other != number and same:
             problem = f"key pose {other} is of frame {frame} of {pose.take!r} already"
-            raise InputError(problem, where=where, mend="Change that one, or choose another time.")
+            raise InputError(problem, where=location, mend="Change that one, or choose another time.")
     return pose

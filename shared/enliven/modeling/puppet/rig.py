@@ -18,7 +18,7 @@ from enliven.document import (
     character_of_puppet,
 )
 from enliven.examples import in_world, missing, pose_of_state
-from enliven.modeling.puppet.baking import baked
+from enliven.modeling.puppet.baking import bake_motion
 from enliven.modeling.puppet.dragging import drag_point
 from enliven.modeling.puppet.edits import checked_layer
 from enliven.modeling.puppet.merge import merge_puppets
@@ -80,11 +80,11 @@ class PuppetRig(RigEdits):
             checked_layer(project, puppet, puppet.layers[number])
 
     def dragged(self, project: Project, puppet: Puppet, handle: int, place: Float, time: float) -> Project:
-        """Makes the pose of that moment a key pose, with the control point at ``place``."""
+        """Adds the pose at that time as a key pose, with the control point at ``place``."""
         return drag_point(project, puppet.id, handle, place, time)
 
     def moved(self, puppet: Puppet, offset: Float, turn: Float, about: Float) -> Puppet:
-        """Moves the puppet. Its own frame stays."""
+        """Moves the puppet. Data in its own frame does not change."""
         place = rotate(turn, puppet.place - about) + about + offset
         return puppet.with_changes(turn=normalized(multiply(turn, puppet.turn)), place=place)
 
@@ -117,7 +117,7 @@ class PuppetRig(RigEdits):
     ) -> tuple[GraphShape, PoseStream, str]:
         """Bakes the puppet to nodes that follow the solved surface."""
         rate, ids = 1.0 / float(times[1] - times[0]), (puppet.id, stream_id)
-        graph, stream, error = baked(project, puppet, float(times[0]), float(times[-1]), rate, ids)
+        graph, stream, error = bake_motion(project, puppet, float(times[0]), float(times[-1]), rate, ids)
         return graph, stream, f", {error}"
 
 

@@ -1,8 +1,8 @@
 """Suggests an initial puppet: control points, joints, feet, symmetry and key frames.
 
-suggested_puppet(project, mesh, "walk", "cow")     # complete except for its poses: the result of the command
+suggested_puppet(project, mesh, "walk", "cow")     # a puppet that is complete except for its poses
 suggested_vertices(mesh, 6)                        # control points only, for the studio's panel
-suggested_pairs(project, "cow", "walk")            # and a joint for each control point without one
+suggested_pairs(project, "cow", "walk")            # a joint for each control point without one
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from enliven.deformation.graph import extremities
 from enliven.document import Clip, Plane, Project, Puppet, unused
 from enliven.errors import InputError
 from enliven.examples import (
-    Weak,
+    IdentityKey,
+    find_partners,
     foot_joints,
     guess_joints,
     joint_motion,
+    keep_one_point_per_hand,
     mirror_joint,
-    one_a_hand,
-    partners_of,
     performed,
-    reflected,
+    reflect_points,
     suggest_poses,
 )
 from enliven.meshes import Mesh
@@ -111,11 +111,11 @@ def suggested_pairs(project: Project, puppet_id: str, take: str) -> tuple[Sugges
     plane = puppet.symmetry or _left_right_plane(puppet.mesh)
     partners = None if plane is None else _mirror_partners(puppet.rest, plane)
     joints = _with_mirrored_joints(clip, [point.joint for point in puppet.points], partners)
-    wanted = [number for number, joint in enumerate(joints) if not joint]
+    unpaired = [number for number, joint in enumerate(joints) if not joint]
     used_joints = [joint for joint in joints if joint]
     motion = joint_motion(clip)
-    guesses = guess_joints(clip.skeleton, puppet.rest, used_joints, wanted, motion, partners)
-    for number, joint in zip(wanted, guesses, strict=True):
+    guesses = guess_joints(clip.skeleton, puppet.rest, used_joints, unpaired, motion, partners)
+    for number, joint in zip(unpaired, guesses, strict=True):
         joints[number] = joint
     feet = _standing_points(clip, joints, puppet)
     return tuple(
@@ -145,7 +145,7 @@ def _pair_points(project: Project, puppet_id: str, take: str) -> Project:
     puppet, skeleton = project.puppet(puppet_id), project.takes[take].skeleton
     partners = None if puppet.symmetry is None else _mirror_partners(puppet.rest, puppet.symmetry)
     joints = [point.joint for point in puppet.points]
-    chosen = one_a_hand(skeleton, joints, partners or range(len(joints)))
+    chosen = keep_one_point_per_hand(skeleton, joints, partners or range(len(joints)))
     for number in set(range(len(joints))) - set(chosen):
         project = remove_point(project, puppet_id, puppet.points[number].name)
     return project
@@ -156,18 +156,18 @@ def _with_mirrored_joints(clip: Clip, joints: list[str], partners: Sequence[int]
     if partners is None:
         return joints
     return [
-        joint or (mirror_joint(clip.skeleton, joints[other]) if joints[other] and other != own else "")
-        for own, (joint, other) in enumerate(zip(joints, partners, strict=True))
+        joint or (mirror_joint(clip.skeleton, joints[other]) if joints[other] and other != number else "")
+        for number, (joint, other) in enumerate(zip(joints, partners, strict=True))
     ]
 
 
 def _left_right_plane(mesh: Mesh) -> Plane | None:
     """Returns the cached symmetry plane between left and right. A mesh faces +Z."""
-    return _symmetry_plane(Weak(mesh))
+    return _symmetry_plane(IdentityKey(mesh))
 
 
 @lru_cache(maxsize=_CACHED_MESHES)
-def _symmetry_plane(mesh: Weak[Mesh]) -> Plane | None:
+def _symmetry_plane(mesh: IdentityKey[Mesh]) -> Plane | None:
     plane = plane_of_symmetry(mesh())
     return plane if plane is not None and abs(plane.normal[0]) > _MIN_AXIS_COSINE else None
 
@@ -176,15 +176,15 @@ def _with_mirror_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[i
     """Returns the vertices, with the mirror images of those that have no partner and are not on the plane."""
     used = np.unique(mesh.faces)
     rest = mesh.vertices[vertices]
-    images = reflected(rest, np.array(plane.point), np.array(plane.normal))
+    images = reflect_points(rest, np.array(plane.point), np.array(plane.normal))
     away = np.linalg.norm(images[:, None] - rest[None], axis=2)
     nearest = away.argmin(1)
     near = _MAX_MIRROR_ERROR * float(np.linalg.norm(np.ptp(rest, axis=0)))
     out = list(vertices)
-    for own, other in enumerate(nearest):
-        if nearest[other] == own and away[own, other] < near:
+    for number, other in enumerate(nearest):
+        if nearest[other] == number and away[number, other] < near:
             continue
-        image = int(used[np.linalg.norm(mesh.vertices[used] - images[own], axis=1).argmin()])
+        image = int(used[np.linalg.norm(mesh.vertices[used] - images[number], axis=1).argmin()])
         if image not in out:
             out.append(image)
     return out
@@ -193,10 +193,10 @@ def _with_mirror_images(mesh: Mesh, vertices: list[int], plane: Plane) -> list[i
 def _mirror_partners(rest: Float, plane: Plane) -> tuple[int, ...] | None:
     """Returns the mirror image of each control point. None if one has none, or if all are on the plane."""
     try:
-        partners = partners_of(rest, np.array(plane.point), np.array(plane.normal), _MAX_MIRROR_ERROR)
+        partners = find_partners(rest, np.array(plane.point), np.array(plane.normal), _MAX_MIRROR_ERROR)
     except InputError:
         return None
-    return partners if any(other != own for own, other in enumerate(partners)) else None
+    return partners if any(other != number for number, other in enumerate(partners)) else None
 
 
 def _standing_points(clip: Clip, joints: Sequence[str], puppet: Puppet) -> list[bool]:

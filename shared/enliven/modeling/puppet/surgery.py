@@ -1,8 +1,8 @@
 """Cuts puppets in two. Both halves keep moving by their examples.
 
-Nothing is baked. Each half of a cut keeps its control points. It gets new ones along the cut, and wherever
-else its surface would deviate; in every key pose they lie on the old surface. So in its examples a half has
-the same shape as it had as a part of the whole.
+Nothing is baked. Each half of a cut keeps its control points. It gets new control points along the cut, and
+elsewhere if its surface would deviate. In every key pose, these lie on the old surface. So in its examples, a
+half has the same shape as before the cut.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from enliven.document import ControlPoint, KeyPose, Project, Puppet, PuppetLayer
 from enliven.examples import in_world
 from enliven.modeling.mesh import Cut, CutSurface, Piece, cut_by_stroke
 from enliven.modeling.puppet.parts import (
+    add_moment,
+    align_puppet,
     distinguishing_points,
     nearest_paired,
     points_needed,
-    shown,
-    spread_over,
+    remove_symmetry_plane,
+    sample_spread_vertices,
+    solve_surfaces,
     state_at,
-    stood_as,
     surface_of_puppet,
-    unfolded,
-    with_moment,
     without_ambiguous_poses,
     without_points,
 )
@@ -58,9 +58,9 @@ def cut_puppet(
 ) -> tuple[Project, tuple[str, str]]:
     """Cuts a puppet in two along a stroke, in its pose at ``time``. Both halves keep moving by examples.
 
-    The pose of the whole at ``time`` becomes a key pose, so that the halves take it again. A half that keeps
-    all feet keeps travelling through the world. A half without all feet stays where it was at ``time``, and
-    moves there.
+    The pose of the whole at ``time`` becomes a key pose, so that the halves keep it. A half with all of the
+    feet continues to travel through the world. Any other half no longer travels: it moves at its position at
+    ``time``.
 
     Args:
         stroke: a ``StrokeCut`` or ``PlaneCut`` in world metres.
@@ -81,9 +81,11 @@ def cut_puppet(
     cut = cut_by_stroke(puppet.mesh, None, stroke, posed)
     messages.extend(cut.notes)
     off_id = unused(puppet_id, project.characters)
-    unfolded_puppet = unfolded(project, with_moment(project, puppet, time))
+    unfolded_puppet = remove_symmetry_plane(project, add_moment(project, puppet, time))
     places = [pose.places for pose in unfolded_puppet.poses]
-    old_places = shown(surface, np.array(places).reshape(len(places), len(unfolded_puppet.points), 3))
+    old_places = solve_surfaces(
+        surface, np.array(places).reshape(len(places), len(unfolded_puppet.points), 3)
+    )
     if puppet.symmetry is not None:
         messages.append("The halves have no plane of symmetry; mirrored key poses became their own.")
     halves = []
@@ -92,7 +94,7 @@ def cut_puppet(
             name, messages
         )
         state = state_at(project.with_characters(half), half, time)
-        halves.append(stood_as(half, state, puppet, before))
+        halves.append(align_puppet(half, state, puppet, before))
     return project.with_characters(*halves), (puppet_id, off_id)
 
 
@@ -129,19 +131,22 @@ class _Half:
     def made(self, name: str, notes: list[str]) -> Puppet:
         """Returns the half as a puppet."""
         puppet, size = self._whole, float(np.linalg.norm(np.ptp(self._whole.mesh.vertices, axis=0)))
-        own = [
+        own_layers = [
             replace(point, vertex=int(self._number[point.vertex]))
             for point in puppet.points
             if self._number[point.vertex] >= 0
         ]
-        half = self._puppet_with_points(puppet, name, own)
-        begin = spread_over(
-            half.mesh.vertices, self._border_vertices(), [point.vertex for point in own], self._settings.along
+        half = self._puppet_with_points(puppet, name, own_layers)
+        begin = sample_spread_vertices(
+            half.mesh.vertices,
+            self._border_vertices(),
+            [point.vertex for point in own_layers],
+            self._settings.along,
         )
         most, tolerance = self._settings.most, self._settings.tolerance * size
         added, worst = points_needed(half, self._was, self._old, np.array(begin, np.int64), most, tolerance)
         leaders = nearest_paired(puppet.mesh, self._telling, [int(self._piece.kept[v]) for v in added])
-        points, follow = list(own), dict[str, str]()
+        points, follow = list(own_layers), dict[str, str]()
         names = {point.name: point for point in puppet.points}
         for vertex, leader in zip(added, leaders, strict=True):
             point = ControlPoint(
@@ -164,7 +169,7 @@ class _Half:
         return checked.with_changes(layers=self._fitting_layers(follow, {point.name for point in points}))
 
     def _puppet_with_points(self, puppet: Puppet, name: str, points: list[ControlPoint]) -> Puppet:
-        """Returns a puppet on this side's mesh with these control points, at their old positions in each key
+        """Returns a puppet with this side's mesh and these control points, at their old positions in each key
         pose."""
         vertices = [point.vertex for point in points]
         poses = zip(self._whole.poses, self._was[:, vertices], strict=True)
@@ -189,8 +194,8 @@ class _Half:
         return np.unique(near[self._old[near]])
 
     def _fitting_layers(self, follow: dict[str, str], names: set[str]) -> tuple[PuppetLayer, ...]:
-        """Returns the layers with the existing control points. A new point moves in the layers of its
-        leader."""
+        """Returns the layers, limited to the existing control points. A new control point is in the layers of
+        the one that it follows."""
         feet = {point.name for point in self._whole.points if point.foot}
         out = []
         for layer in self._whole.layers:

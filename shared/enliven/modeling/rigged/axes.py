@@ -11,7 +11,7 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import Layer
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.rigged.spans import Spans, as_before
+from enliven.modeling.rigged.spans import Spans, exact_rotation
 from enliven.rotation import IDENTITY, conjugate, multiply, normalized, rotate
 
 _MIRROR_SIGNS = np.array([1.0, 1.0, -1.0, -1.0])
@@ -77,7 +77,7 @@ class Axes:
             replace(
                 span,
                 refs=tuple(replace(ref, layer=layers.get(ref.layer, ref.layer)) for ref in span.refs),
-                before=span.before if self.same else as_before(self.rotations(np.array(span.before))),
+                before=span.before if self.same else exact_rotation(self.rotations(np.array(span.before))),
             )
             for span in spans
         )

@@ -1,4 +1,4 @@
-"""Takes a shape apart into bones by name, and puts it together again."""
+"""Converts a shape to a list of bones with names, and back."""
 
 from __future__ import annotations
 
@@ -73,23 +73,23 @@ def bone_number(shape: Shape, bone: int | str, *, root: bool = True) -> int:
     Raises:
         InputError: if the bone does not exist, or it is the root and ``root`` is false.
     """
-    where = f"shape {shape.id!r}"
+    location = f"shape {shape.id!r}"
     count = len(shape.skeleton)
     j = shape.skeleton.index(bone) if isinstance(bone, str) else int(bone)
     if not 0 <= j < count:
         raise InputError(
             f"bone {j} does not exist; there are {count} joints",
-            where=where,
+            where=location,
             mend="Name a joint of the shape.",
         )
     if j == 0 and not root:
         mend = "Choose the bone that ends at another joint."
-        raise InputError(f"the root {shape.skeleton.names[0]!r} has no bone", where=where, mend=mend)
+        raise InputError(f"the root {shape.skeleton.names[0]!r} has no bone", where=location, mend=mend)
     return j
 
 
-def inside(value: float, where: str) -> float:
-    """Returns a position along a bone after checking that it lies in [0, 1]."""
+def check_fraction(value: float, where: str) -> float:
+    """Returns a relative position along a bone after checking that it lies in [0, 1]."""
     if not 0.0 <= float(value) <= 1.0:
         raise InputError(
             f"{value} is not a place on a bone",

@@ -8,13 +8,14 @@ import numpy as np
 from enliven.document import STILL, Project, Shape, unused
 from enliven.errors import InputError
 from enliven.modeling.mesh import Cut, cut_across_bone, numbers_in, with_piece
-from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, inside, rebuilt
-from enliven.modeling.rigged.nodes import divided, insert_node, new_name
+from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, check_fraction, rebuilt
+from enliven.modeling.rigged.nodes import insert_node, new_name, split_bone
 from enliven.modeling.rigged.posed import held_at, own_turn, posed, with_travel_kept
 from enliven.rotation import conjugate, multiply, normalized
 
 _JOINT_TOLERANCE = 1e-9
-"""A cut within this fraction of a bone's length from its end is made at the joint."""
+"""Maximum distance of a cut from the end of a bone, as a fraction of the bone's length, at which it is made
+at the joint."""
 
 
 def cut_bone(
@@ -30,7 +31,7 @@ def cut_bone(
     """Cuts a shape in two: one with the root, and one with the joints below the cut.
 
     The bone is split as if a node were inserted, so each half gets its part of the motion. The difference to
-    the rotation of the whole bone at ``time`` goes into the modeling rotations (AniMesh, section 6, Figure
+    the rotation of the whole bone at ``time`` is added to the modeling rotations (AniMesh, section 6, Figure
     7): m_new = m a_old a_new^-1. So at ``time`` every bone keeps its world rotation and every joint its
     position. At other times all bones except the two halves rotate relative to their parent as before. The
     lower shape's root takes over the world rotation of the bone at the cut, and stays where it was at
@@ -59,8 +60,8 @@ def cut_bone(
     """
     shape = project.shape(shape_id)
     j = bone_number(shape, bone, root=False)
-    at = inside(at, f"shape {shape_id!r}")
-    upper, lower = parted_at(project, shape, j, at, time, name)
+    at = check_fraction(at, f"shape {shape_id!r}")
+    upper, lower = split_shape(project, shape, j, at, time, name)
     if shape.mesh is not None and shape.skin is not None:
         cut = cut_across_bone(shape.mesh, shape.skin, shape.skeleton, j, at)
         upper, lower = with_cut(shape, upper, lower, cut)
@@ -69,7 +70,7 @@ def cut_bone(
     return project.with_characters(upper, lower), (upper.id, lower.id)
 
 
-def parted_at(
+def split_shape(
     project: Project, shape: Shape, j: int, at: float, time: float | None, name: str | None
 ) -> tuple[Shape, Shape]:
     """Returns the two shapes of a cut, without meshes. The lower shape has a new id. See :func:`cut_bone`."""
@@ -140,7 +141,7 @@ def _split_bone(project: Project, shape: Shape, j: int, at: float, time: float, 
     """Returns the bones above and below a cut inside bone j, with compensation for the lost part of their
     motion."""
     bones = bones_of(shape)
-    bones[j : j + 1] = divided(bones[j], bones, at, name)
+    bones[j : j + 1] = split_bone(bones[j], bones, at, name)
     node = rebuilt(shape, bones)
     old = own_turn(posed(project, shape, time)[0], shape, j)
     turns, _ = posed(project, node, time)

@@ -7,12 +7,12 @@ from enliven.document import Shape, unused
 from enliven.modeling.rigged.axes import Axes
 from enliven.modeling.rigged.bones import Bone, bones_of
 from enliven.modeling.rigged.nodes import without_before
-from enliven.modeling.rigged.spans import before, joined_spans, moves
+from enliven.modeling.rigged.spans import before, has_motion, joined_spans
 from enliven.modeling.skinning import follows
 from enliven.rotation import conjugate, multiply, normalized
 
 
-def grafted(
+def graft_bones(
     host: Shape, j: int, graft: Shape, world: Float, axes: Axes, layers: dict[str, str]
 ) -> tuple[list[Bone], dict[str, str]]:
     """Returns the graft's bones in the host's rest axes on its joint j, and the new names of the graft's
@@ -29,7 +29,7 @@ def grafted(
     first = multiply(multiply(conjugate(world), root.modeling), conjugate(axes.turn))
     turn = root._replace(modeling=first, spans=axes.spans(root.spans, layers))
     node = host.skeleton.names[j]
-    if moves(root.spans) and root_has_skin(graft):
+    if has_motion(root.spans) and root_has_skin(graft):
         names[root.name] = unused(root.name, dict.fromkeys([*host.skeleton.names, *names.values()]))
     else:
         names[root.name] = node
@@ -50,7 +50,7 @@ def grafted(
 
 def _combined_rotation(root: Bone, bone: Bone) -> Bone:
     """Combines the root's rotation with that of a child bone: D_b = m_0 a_0 m_b a_b in one bone."""
-    if not moves(root.spans):
+    if not has_motion(root.spans):
         fixed = multiply(root.modeling, before(root.spans))
         return bone._replace(modeling=normalized(multiply(fixed, bone.modeling)))
     spans = joined_spans(root.spans, bone.spans, 0.0, bone.modeling)

@@ -14,14 +14,14 @@ from enliven.modeling.mesh import (
     SeamSettings,
     SkinnedSurface,
     bone_maps,
-    healed,
+    heal_seam,
+    identity_maps,
     joined,
-    no_maps,
     posed_vertices,
 )
 from enliven.modeling.rigged.axes import Axes, moved_mesh
-from enliven.modeling.rigged.bones import bone_number, bones_of, inside, rebuilt
-from enliven.modeling.rigged.graft import grafted, root_has_skin
+from enliven.modeling.rigged.bones import bone_number, bones_of, check_fraction, rebuilt
+from enliven.modeling.rigged.graft import graft_bones, root_has_skin
 from enliven.modeling.rigged.nodes import insert_node
 from enliven.modeling.rigged.posed import moment, with_travel_kept
 from enliven.modeling.skinning import renumbered
@@ -30,7 +30,8 @@ from enliven.rotation import IDENTITY, conjugate, multiply, normalized
 
 _DEFAULT_SEAM = SeamSettings()
 _JOINT_TOLERANCE = 1e-9
-"""A node within this fraction of a bone's length from its end is placed at the joint."""
+"""Maximum distance of a node from the end of a bone, as a fraction of the bone's length, at which it is
+placed at the joint."""
 
 
 def merge(
@@ -45,21 +46,21 @@ def merge(
     seam: SeamSettings = _DEFAULT_SEAM,
     notes: list[str] | None = None,
 ) -> tuple[Project, dict[str, str]]:
-    """Joins a shape's root to a node of another shape; the two become one shape.
+    """Merges two shapes: joins the root of one shape to a node of the other.
 
     The graft moves to the node without rotating. At ``time`` every bone of both keeps its world rotation. The
     joints of the graft keep their positions if its root was at the node; else the graft is moved there. From
     then on it follows the bone that ends at the node. Let W be the world rotation of that bone at ``time``.
-    The modeling rotation of each bone that leaves the graft's root is multiplied by W^-1 from the left
+    The modeling rotation of each bone that starts at the graft's root is multiplied by W^-1 from the left
     (AniMesh, section 6, Figure 8). The host moves as before at every time.
 
     The graft's rest axes become those of the host. Its rest pose is turned by R = W^-1 D_b(time). So skeleton
     and mesh lie in the host's rest pose as they appear at ``time``. Here b is the graft's first bone. It is
-    the root's own entry in three cases: for a merge in the rest pose, if several bones leave the root, or if
+    the root itself in three cases: for a merge in the rest pose, if several bones start at the root, or if
     skin follows the root. A modeling rotation m becomes R m R^-1, and the basis of a layer becomes R basis.
-    The rotation of the graft's root goes into the bones that leave it, as a rotation at the joint (a span
-    without length). If skin follows a root that moves, the root stays as a bone without length. The graft's
-    travel is dropped, since the host carries it.
+    The rotation of the graft's root is moved to the bones that start at it, as a rotation at the joint (a
+    span without length). If skin follows a root that moves, the root stays as a bone without length. The
+    graft's travel is dropped, since the host carries it.
 
     The meshes are united in their poses at ``time``. Near the seam the surface is smoothed and the skin
     weights are recomputed; elsewhere rest positions and weights stay bit-exact. Two meshes that do not meet
@@ -88,7 +89,7 @@ def merge(
         raise InputError("a shape cannot be merged with itself", where=f"shape {host_id!r}", mend=mend)
     graft = project.shape(graft_id)
     j = bone_number(project.shape(host_id), joint)
-    if inside(at, f"shape {host_id!r}") <= _JOINT_TOLERANCE:
+    if check_fraction(at, f"shape {host_id!r}") <= _JOINT_TOLERANCE:
         j = max(int(project.shape(host_id).skeleton.parents[j]), 0)
     elif at < 1.0 - _JOINT_TOLERANCE:
         project, name = insert_node(project, host_id, j, at, rigid=True)
@@ -98,7 +99,7 @@ def merge(
     world = ours.turns[j]
     axes = Axes(_exact_identity(multiply(conjugate(world), theirs.turns[_first_bone(graft, time)])))
     layers = _converted_layers(host, graft, axes)
-    bones, names = grafted(host, j, graft, world, axes, {old: new.id for old, new in layers.items()})
+    bones, names = graft_bones(host, j, graft, world, axes, {old: new.id for old, new in layers.items()})
     pins = (*host.pins, *_renamed_pins(graft, names))
     more = {"mesh": None, "skin": None, "pins": pins, "layers": (*host.layers, *layers.values())}
     merged = with_travel_kept(project, host, rebuilt(host, [*bones_of(host), *bones], **more))
@@ -168,11 +169,13 @@ def _merged_surface(
         merged.skeleton if merged_pose is None else replace(merged.skeleton, positions=merged_pose.joints)
     )
     maps = (
-        no_maps(merged) if merged_pose is None else bone_maps(merged, merged_pose.linear, merged_pose.joints)
+        identity_maps(merged)
+        if merged_pose is None
+        else bone_maps(merged, merged_pose.linear, merged_pose.joints)
     )
 
     def heal(mesh: Mesh, skin: SkinWeights, where: Bool) -> tuple[Mesh, SkinWeights]:
-        return healed(mesh, skin, skeleton, where, seam)
+        return heal_seam(mesh, skin, skeleton, where, seam)
 
     return joined(host, graft, maps, heal, loose=loose, notes=notes, where=f"shape {merged.id!r}")
 

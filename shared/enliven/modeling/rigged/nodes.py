@@ -9,9 +9,9 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project, Shape, SkinWeights, unused
 from enliven.errors import InputError
-from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, inside, numbers_of, rebuilt
+from enliven.modeling.rigged.bones import Bone, bone_number, bones_of, check_fraction, numbers_of, rebuilt
 from enliven.modeling.rigged.posed import with_travel_kept
-from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, riding, split_spans
+from enliven.modeling.rigged.spans import AT_ONCE, Spans, joined_spans, rigid_continuation, split_spans
 from enliven.modeling.skinning import InsertSettings, nearest_bone, renumbered, shared_skin, upper_part
 from enliven.rotation import IDENTITY, multiply
 
@@ -48,13 +48,13 @@ def insert_node(
     """
     shape = project.shape(shape_id)
     j = bone_number(shape, bone, root=False)
-    if not 0.0 < inside(at, f"shape {shape_id!r}") < 1.0:
+    if not 0.0 < check_fraction(at, f"shape {shape_id!r}") < 1.0:
         mend = "Choose a place between the two joints."
         raise InputError("there is a joint already at the end of a bone", where=shape_id, mend=mend)
     name = new_name(shape, j, name)
     bones = bones_of(shape)
     ridden = frozenset(layer.id for layer in shape.layers if layer.stretch) if rigid else None
-    bones[j : j + 1] = divided(bones[j], bones, at, name, ridden)
+    bones[j : j + 1] = split_bone(bones[j], bones, at, name, ridden)
     skin = shape.skin
     if shape.mesh is not None and skin is not None:
         begin, end = shape.skeleton.positions[[int(shape.skeleton.parents[j]), j]]
@@ -75,7 +75,7 @@ def new_name(shape: Shape, j: int, name: str | None) -> str:
     return name or unused(f"{shape.skeleton.names[j]} node", used_names)
 
 
-def divided(
+def split_bone(
     bone: Bone, bones: list[Bone], at: float, name: str, ridden: frozenset[str] | None = None
 ) -> list[Bone]:
     """Splits one of ``bones`` at a node called ``name``. The product of the two rotations equals the old
@@ -85,7 +85,11 @@ def divided(
     the layers with these ids.
     """
     begin = next(other.rest for other in bones if other.name == bone.parent)
-    parted = split_spans(bone.spans, at) if ridden is None else (bone.spans, riding(bone.spans, ridden))
+    parted = (
+        split_spans(bone.spans, at)
+        if ridden is None
+        else (bone.spans, rigid_continuation(bone.spans, ridden))
+    )
     upper, lower = parted
     modeling, lower = without_before(IDENTITY, lower)
     first = Bone(name, bone.parent, begin + at * (bone.rest - begin), bone.modeling, upper)
@@ -93,8 +97,8 @@ def divided(
 
 
 def without_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
-    """Moves the fixed rotation at the start of the spans into the modeling rotation. The total stays the
-    same."""
+    """Moves the fixed rotation at the start of the spans into the modeling rotation. The total rotation does
+    not change."""
     first = np.array(spans[0].before)
     return multiply(modeling, first), (replace(spans[0], before=AT_ONCE), *spans[1:])
 
@@ -102,11 +106,11 @@ def without_before(modeling: Float, spans: Spans) -> tuple[Float, Spans]:
 def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     """Removes a joint. Its children attach to its parent joint, and turn as before.
 
-    An inner node and each bone below it become one bone that keeps the motions of both, one after the other
-    (see ``joined_spans``). Every bone below keeps its world rotation at every time, even where two takes
-    meet; AniMesh drops the motion there (section 8, Figure 13). Removing a node inserted by
-    :func:`insert_node` restores the bone. A leaf is dropped with its bone, and its skin follows the parent
-    bone. At a branch each bone below starts from the parent joint.
+    If an inner node is removed, its bone and each bone below it become one bone with the motions of both in
+    sequence (see ``joined_spans``). Every bone below keeps its world rotation at every time, even if the two
+    bones play different takes. AniMesh drops the motion in that case (section 8, Figure 13). Removing a node
+    inserted by :func:`insert_node` restores the bone. A leaf is dropped with its bone, and its skin follows
+    the parent bone. At a branch each bone below starts from the parent joint.
 
     Raises:
         InputError: for the root, which carries the whole shape.
@@ -114,10 +118,10 @@ def remove_node(project: Project, shape_id: str, joint: int | str) -> Project:
     shape = project.shape(shape_id)
     j = bone_number(shape, joint)
     removed = bones_of(shape)[j]
-    where = f"shape {shape_id!r}"
+    location = f"shape {shape_id!r}"
     if j == 0:
         raise InputError(
-            f"{removed.name!r} is the root", where=where, mend="Cut the bone below it to drop the rest."
+            f"{removed.name!r} is the root", where=location, mend="Cut the bone below it to drop the rest."
         )
     bones = [
         _join_bones(removed, bone, shape) if bone.parent == removed.name else bone
@@ -133,8 +137,8 @@ def _join_bones(upper: Bone, lower: Bone, shape: Shape) -> Bone:
     lengths = shape.skeleton.lengths
     first = lengths[shape.skeleton.index(upper.name)]
     total = first + lengths[shape.skeleton.index(lower.name)]
-    share = float(first / total) if total > 0 else 0.5
-    spans = joined_spans(upper.spans, lower.spans, share, lower.modeling)
+    length_fraction = float(first / total) if total > 0 else 0.5
+    spans = joined_spans(upper.spans, lower.spans, length_fraction, lower.modeling)
     modeling, spans = without_before(upper.modeling, spans)
     return Bone(lower.name, upper.parent, lower.rest, modeling, spans)
 

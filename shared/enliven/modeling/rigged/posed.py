@@ -47,8 +47,8 @@ def as_modeled(shape: Shape) -> tuple[Float, Float]:
 
 
 def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
-    """Restores the travel scale from before an edit, so that stride lengths stay although the height has
-    changed."""
+    """Restores the travel scale from before an edit, so that strides keep their length although the height
+    has changed."""
     if new.travel is None:
         return new
     clip = project.takes[new.layer(new.travel).take]
@@ -57,22 +57,28 @@ def with_travel_kept(project: Project, old: Shape, new: Shape) -> Shape:
 
 
 def held_at(project: Project, part: Shape, whole: Shape, turns: Float, time: float | None) -> Shape:
-    """Restores the world rotations of the whole at ``time`` in a part of a shape that lost a pin.
+    """Restores, in a part of a shape that has lost a pin, the world rotations of the whole shape at ``time``.
 
-    The rotations caused by the pin go into the modeling rotations.
+    The rotations that the pin caused are added to the modeling rotations.
 
     Args:
         turns: (N, 4) the world rotations of the whole.
     """
-    wanted = dict(zip(whole.skeleton.names, turns, strict=True))
+    rotation_by_name = dict(zip(whole.skeleton.names, turns, strict=True))
     current, _ = posed(project, part, time)
     modeling = np.array(part.modeling)
     for j, name in enumerate(part.skeleton.names):
         parent = int(part.skeleton.parents[j])
-        if j == 0 or name not in wanted or np.allclose(current[j], wanted[name], atol=1e-12):
+        if (
+            j == 0
+            or name not in rotation_by_name
+            or np.allclose(current[j], rotation_by_name[name], atol=1e-12)
+        ):
             continue
-        above = wanted.get(part.skeleton.names[parent], current[parent])
-        back = multiply(conjugate(above), multiply(wanted[name], conjugate(own_turn(current, part, j))))
+        above = rotation_by_name.get(part.skeleton.names[parent], current[parent])
+        back = multiply(
+            conjugate(above), multiply(rotation_by_name[name], conjugate(own_turn(current, part, j)))
+        )
         modeling[j] = normalized(back)
     return part.with_changes(modeling=modeling)
 

@@ -25,12 +25,12 @@ def set_bone(
     """
     shape, j, turns, _ = _posed_bone(project, shape_id, bone, time)
     world = _checked_rotation(world, shape_id)
-    own = own_turn(turns, shape, j)
+    own_rotation = own_turn(turns, shape, j)
     return _with_modeling(
         project,
         shape,
         j,
-        multiply(multiply(conjugate(_parent_rotation(turns, shape, j)), world), conjugate(own)),
+        multiply(multiply(conjugate(_parent_rotation(turns, shape, j)), world), conjugate(own_rotation)),
     )
 
 

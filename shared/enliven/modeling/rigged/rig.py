@@ -61,7 +61,7 @@ class ShapeRig(RigEdits):
         return lambda time: prepared.at(time).joints
 
     def player(self, project: Project, shape: Shape) -> Player:
-        """Prepares the compiled evaluation of the layers. The handles are the joints."""
+        """Returns a function that evaluates the compiled layers. The handles are the joints."""
         prepared = ShapePlayer(project, shape.id)
 
         def at(time: float) -> CharacterState:
@@ -83,7 +83,7 @@ class ShapeRig(RigEdits):
         return next(numbers, None)
 
     def with_key_layer(self, project: Project, shape: Shape, handle: int, key: MotionKey) -> Project:
-        """Adds a layer of rotations, the innermost on the last span of the bone."""
+        """Adds a layer of rotations as the innermost layer of the bone's last span."""
         bone = shape.skeleton.names[handle]
         clip = keyed_clip(unused(f"{bone} keys", project.takes), bone, [key])
         name = unused(f"{bone} keys", project.layer_names)
@@ -156,8 +156,8 @@ class ShapeRig(RigEdits):
 
 
 def _turned_travel(shape: Shape, turn: Float) -> tuple[tuple[Layer, ...], str | None]:
-    """Returns the layers with the root's path rotated, and the id of the travel layer. Adds a layer if the
-    old one also turns bones."""
+    """Returns the layers with the root's path rotated, and the id of the travel layer. If the old travel
+    layer also rotates bones, adds a new one."""
     if shape.travel is None:
         return shape.layers, None
     way = shape.layer(shape.travel)

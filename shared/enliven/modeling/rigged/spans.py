@@ -1,4 +1,5 @@
-"""Splits, joins and turns the spans of bones during edits so that every take is kept."""
+"""Splits, joins and rotates the spans of bones in edits. A span is the part of a bone that rotates by the
+same layers."""
 
 from __future__ import annotations
 
@@ -13,9 +14,9 @@ from enliven.rotation import IDENTITY, canonical, multiply, normalized
 
 Spans = tuple[Span, ...]
 AT_ONCE = (1.0, 0.0, 0.0, 0.0)
-"""``before`` of a span that starts without rotation."""
+"""The identity rotation: ``before`` of a span that starts without a fixed rotation."""
 _MIN_BONE_FRACTION = 1e-12
-"""Fractions of a bone below this count as empty."""
+"""Minimum length of a span as a fraction of its bone. Shorter spans count as empty."""
 
 
 def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
@@ -39,8 +40,9 @@ def split_spans(spans: Spans, at: float) -> tuple[Spans, Spans]:
     return _scale_shares(upper, 1.0), _scale_shares(lower, 1.0)
 
 
-def riding(spans: Spans, layers: frozenset[str]) -> Spans:
-    """Returns the spans of a bone that rigidly continues one with ``spans``, stretched by these layers.
+def rigid_continuation(spans: Spans, layers: frozenset[str]) -> Spans:
+    """Returns the spans of a bone that rigidly continues a bone with ``spans``, and is stretched by these
+    layers.
 
     The references to the layers have equal start and end, so that they cause no rotation.
     """
@@ -61,7 +63,7 @@ def joined_spans(upper: Spans, lower: Spans, share: float, between: Float = IDEN
     """
     first = lower[0]
     turned = multiply(between, np.array(first.before))
-    lower = (replace(first, before=as_before(turned)), *lower[1:])
+    lower = (replace(first, before=exact_rotation(turned)), *lower[1:])
     return _merge_neighbours((*_scale_shares(upper, share), *_scale_shares(lower, 1.0 - share)))
 
 
@@ -73,13 +75,14 @@ def before(spans: Spans) -> Float:
     return turn
 
 
-def moves(spans: Spans) -> bool:
+def has_motion(spans: Spans) -> bool:
     """Returns True if any layer turns the bone."""
     return any(span.refs for span in spans)
 
 
-def as_before(turn: Float) -> tuple[float, float, float, float]:
-    """Converts a rotation to a span's format. It is exactly the identity if it differs only by rounding."""
+def exact_rotation(turn: Float) -> tuple[float, float, float, float]:
+    """Converts a rotation to a span's format. A rotation that differs from the identity only by rounding
+    becomes the exact identity."""
     w, x, y, z = canonical(normalized(turn)).tolist()
     if abs(x) + abs(y) + abs(z) < _MIN_BONE_FRACTION:
         return AT_ONCE

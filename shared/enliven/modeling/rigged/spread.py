@@ -1,10 +1,10 @@
-"""Copies the motion of one limb to all equal limbs. Edits: Project -> Project.
+"""Copies the motion of one limb to all equal limbs. Each edit maps a project to a project.
 
     groups = equal_limbs(project.shape("squid").skeleton)            # enliven.matching.symmetry
     project = spread_motion(project, "squid", groups[0], joint, delay=0.1)
 
-A copy is the motion rotated to the other limb, or mirrored. Limb number k is k delays later. Each copy refers
-to the same takes through its own layers, so it can be shifted, muted and weighted separately.
+A copy is the motion rotated to the other limb, or mirrored. Limb number k moves k delays later. Each copy has
+its own layers that play the same takes, so it can be shifted, muted and weighted separately.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ def spread_motion(
         InputError: if the joint belongs to no limb of the group, or the limb has no motion.
     """
     shape = project.shape(shape_id)
-    own = group.limb_of(joint)
-    if own < 0:
+    own_limb = group.limb_of(joint)
+    if own_limb < 0:
         limb_names = ", ".join(shape.skeleton.names[limb.joints[0]] for limb in group.limbs)
         problem = f"joint {shape.skeleton.names[joint]!r} is of none of these limbs"
         raise InputError(problem, where=f"shape {shape_id!r}", mend=f"They begin at {limb_names}.")
     used = dict.fromkeys(
-        ref.layer for j in group.limbs[own].joints for span in shape.spans[j] for ref in span.refs
+        ref.layer for j in group.limbs[own_limb].joints for span in shape.spans[j] for ref in span.refs
     )
     if not used:
         problem = f"no take moves the limb of joint {shape.skeleton.names[joint]!r}"
@@ -53,15 +53,15 @@ def spread_motion(
     layers, spans = {layer.id: layer for layer in shape.layers}, list(shape.spans)
     used_names = dict(project.layer_names)
     for number in range(len(group.limbs)):
-        if number == own:
+        if number == own_limb:
             continue
-        later = delay * ((number - own) % len(group.limbs))
-        linear, fresh = group.between(own, number), dict[str, str]()
+        later = delay * ((number - own_limb) % len(group.limbs))
+        linear, fresh = group.between(own_limb, number), dict[str, str]()
         for name in used:
             fresh[name] = unused(name, used_names)
             used_names[fresh[name]] = None
             layers[fresh[name]] = reflected(layers[name], linear, fresh[name], later)
-        for start, end in group.joint_map(own, number).items():
+        for start, end in group.joint_map(own_limb, number).items():
             if end != group.joint:
                 spans[end] = tuple(_copied_span(span, fresh, linear) for span in shape.spans[start])
     return project.with_characters(shape.with_changes(spans=tuple(spans), layers=tuple(layers.values())))

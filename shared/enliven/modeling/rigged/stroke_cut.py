@@ -10,8 +10,15 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.document import Project, Shape
 from enliven.errors import InputError
-from enliven.modeling.mesh import CutSurface, cut_by_stroke, numbers_in, parted, posed_vertices, with_piece
-from enliven.modeling.rigged.cutting import parted_at
+from enliven.modeling.mesh import (
+    CutSurface,
+    cut_by_stroke,
+    divide_by_bones,
+    numbers_in,
+    posed_vertices,
+    with_piece,
+)
+from enliven.modeling.rigged.cutting import split_shape
 from enliven.modeling.rigged.posed import moment
 
 
@@ -37,11 +44,10 @@ def cut_stroke(
     *,
     notes: list[str] | None = None,
 ) -> tuple[Project, tuple[str, ...]]:
-    """Cuts a shape wherever a stroke crosses its bones at ``time``. Each part below a crossing becomes a
-    shape.
+    """Cuts a shape where a stroke crosses its bones at ``time``. Each part below a crossing becomes a shape.
 
-    Every bone is cut as by ``cut_bone``: at ``time`` nothing turns or moves. The mesh is cut along the stroke
-    in its pose at ``time``. Each part of it goes with the bones that it follows most.
+    Every bone is cut as by ``cut_bone``, so the pose at ``time`` does not change. The mesh is cut along the
+    stroke in its pose at ``time``. Each part of the mesh stays with the bones that it follows most.
 
     Args:
         stroke: a ``StrokeCut`` (drawn on an image) or a ``PlaneCut``, in world metres.
@@ -56,18 +62,18 @@ def cut_stroke(
     """
     shape = project.shape(shape_id)
     pose = moment(project, shape, time)
-    crossings = crossings_of(shape, stroke, pose.joints)
+    crossings = bone_crossings(shape, stroke, pose.joints)
     _check_crossings(shape, crossings)
     edited, upper, lowers = project, shape.with_changes(mesh=None, skin=None), []
     for crossing in crossings:
         j = upper.skeleton.index(shape.skeleton.names[crossing.bone])
-        upper, lower = parted_at(edited, upper, j, crossing.at, time, None)
+        upper, lower = split_shape(edited, upper, j, crossing.at, time, None)
         edited = edited.with_characters(upper, lower)
         lowers.append(lower)
     if shape.mesh is not None and shape.skin is not None:
         cut = cut_by_stroke(shape.mesh, shape.skin, stroke, posed_vertices(shape, pose.linear, pose.joints))
         near, far = (cut.near, cut.far) if crossings[0].near else (cut.far, cut.near)
-        pieces = parted(far, [shape.skeleton.below(crossing.bone) for crossing in crossings])
+        pieces = divide_by_bones(far, [shape.skeleton.below(crossing.bone) for crossing in crossings])
         nodes = [lower.skeleton.names[0] for lower in lowers]
         upper = with_piece(upper, near, _upper_numbers(shape, upper, crossings, nodes))
         for k, (lower, piece) in enumerate(zip(lowers, pieces, strict=True)):
@@ -80,7 +86,7 @@ def cut_stroke(
     return project.with_characters(*shapes), tuple(part.id for part in shapes)
 
 
-def crossings_of(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossing]:
+def bone_crossings(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossing]:
     """Finds the crossings of a stroke with the bones of a shape, by bisection.
 
     Args:
@@ -106,23 +112,23 @@ def crossings_of(shape: Shape, stroke: CutSurface, joints: Float) -> list[Crossi
 
 def _check_crossings(shape: Shape, crossings: Sequence[Crossing]) -> None:
     """Raises an error if the stroke does not determine which parts are cut off."""
-    where, names = f"shape {shape.id!r}", shape.skeleton.names
+    location, names = f"shape {shape.id!r}", shape.skeleton.names
     if not crossings:
         mend = "Draw it right across the part to cut, over a bone."
-        raise InputError("the stroke crosses no bone", where=where, mend=mend)
+        raise InputError("the stroke crosses no bone", where=location, mend=mend)
     for crossing in crossings:
         for other in crossings:
             if crossing.bone != other.bone and other.bone in shape.skeleton.below(crossing.bone):
                 problem = f"the stroke crosses {names[crossing.bone]!r} and, below it, {names[other.bone]!r}"
-                raise InputError(problem, where=where, mend="Cut a limb once at a time.")
+                raise InputError(problem, where=location, mend="Cut a limb once at a time.")
     if len({crossing.near for crossing in crossings}) > 1:
         problem = "the stroke turns around between two limbs, so that it has no one side"
-        raise InputError(problem, where=where, mend="Draw it straighter, or cut one limb at a time.")
+        raise InputError(problem, where=location, mend="Draw it straighter, or cut one limb at a time.")
 
 
 def _upper_numbers(before: Shape, upper: Shape, crossings: Sequence[Crossing], nodes: Sequence[str]) -> Int:
     """Returns (N,) the bone of the upper shape for each old bone. Bones that were cut off map to the
-    remaining half."""
+    remaining half of the cut bone."""
     numbers = numbers_in(before, upper, nodes[0])
     for crossing, node in zip(crossings, nodes, strict=True):
         numbers[list(before.skeleton.below(crossing.bone))] = upper.skeleton.index(node)

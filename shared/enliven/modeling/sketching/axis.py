@@ -12,15 +12,15 @@ from enliven.arrays import Float, Int
 TIP = 0.4
 """Distance from the tip at which an axis ends, in radii."""
 _MIN_SPUR_RADII = 2.4
-"""Minimum length in radii of a limb in the outer corner of a bend. The corner alone creates a shorter
-branch."""
+"""Minimum length in radii of a limb in the outer corner of a bend. A corner without a limb also creates a
+branch, but a shorter one."""
 _MIN_LIMB_RADII = 1.3
-"""Minimum length in radii of a limb elsewhere. A shorter branch hardly leaves the shape that it branches
-from."""
+"""Minimum length in radii of a limb elsewhere. A shorter branch hardly extends beyond the shape that it
+branches from."""
 _SHARP_BEND_SUM = 0.9
 """Length of the sum of two unit directions above which a bend is sharp: 127 degrees or less."""
 _MERGE_DISTANCE_RADII = 0.9
-"""Junctions nearer to each other than this number of their radii are merged."""
+"""Maximum distance of two junctions that are merged, as a multiple of their radii."""
 
 
 @dataclass
@@ -47,7 +47,7 @@ def smooth(points: Float, times: int = 3) -> Float:
     return points
 
 
-def without_spurs(axis: Axis) -> Axis:
+def remove_spurs(axis: Axis) -> Axis:
     """Removes branches that are not limbs. A branch into the outer corner of a bend moves the joint there."""
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
@@ -83,7 +83,7 @@ def _chain_radius(axis: Axis, chain: list[int]) -> float:
 def _is_outside_bend(axis: Axis, spur: list[int], one: list[int], two: list[int]) -> bool:
     """Returns True if a branch leaves a fork away from two others that bend sharply there. All start at the
     fork."""
-    ways = []
+    directions = []
     for chain in (spur, one, two):
         away = axis.points[chain[1:]] - axis.points[spur[0]]
         far = np.linalg.norm(away, axis=1)
@@ -92,10 +92,10 @@ def _is_outside_bend(axis: Axis, spur: list[int], one: list[int], two: list[int]
             if (far > 2 * _chain_radius(axis, spur)).any()
             else -1
         )
-        ways.append(away[at] / max(float(far[at]), 1e-300))
-    bisector = ways[1] + ways[2]
+        directions.append(away[at] / max(float(far[at]), 1e-300))
+    bisector = directions[1] + directions[2]
     size = float(np.linalg.norm(bisector))
-    return bool(size > _SHARP_BEND_SUM and ways[0] @ bisector < -0.5 * size)
+    return bool(size > _SHARP_BEND_SUM and directions[0] @ bisector < -0.5 * size)
 
 
 def _move_fork_to_corner(axis: Axis, spur: list[int], others: list[list[int]]) -> list[list[int]]:
@@ -126,7 +126,7 @@ def _chain_director(degree: Int) -> Callable[[list[int]], list[int]]:
     return turned
 
 
-def merged(axis: Axis) -> Axis:
+def merge_junctions(axis: Axis) -> Axis:
     """Contracts chains between two junctions that lie in each other's circles."""
     while True:
         ends = [end for chain in axis.chains for end in (chain[0], chain[-1])]
@@ -144,7 +144,7 @@ def merged(axis: Axis) -> Axis:
         if short is None:
             return axis
         a, b = short[1][0], short[1][-1]
-        share = axis.radii[a] / (axis.radii[a] + axis.radii[b])
-        axis.points[a] = share * axis.points[a] + (1 - share) * axis.points[b]
+        radius_fraction = axis.radii[a] / (axis.radii[a] + axis.radii[b])
+        axis.points[a] = radius_fraction * axis.points[a] + (1 - radius_fraction) * axis.points[b]
         axis.radii[a] = max(axis.radii[a], axis.radii[b])
         axis.chains = [[a if i == b else i for i in chain] for chain in axis.chains if chain is not short[1]]

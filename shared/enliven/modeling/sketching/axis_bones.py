@@ -13,7 +13,7 @@ _MIN_JOINT_DISTANCE_RADII = 1.6
 """Minimum distance between two joints of a chain, in radii."""
 
 
-def simplified(points: Float, radii: Float, tolerance: float, longest: float) -> list[int]:
+def simplify_chain(points: Float, radii: Float, tolerance: float, longest: float) -> list[int]:
     """Returns the points of a chain to keep. A bone between two of them is a cylinder that fits the points
     between.
 
@@ -69,7 +69,7 @@ def bones_of_axis(axis: Axis, tolerance: float, longest: float) -> tuple[Float, 
     links: list[tuple[int, int]] = []
     for chain in axis.chains:
         points, radii = axis.points[chain], axis.radii[chain]
-        chosen = _drop_close_joints(points, radii, simplified(points, radii, tolerance, longest))
+        chosen = _drop_close_joints(points, radii, simplify_chain(points, radii, tolerance, longest))
         for k in chosen:
             if chain[k] not in number:
                 number[chain[k]] = len(places)

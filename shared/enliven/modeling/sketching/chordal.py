@@ -13,12 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.modeling.sketching.axis import TIP, Axis, merged, smooth, without_spurs
+from enliven.modeling.sketching.axis import TIP, Axis, merge_junctions, remove_spurs, smooth
 
 _MAX_BUMP_RADII = 1.2
-"""A branch is a bump if it stays within this number of radii from the middle of its chord."""
+"""Maximum distance of a bump from the middle of its chord, in radii of the chord's circle. A branch that
+stays within it is a bump."""
 _ROUND_MOMENT_RATIO = 0.8
-"""Ratio of the second moments above which an outline without limbs has no long direction."""
+"""Ratio of the smaller to the larger second moment above which an outline without limbs counts as round."""
 
 
 def axis_of(outline: Float, triangles: Int) -> Axis:
@@ -78,10 +79,10 @@ class _Tracer:
         waiting: list[int] = np.flatnonzero(sides == 1).tolist()
         while waiting:
             t = waiting.pop()
-            ways = [k for k in range(3) if self.beside[t, k] >= 0 and not is_pruned[self.beside[t, k]]]
-            if len(ways) != 1 or is_pruned[t]:
+            inner_sides = [k for k in range(3) if self.beside[t, k] >= 0 and not is_pruned[self.beside[t, k]]]
+            if len(inner_sides) != 1 or is_pruned[t]:
                 continue
-            k = ways[0]
+            k = inner_sides[0]
             region = sorted({*bumps.get(t, []), *(int(v) for v in self.triangles[t])})
             a, b = self.outline[self.triangles[t, (k + 1) % 3]], self.outline[self.triangles[t, (k + 2) % 3]]
             middle, radius = (a + b) / 2, float(np.linalg.norm(a - b)) / 2
@@ -155,7 +156,7 @@ class _Tracer:
         axis = Axis(np.array(self.points), np.array(self.radii), chains)
         for chain in chains:
             axis.points[chain] = smooth(axis.points[chain])
-        return merged(without_spurs(axis))
+        return merge_junctions(remove_spurs(axis))
 
     def _straighten_to_tip(self, chain: list[int]) -> list[int]:
         """Straightens the last points of a chain to the tip, since they lie askew in a round or flat end."""

@@ -15,14 +15,14 @@ from scipy.sparse.linalg import splu
 
 from enliven.arrays import Float, Int, Int32
 from enliven.meshes import split_long_edges
-from enliven.modeling.mesh import SYMMETRIC_LU, flipped, poisson, refined, taubin_smoothed
+from enliven.modeling.mesh import SYMMETRIC_LU, flip_to_delaunay, poisson, refine_triangulation, smooth_taubin
 from enliven.modeling.skinning import cotangents
 
 _MAX_EDGE_STEPS = 1.5
-"""Edges longer than this number of outline steps are split in half."""
+"""Maximum length of an edge in steps of the outline. Longer edges are split in half."""
 
 
-def inflated(
+def inflate_outline(
     outline: Float, triangles: Int, axis: Float, radii: Float, depth: float, smooth: int
 ) -> tuple[Float, Int32]:
     """Returns (V, 3) vertices and (F, 3) outward faces; x and y in the plane, z towards the viewer.
@@ -36,7 +36,7 @@ def inflated(
         smooth: number of smoothing passes over the vertices (Taubin).
     """
     step = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).mean())
-    flat, cells = refined(outline, triangles, np.full(len(outline), step))
+    flat, cells = refine_triangulation(outline, triangles, np.full(len(outline), step))
     squared = _squared_heights(flat, cells, len(outline), axis, radii) * depth**2
     vertices, faces, squared = _both_halves(flat, cells, squared, len(outline), depth)
     while True:
@@ -50,9 +50,9 @@ def inflated(
         side = np.sign(vertices[parents[:, 0], 2] + vertices[parents[:, 1], 2])
         vertices[count:, 2] = side * np.sqrt(between)
     for _ in range(2):
-        faces = flipped(vertices, faces)
-        vertices = taubin_smoothed(vertices, faces, (smooth + 1) // 2)
-    return vertices, flipped(vertices, faces)
+        faces = flip_to_delaunay(vertices, faces)
+        vertices = smooth_taubin(vertices, faces, (smooth + 1) // 2)
+    return vertices, flip_to_delaunay(vertices, faces)
 
 
 def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Float) -> Float:
@@ -67,11 +67,11 @@ def _squared_heights(flat: Float, cells: Int, rim: int, axis: Float, radii: Floa
     # between.
     far = np.linalg.norm(flat[None, inner] - axis[:, None], axis=2)
     nearest = inner[np.argmin(far, axis=1)]
-    wanted = radii**2 / np.maximum(out[nearest], 1e-12 * float(out.max()))
+    factors = radii**2 / np.maximum(out[nearest], 1e-12 * float(out.max()))
     pull = np.zeros(len(flat))
     np.add.at(pull, nearest, 0.3)
     right = np.zeros(len(flat))
-    np.add.at(right, nearest, 0.3 * np.clip(wanted, 0.7, 2.2))
+    np.add.at(right, nearest, 0.3 * np.clip(factors, 0.7, 2.2))
     if not pull.any():
         return out
     lift = splu(csc_matrix(laplacian + diags(pull)), **SYMMETRIC_LU).solve(right)

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.kernels import njit
-from enliven.modeling.mesh import area
+from enliven.modeling.mesh import signed_area
 
 _MAX_OVERSHOOT_FRACTION = 0.15
 """Maximum overshoot at each end of a stroke beyond the closing point, as a fraction of its length."""
@@ -49,7 +49,7 @@ def outline_of(stroke: Float, count: int, smooth: int = 2) -> Float:
         raise InputError(
             "it crosses itself", where=_ERROR_PLACE, mend="Draw an outline that does not cross itself."
         )
-    size = area(points)
+    size = signed_area(points)
     length = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).sum())
     if abs(size) < 1e-3 * length**2 / (4 * np.pi):
         raise InputError("it encloses nothing", where=_ERROR_PLACE, mend="Draw the outline of the part.")
@@ -119,8 +119,8 @@ def _without_ends(points: Float, crossings: Float) -> Float:
         crossings[:, 1] > (1 - _MAX_OVERSHOOT_FRACTION) * count
     )
     if not near_ends.any():
-        where = points[int(crossings[0, 0])]
-        problem = f"it crosses itself at ({where[0]:.3g}, {where[1]:.3g})"
+        crossing_point = points[int(crossings[0, 0])]
+        problem = f"it crosses itself at ({crossing_point[0]:.3g}, {crossing_point[1]:.3g})"
         raise InputError(problem, where=_ERROR_PLACE, mend="Draw an outline that does not cross itself.")
     # Cut at the innermost crossing of the two ends, because this removes all of their other crossings too.
     pick = crossings[near_ends]

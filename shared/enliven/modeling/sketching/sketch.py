@@ -17,11 +17,11 @@ from enliven.arrays import Float, Int
 from enliven.document import Shape, Skeleton, skeleton_of, still_shape
 from enliven.errors import InputError
 from enliven.meshes import Mesh
-from enliven.modeling.mesh import area, triangulated
+from enliven.modeling.mesh import signed_area, triangulate_loops
 from enliven.modeling.sketching.axis import Axis
 from enliven.modeling.sketching.axis_bones import bones_of_axis, root_of
 from enliven.modeling.sketching.chordal import axis_of
-from enliven.modeling.sketching.inflate import inflated
+from enliven.modeling.sketching.inflate import inflate_outline
 from enliven.modeling.sketching.outline import outline_of
 from enliven.modeling.skinning import bone_heat
 from enliven.settings import setting
@@ -90,7 +90,7 @@ def shape_from_stroke(
     triangles, axis = flat_axis(outline)
     places, radii, links = bones_of_axis(axis, settings.tolerance, settings.longest)
     middles, widths = _inner_circles(axis)
-    vertices, faces = inflated(outline, triangles, middles, widths, settings.depth, settings.smooth)
+    vertices, faces = inflate_outline(outline, triangles, middles, widths, settings.depth, settings.smooth)
     mesh = Mesh(np.asarray(plane.origin) + vertices @ axes, faces, id)
     skeleton = _build_skeleton(places, radii, links, plane, axes)
     return still_shape(id, skeleton, mesh, bone_heat(mesh, skeleton))
@@ -99,14 +99,14 @@ def shape_from_stroke(
 def _outline_point_count(outline: Float, vertices: int) -> int:
     """Returns the number of outline points that gives about ``vertices``: triangle edges are as long as its
     steps."""
-    step = np.sqrt(7.5 * area(outline) / vertices)
+    step = np.sqrt(7.5 * signed_area(outline) / vertices)
     length = float(np.linalg.norm(np.roll(outline, -1, 0) - outline, axis=1).sum())
     return max(48, int(length / step))
 
 
 def flat_axis(outline: Float) -> tuple[Int, Axis]:
     """Returns (T, 3) triangles of an outline, and its chordal axis."""
-    triangles = triangulated(outline, [np.arange(len(outline))])
+    triangles = triangulate_loops(outline, [np.arange(len(outline))])
     return triangles, axis_of(outline, triangles)
 
 

@@ -126,11 +126,11 @@ def cotangents(vertices: Float, faces: Int32) -> tuple[csc_matrix, Float]:
     rows = np.concatenate([left for left, _, _ in halves] + [right for _, right, _ in halves])
     columns = np.concatenate([right for _, right, _ in halves] + [left for left, _, _ in halves])
     values = np.tile(np.concatenate([dot / least for _, _, dot in halves]) / 2, 2)
-    web = coo_matrix((values, (rows, columns)), (count, count)).tocsr()
-    web.data = np.maximum(web.data, 1e-6)
-    own = np.asarray(web.sum(1)).ravel()
+    laplacian = coo_matrix((values, (rows, columns)), (count, count)).tocsr()
+    laplacian.data = np.maximum(laplacian.data, 1e-6)
+    degree = np.asarray(laplacian.sum(1)).ravel()
     mass = np.bincount(faces.ravel(), np.repeat(least / 6, 3), count)
-    return csc_matrix(diags(own) - web), np.maximum(mass, 1e-12 * float(mass.max() or 1.0))
+    return csc_matrix(diags(degree) - laplacian), np.maximum(mass, 1e-12 * float(mass.max() or 1.0))
 
 
 def outward(welded: Mesh) -> Float:

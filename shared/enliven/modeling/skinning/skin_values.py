@@ -43,12 +43,12 @@ def sparse(weights: Float, smooth: bool = False) -> SkinWeights:
     return SkinWeights(indices, kept_weights)
 
 
-def taken(skin: SkinWeights, vertices: AnyArray) -> SkinWeights:
+def select_vertices(skin: SkinWeights, vertices: AnyArray) -> SkinWeights:
     """Returns the skin of a subset of the vertices, bit-exactly."""
     return SkinWeights(skin.indices[vertices], skin.weights[vertices])
 
 
-def stacked(skins: Sequence[SkinWeights]) -> SkinWeights:
+def concatenate_skins(skins: Sequence[SkinWeights]) -> SkinWeights:
     """Concatenates the skins of consecutive groups of vertices."""
     return SkinWeights(
         np.concatenate([skin.indices for skin in skins]), np.concatenate([skin.weights for skin in skins])

@@ -8,7 +8,8 @@ from enliven.arrays import Float, Int, Int32
 from enliven.kernels import njit
 
 _MAX_OUTWARD_COSINE = 0.2
-"""A bone counts as outside the surface if the direction to it has a cosine to the normal above this value."""
+"""Maximum cosine between the outward normal and the direction to a bone inside the surface. A bone with a
+larger cosine is outside."""
 _FADE_EXPONENT = 4
 """Exponent by which the heat of a bone that replaces an occluded one fades. Of the tested values, this one
 came nearest to weights that artists painted on ten rigs."""

@@ -84,7 +84,7 @@ def find_five_ends(limb_ends: LimbEnds, most: float = np.inf) -> FiveEnds | None
     """Returns the choice with the lowest cost. None if the mesh has fewer than five ends, or all choices
     cost more than ``most``.
     """
-    ways = limb_ends.ways_from(limb_ends.ends)
+    ways = limb_ends.distances_from(limb_ends.ends)
     between = ways[:, limb_ends.ends]
     heads, chosen = _enumerate_choices(between, limb_ends.longest)
     if not len(chosen):
@@ -117,7 +117,7 @@ def find_five_ends(limb_ends: LimbEnds, most: float = np.inf) -> FiveEnds | None
 def five_ends_from_points(limb_ends: LimbEnds, points: Float) -> FiveEnds:
     """Returns the choice with the given ends (5, 3) metres: head, two hands, two feet."""
     nearest = np.array([np.linalg.norm(limb_ends.points - point, axis=1).argmin() for point in points])
-    ways = limb_ends.ways_from(nearest)
+    ways = limb_ends.distances_from(nearest)
     between = ways[:, nearest]
     distances = [between[a, b] for a in range(5) for b in range(a + 1, 5)]
     cost, trees = tree_misfit(np.array([distances]))

@@ -18,7 +18,7 @@ from enliven.meshes import MeshMaterials, Texture, joined_materials, refine, sub
 from enliven.modeling.edits import mirror_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
 from enliven.modeling.mesh.mesh_cut import cut_by_stroke
-from enliven.modeling.mesh.mesh_union import united
+from enliven.modeling.mesh.mesh_union import unite_meshes
 from enliven.modeling.rigged import merge
 from enliven.modeling.rigged.cutting import cut_bone
 from enliven.modeling.skinning.heat_diffusion import bone_heat
@@ -86,7 +86,7 @@ def test_a_union_keeps_those_of_both(seed, way, far, flat):
     if flat:
         first, second = (type(m)(*flat_parts(m)) for m in (first, second))
     skins = random_skin(len(first.vertices), 2, 1), random_skin(len(second.vertices), 2, 2)
-    union = united(first, skins[0], second, skins[1], offset=2)
+    union = unite_meshes(first, skins[0], second, skins[1], offset=2)
     named = check(union.mesh, {**maps, **more})
     assert (named != "").all()
     middle = union.mesh.vertices[union.mesh.faces].mean(1)
@@ -105,7 +105,7 @@ def test_a_tidied_seam_keeps_them_nearly(seed=3):
     turned = second.vertices[:, [1, 0, 2]] * [1, 1, -1] + [0.0, 0.3, 0.02]
     moved = type(second)(turned, second.faces, "other", None, second.materials)
     skins = on_bone(first, 1), on_bone(moved, 1)
-    rough, tidy = (united(first, skins[0], moved, skins[1], tidy=tidy) for tidy in (False, True))
+    rough, tidy = (unite_meshes(first, skins[0], moved, skins[1], tidy=tidy) for tidy in (False, True))
     assert len(tidy.mesh.faces) < len(rough.mesh.faces)
     own, maps_of = tidy.mesh.materials, {**maps, **more}
     names = [json.loads(definition)["name"] for definition in own.definitions]

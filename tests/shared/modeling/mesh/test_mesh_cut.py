@@ -22,11 +22,11 @@ from mesh_makers import (
 from enliven.document.skeleton import Skeleton
 from enliven.errors import InputError
 from enliven.meshes.mesh import Mesh
-from enliven.modeling.mesh.cut_loops import area, chains_of, joined, winding
+from enliven.modeling.mesh.cut_loops import joined, order_chains, signed_area, winding_number
 from enliven.modeling.mesh.cut_plan import CutSettings
 from enliven.modeling.mesh.cut_surfaces import PlaneCut, StrokeCut
 from enliven.modeling.mesh.mesh_cut import cut_across_bone, cut_by_stroke
-from enliven.modeling.mesh.mesh_union import united
+from enliven.modeling.mesh.mesh_union import unite_meshes
 from enliven.modeling.skinning.heat_diffusion import bone_heat
 
 FROM_Z = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -225,7 +225,7 @@ def test_a_bone_within_a_body_takes_its_limb_and_does_not_halve_the_body():
     trunk, branch = tube(0.3, 2.0, 20, 0.09), tube(0.12, 1.2, 16, 0.08)
     turned = branch.vertices @ np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]]).T
     branch = Mesh(turned + np.array([0.05, 0.01, 1.0]), branch.faces, "branch")
-    union = united(trunk, on_bone(trunk, 1), branch, on_bone(branch, 3))
+    union = unite_meshes(trunk, on_bone(trunk, 1), branch, on_bone(branch, 3))
     skeleton = Skeleton(
         ("a", "b", "c", "d", "e"),
         np.array([-1, 0, 1, 1, 3]),
@@ -285,14 +285,14 @@ def test_impossible_cut_gives_the_reason():
 
 def test_loops_chains_and_windings():
     square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    assert area(square) == 1 and area(square[::-1]) == -1
-    assert winding(square, np.array([0.5, 0.5])) == pytest.approx(1)
-    assert winding(square, np.array([1.5, 0.5])) == pytest.approx(0, abs=1e-9)
+    assert signed_area(square) == 1 and signed_area(square[::-1]) == -1
+    assert winding_number(square, np.array([0.5, 0.5])) == pytest.approx(1)
+    assert winding_number(square, np.array([1.5, 0.5])) == pytest.approx(0, abs=1e-9)
     # One pair is the wrong way about, as in a soup with a turned face.
-    (loop, shut), *rest = chains_of(np.array([[0, 1], [1, 2], [3, 2], [3, 0]]))
+    (loop, shut), *rest = order_chains(np.array([[0, 1], [1, 2], [3, 2], [3, 0]]))
     assert shut and not rest
     assert list(np.roll(loop, -list(loop).index(0))) == [0, 1, 2, 3]
-    open_chains = chains_of(np.array([[0, 1], [1, 2], [5, 6], [6, 7]]))
+    open_chains = order_chains(np.array([[0, 1], [1, 2], [5, 6], [6, 7]]))
     assert not any(shut for _, shut in open_chains)
     places = np.array([[0, 0], [1, 0], [2, 0], [9, 9], [9, 9], [2, 0.1], [1, 0.1], [0, 0.1]], float)
     (whole, shut), *rest = joined(open_chains, places, 0.3)

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from enliven.modeling.mesh.caps import HarmonicInterpolation, cap_of
-from enliven.modeling.mesh.cut_loops import area
-from enliven.modeling.mesh.planar import refined, triangulated
+from enliven.modeling.mesh.cut_loops import signed_area
+from enliven.modeling.mesh.planar import refine_triangulation, triangulate_loops
 
 wobbles = st.lists(st.floats(0.4, 1.6), min_size=5, max_size=40)
 
@@ -46,11 +46,11 @@ def not_delaunay(points, triangles):
 @given(wobbles)
 def test_triangulation_covers_outline_and_is_delaunay(radii):
     points = flower(radii)
-    triangles = triangulated(points, [np.arange(len(points))])
+    triangles = triangulate_loops(points, [np.arange(len(points))])
     assert len(triangles) == len(points) - 2
     sizes = areas(points, triangles)
     assert sizes.min() >= -1e-9
-    assert sizes.sum() == pytest.approx(area(points))
+    assert sizes.sum() == pytest.approx(signed_area(points))
     assert not_delaunay(points, triangles) == 0
 
 
@@ -58,11 +58,11 @@ def test_triangulation_covers_outline_and_is_delaunay(radii):
 @given(wobbles)
 def test_refining_keeps_the_outline_and_the_area(radii):
     points = flower(radii)
-    triangles = triangulated(points, [np.arange(len(points))])
-    vertices, cells = refined(points, triangles, np.full(len(points), 0.2))
+    triangles = triangulate_loops(points, [np.arange(len(points))])
+    vertices, cells = refine_triangulation(points, triangles, np.full(len(points), 0.2))
     assert (vertices[: len(points)] == points).all()
     assert areas(vertices, cells).min() >= -1e-9
-    assert areas(vertices, cells).sum() == pytest.approx(area(points))
+    assert areas(vertices, cells).sum() == pytest.approx(signed_area(points))
     border = np.sort(cells[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), 1)
     edges, counts = np.unique(border, axis=0, return_counts=True)
     assert counts.max() <= 2 and (edges[counts == 1] < len(points)).all()
@@ -73,7 +73,7 @@ def test_a_hole_stays_a_hole():
     points = np.concatenate([outer, inner])
     cap = cap_of([np.arange(40), 40 + np.arange(20)], points)
     vertices = np.concatenate([points[cap.rim], cap.inside(points[cap.rim])])
-    assert areas(vertices, cap.faces).sum() == pytest.approx(area(outer) + area(inner))
+    assert areas(vertices, cap.faces).sum() == pytest.approx(signed_area(outer) + signed_area(inner))
     assert np.linalg.norm(vertices[cap.faces].mean(1), axis=1).min() > 0.9
 
 
@@ -81,8 +81,8 @@ def test_a_hole_stays_a_hole():
 @given(wobbles, st.tuples(*[st.floats(-2, 2)] * 3))
 def test_cap_interpolates_border_values_linearly(radii, plane):
     points = flower(radii)
-    triangles = triangulated(points, [np.arange(len(points))])
-    vertices, cells = refined(points, triangles, np.full(len(points), 0.3))
+    triangles = triangulate_loops(points, [np.arange(len(points))])
+    vertices, cells = refine_triangulation(points, triangles, np.full(len(points), 0.3))
     spread = HarmonicInterpolation(vertices, cells, len(points))
     inside = spread(np.eye(len(points)))
     assert len(inside) == spread.count == len(vertices) - len(points)

@@ -20,8 +20,8 @@ from scipy.spatial import cKDTree
 from enliven.document.skeleton import Skeleton
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
-from enliven.modeling.mesh.mesh_union import united
-from enliven.modeling.mesh.seam import SeamSettings, fair, healed, reweighted, smoothed
+from enliven.modeling.mesh.mesh_union import unite_meshes
+from enliven.modeling.mesh.seam import SeamSettings, fair, heal_seam, reweight_seam, smooth_seam
 
 
 def tee(flat=False):
@@ -36,7 +36,7 @@ def tee(flat=False):
         np.array([-1, 0, 1, 1]),
         np.array([[0, 0, 0], [0, 0, 1.0], [0, 0, 2], [1.2, 0, 1]]),
     )
-    union = united(trunk, on_bone(trunk, 1), branch, on_bone(branch, 3), tidy=True)
+    union = unite_meshes(trunk, on_bone(trunk, 1), branch, on_bone(branch, 3), tidy=True)
     return union, skeleton, volume(trunk), volume(branch)
 
 
@@ -56,7 +56,7 @@ def sharpest(mesh, near):
 @pytest.mark.parametrize("flat", [False, True])
 def test_a_seam_is_healed_and_nothing_else_is_touched(flat):
     union, skeleton, *parts = tee(flat)
-    mesh, skin = healed(union.mesh, union.skin, skeleton, union.seam)
+    mesh, skin = heal_seam(union.mesh, union.skin, skeleton, union.seam)
     assert watertight(mesh) and partition_of_unity(skin)
     assert max(parts) < volume(mesh) < sum(parts)
     # A fillet fills the crease: it takes nothing away, and adds little.
@@ -74,13 +74,13 @@ def test_a_seam_is_healed_and_nothing_else_is_touched(flat):
 def test_a_crease_becomes_a_fillet():
     union, *_ = tee()
     before = sharpest(union.mesh, union.seam)
-    after = sharpest(smoothed(union.mesh, union.seam), union.seam)
+    after = sharpest(smooth_seam(union.mesh, union.seam), union.seam)
     assert before > 80 and after < 0.7 * before
 
 
 def test_weights_run_smoothly_over_the_seam():
     union, skeleton, *_ = tee()
-    skin = reweighted(union.mesh, union.skin, skeleton, union.seam)
+    skin = reweight_seam(union.mesh, union.skin, skeleton, union.seam)
     edges = union.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
     def leap(skin):
@@ -95,8 +95,8 @@ def test_weights_run_smoothly_over_the_seam():
 def test_cut_and_merge_restore_the_mesh(u, around):
     mesh, skeleton = tube(0.3, 2.0, around), line([[0, 0, 0], [0, 0, 2.0]])
     cut = cut_across_bone(mesh, on_bone(mesh, 1), skeleton, 1, u)
-    union = united(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
-    smooth = smoothed(union.mesh, union.seam)
+    union = unite_meshes(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
+    smooth = smooth_seam(union.mesh, union.seam)
     assert same_bits(smooth.vertices, union.mesh.vertices)
 
 
@@ -126,10 +126,10 @@ def test_coarse_meshes_are_not_blown_up(detail, flat, far, size):
     first, second = ball(0.1, detail=detail), ball(size, (far, 0.011, 0.013), detail=1, name="other")
     if flat:
         first, second = flat_shaded(first), flat_shaded(second)
-    union = united(first, on_bone(first, 0), second, on_bone(second, 0), tidy=True)
+    union = unite_meshes(first, on_bone(first, 0), second, on_bone(second, 0), tidy=True)
     if not union.fused:
         return
-    smooth = smoothed(union.mesh, union.seam)
+    smooth = smooth_seam(union.mesh, union.seam)
     assert watertight(smooth)
     low, high = union.mesh.bounds
     assert (smooth.vertices > low - 0.05).all() and (smooth.vertices < high + 0.05).all()
@@ -139,8 +139,8 @@ def test_coarse_meshes_are_not_blown_up(detail, flat, far, size):
 def test_zero_settings_change_nothing():
     union, skeleton, *_ = tee()
     off = SeamSettings(strength=0.0, weight_rings=0, weight_reach=0.0)
-    mesh = smoothed(union.mesh, union.seam, off)
+    mesh = smooth_seam(union.mesh, union.seam, off)
     assert mesh is union.mesh
     nowhere = np.zeros_like(union.seam)
-    assert reweighted(mesh, union.skin, skeleton, nowhere) is union.skin
-    assert smoothed(mesh, nowhere) is mesh
+    assert reweight_seam(mesh, union.skin, skeleton, nowhere) is union.skin
+    assert smooth_seam(mesh, nowhere) is mesh

@@ -21,7 +21,7 @@ from enliven.meshes import barycentric
 from enliven.meshes.mesh import Mesh
 from enliven.modeling.mesh.closing import closed_surface
 from enliven.modeling.mesh.mesh_cut import cut_across_bone
-from enliven.modeling.mesh.mesh_union import united
+from enliven.modeling.mesh.mesh_union import unite_meshes
 
 LEAF = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 
@@ -71,7 +71,7 @@ def test_the_union_is_closed_and_between_the_larger_and_the_sum(way, far, flat):
     if flat:
         first, second = flat_shaded(first), flat_shaded(second)
     skins = random_skin(len(first.vertices), 5, 1), random_skin(len(second.vertices), 3, 2)
-    union = united(first, skins[0], second, skins[1], offset=5)
+    union = unite_meshes(first, skins[0], second, skins[1], offset=5)
     assert union.fused and not union.notes
     assert watertight(union.mesh) and partition_of_unity(union.skin)
     parts = volume(first), volume(second)
@@ -86,7 +86,7 @@ def test_the_union_is_closed_and_between_the_larger_and_the_sum(way, far, flat):
 
 def test_faces_away_from_the_seam_stay_in_their_order():
     first, second = ball(0.1), ball(0.06, (0.1, 0, 0))
-    union = united(first, on_bone(first, 0), second, on_bone(second, 1))
+    union = unite_meshes(first, on_bone(first, 0), second, on_bone(second, 1))
     old = union.first[union.mesh.faces]
     whole = (old >= 0).all(1)
     kept = {tuple(face): number for number, face in enumerate(first.faces.tolist())}
@@ -109,8 +109,8 @@ def test_a_tidy_seam_has_better_triangles_and_the_same_shape(way, far):
     way = np.array(way) + np.array([0, 0, 1e-3])
     first, second = ball(0.1), ball(0.06, far * way / np.linalg.norm(way), name="other")
     skins = random_skin(len(first.vertices), 5, 1), random_skin(len(second.vertices), 3, 2)
-    plain = united(first, skins[0], second, skins[1], offset=5)
-    tidy = united(first, skins[0], second, skins[1], offset=5, tidy=True)
+    plain = unite_meshes(first, skins[0], second, skins[1], offset=5)
+    tidy = unite_meshes(first, skins[0], second, skins[1], offset=5, tidy=True)
     assert watertight(tidy.mesh) and partition_of_unity(tidy.skin)
     assert volume(tidy.mesh) == pytest.approx(volume(plain.mesh), rel=5e-3)
     traced(tidy, first, skins[0], second, skins[1], 5)
@@ -124,7 +124,7 @@ def test_a_tidy_seam_has_better_triangles_and_the_same_shape(way, far):
 def test_a_flat_shaded_seam_is_not_torn_by_tidying():
     first, second = flat_shaded(ball(0.1)), flat_shaded(ball(0.06, (0.1, 0.01, 0.02)))
     skins = on_bone(first, 0), on_bone(second, 1)
-    union = united(first, skins[0], second, skins[1], tidy=True)
+    union = unite_meshes(first, skins[0], second, skins[1], tidy=True)
     assert union.fused and watertight(union.mesh)
 
 
@@ -132,7 +132,7 @@ def test_union_restores_cut_mesh():
     mesh, skeleton = tube(), line([[0, 0, 0], [0, 0, 2.0]])
     skin = random_skin(len(mesh.vertices), 2)
     cut = cut_across_bone(mesh, skin, skeleton, 1, 0.37)
-    union = united(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
+    union = unite_meshes(cut.near.mesh, cut.near.skin, cut.far.mesh, cut.far.skin)
     assert union.fused and watertight(union.mesh)
     assert volume(union.mesh) == pytest.approx(volume(mesh), rel=1e-9)
     # The caps are gone: except at the rim, all vertices existed before.
@@ -145,7 +145,7 @@ def test_colours_are_kept_and_blank_where_there_were_none():
     first, second = ball(0.1), ball(0.06, (0.1, 0, 0))
     red = np.tile(np.array([250, 10, 20], np.uint8), (len(first.vertices), 1))
     first = Mesh(first.vertices, first.faces, "red", red)
-    union = united(first, on_bone(first, 0), second, on_bone(second, 1))
+    union = unite_meshes(first, on_bone(first, 0), second, on_bone(second, 1))
     own = (union.first >= 0) & ~union.seam
     assert (union.mesh.colours[own] == [250, 10, 20]).all()
     assert (union.mesh.colours[(union.second >= 0) & ~union.seam] == 204).all()
@@ -154,11 +154,11 @@ def test_colours_are_kept_and_blank_where_there_were_none():
 def test_hole_filling_is_reported():
     first, second = ball(0.1), ball(0.06, (0.1, 0, 0))
     holed = Mesh(first.vertices, first.faces[8:], "holed")
-    union = united(holed, on_bone(holed, 0), second, on_bone(second, 1))
+    union = unite_meshes(holed, on_bone(holed, 0), second, on_bone(second, 1))
     assert union.fused and any("hole" in note for note in union.notes)
     assert watertight(union.mesh) and partition_of_unity(union.skin)
     turned = Mesh(first.vertices, first.faces[:, ::-1], "turned")
-    union = united(turned, on_bone(turned, 0), second, on_bone(second, 1))
+    union = unite_meshes(turned, on_bone(turned, 0), second, on_bone(second, 1))
     assert union.fused and any("inside out" in note for note in union.notes)
     assert watertight(union.mesh) and volume(union.mesh) > volume(first)
 
@@ -174,7 +174,7 @@ def test_hole_filling_is_reported():
 )
 def test_unfusable_meshes_are_joined_without_loss(other, why):
     first = ball(0.1)
-    union = united(first, on_bone(first, 0), other, on_bone(other, 0), offset=3)
+    union = unite_meshes(first, on_bone(first, 0), other, on_bone(other, 0), offset=3)
     assert not union.fused and why in union.notes[0]
     assert same_bits(union.mesh.vertices[: len(first.vertices)], first.vertices)
     assert same_bits(union.mesh.vertices[len(first.vertices) :], other.vertices)
@@ -204,7 +204,7 @@ NO_SOLIDS |= {f"{name}, flat-shaded": flat_shaded(mesh) for name, mesh in NO_SOL
 def test_union_of_open_mesh_keeps_outer_surface(name):
     first, other = ball(0.1), NO_SOLIDS[name]
     skins = random_skin(len(first.vertices), 5, 1), random_skin(len(other.vertices), 3, 2)
-    union = united(first, skins[0], other, skins[1], 5)
+    union = unite_meshes(first, skins[0], other, skins[1], 5)
     assert union.fused and not union.failed and partition_of_unity(union.skin)
     corners = union.mesh.vertices[union.mesh.faces]
     assert (np.linalg.norm(corners.mean(1), axis=1) > 0.095).all(), "nothing is left within the ball"

@@ -7,7 +7,7 @@ from lost_shear import lost
 
 from enliven.document.puppet import PuppetLayer
 from enliven.errors import InputError
-from enliven.examples.baking.frames import SurfaceFrames, states_of
+from enliven.examples.baking.frames import SurfaceFrames, evaluate_states
 from enliven.examples.baking.settings import BakeSettings
 from enliven.exporters import performance_of
 from enliven.exporters.gltf import glb_of
@@ -39,7 +39,7 @@ def test_a_baked_puppet_is_where_the_puppet_is(bean, baked):
     assert name == "bean" and not project.puppets and list(project.takes) == ["dance"]
     puppet = bean.puppet("bean")
     times = 0.2 + np.arange(31) / 15
-    places, turns, roots = states_of(bean, puppet, times)
+    places, turns, roots = evaluate_states(bean, puppet, times)
     worst = 0.0
     for frame, vertices in enumerate(SurfaceFrames(puppet, places)()):
         expected = rotate(turns[frame], vertices) + roots[frame]

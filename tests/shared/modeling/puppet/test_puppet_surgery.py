@@ -15,7 +15,7 @@ from enliven.examples.puppet_motion import in_world, state_of
 from enliven.formats.project.file import project_bytes, project_of
 from enliven.modeling.edits import copy_character, merge_characters, move_character
 from enliven.modeling.mesh.cut_surfaces import PlaneCut
-from enliven.modeling.puppet.parts import shown, surface_of_puppet
+from enliven.modeling.puppet.parts import solve_surfaces, surface_of_puppet
 from enliven.modeling.puppet.surgery import PuppetCutSettings, cut_puppet
 from enliven.rotation import from_rotation_vector
 
@@ -70,12 +70,14 @@ def test_cut_half_keeps_its_shape_in_key_poses(bean, height, time):
     whole = bean.puppet("bean")
     at = seen(bean, "bean", time)[int(np.abs(whole.mesh.vertices[:, 1] - height).argmin())]
     after, names = cut_puppet(bean, "bean", PlaneCut(at + 1e-3, [0.1, 1.0, 0.0]), time)
-    was = shown(surface_of_puppet(whole), np.array([pose.places for pose in whole.poses]))
+    was = solve_surfaces(surface_of_puppet(whole), np.array([pose.places for pose in whole.poses]))
     for name in names:
         half = after.puppet(name)
         assert not missing(after, half) and len(half.poses) >= len(whole.poses)
         new, old = whence(half.mesh, whole.mesh)
-        now = shown(surface_of_puppet(half), np.array([pose.places for pose in half.poses[: len(was)]]))
+        now = solve_surfaces(
+            surface_of_puppet(half), np.array([pose.places for pose in half.poses[: len(was)]])
+        )
         assert np.linalg.norm(now[:, new] - was[:, old], axis=2).max() <= TOLERANCE * size_of(bean) + 1e-9
 
 

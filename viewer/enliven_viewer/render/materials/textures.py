@@ -13,7 +13,7 @@ from PIL import Image
 
 from enliven.arrays import UInt8
 from enliven.errors import InputError, plain_reason
-from enliven.meshes import Texture, opened_picture
+from enliven.meshes import Texture, open_picture
 
 log = logging.getLogger(__name__)
 _MAX_IMAGE_PIXELS = 1 << 26
@@ -149,7 +149,7 @@ def _unfold_mirrored(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
 def _pixels(source: Texture, most: int) -> UInt8:
     """Returns (H, W, 4): a decoded texture with limited sides; white if it cannot be read."""
     try:
-        with opened_picture(np.asarray(source.image, np.uint8).tobytes()) as picture:
+        with open_picture(np.asarray(source.image, np.uint8).tobytes()) as picture:
             if picture.width * picture.height > _MAX_IMAGE_PIXELS:
                 raise InputError(f"it has {picture.width} x {picture.height} pixels")
             picture.draft("RGB", (most, most))

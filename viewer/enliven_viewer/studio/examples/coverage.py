@@ -14,12 +14,12 @@ from enliven.document import Clip, Project, Puppet
 from enliven.errors import EnlivenError
 from enliven.examples import (
     SuggestedPoses,
+    collect_material,
+    convert_to_reference,
     distance_to,
     further_poses,
-    material_of,
     missing,
     performed,
-    seen_by,
     suggest_poses,
 )
 
@@ -127,7 +127,7 @@ def _solver_points(project: Project, puppet: Puppet, take: str) -> tuple[Float, 
     if number is None or missing(project, puppet):
         return None
     try:
-        examples, took = seen_by(material_of(project, puppet, puppet.layers[number]))
+        examples, took = convert_to_reference(collect_material(project, puppet, puppet.layers[number]))
     except EnlivenError:
         return None
     return examples.sources, took.poses

@@ -7,7 +7,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Project
 from enliven.errors import InputError
-from enliven.modeling.edits import middle_of, move_characters, scale_characters
+from enliven.modeling.edits import group_centre, move_characters, scale_characters
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
@@ -122,5 +122,5 @@ class SelectionTransform:
 
 def _fixed_point(project: Project, names: tuple[str, ...]) -> Float:
     """Returns (3,) metres: the fixed point of scaling; for several characters, on the floor."""
-    middle = middle_of(project, names)
+    middle = group_centre(project, names)
     return middle if len(names) == 1 else middle * [1.0, 0.0, 1.0]

@@ -7,7 +7,7 @@ from dataclasses import fields
 from imgui_bundle import ImVec2, imgui
 
 from enliven.document import FEET, Layer, LayerBase, Project, RigBase, Shape
-from enliven.modeling.edits import change_layers, feet_while, lock_feet, remove_layer, takes_beside
+from enliven.modeling.edits import alternative_takes, change_layers, foot_lock_mode, lock_feet, remove_layer
 from enliven.motion.layers import set_travel
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panels.fields import Change, slider, switch, tooltip
@@ -89,14 +89,14 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
         switch(workspace, label, getattr(layer, field), change, _SWITCH_TIPS[field])
     if isinstance(layer, Layer):
         _chain(workspace, editor.project.shape(name), layer, number)
-    if (feet := feet_while(character, number)) is not None:
+    if (feet := foot_lock_mode(character, number)) is not None:
         _feet(workspace, character, number, feet)
 
 
 def _takes(workspace: Workspace, layer: LayerBase) -> None:
     """Draws the alternative takes of a lane: which one is audible, and a delete button for each."""
     takes = workspace.commands.takes
-    beside = takes_beside(workspace.editor.project, layer.alternatives)
+    beside = alternative_takes(workspace.editor.project, layer.alternatives)
     if len(beside) < 2:
         return
     quiet("takes of this lane")

@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from enliven.mapping import BOUND, LEVEL, SLIDE, THROUGH, MotionQuality, Plan, limb_of
+from enliven.mapping import (
+    MAX_FLOOR_DISTANCE,
+    MAX_INTERSECTION,
+    MAX_SLIDE_CM_S,
+    MAX_STRETCH,
+    MotionQuality,
+    Plan,
+    limb_name,
+)
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import tooltip
@@ -122,18 +130,18 @@ def _quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
     else:
         pose_line = tr("Limbs point elsewhere than the performer's: see {0}", worst)
     lines = [pose_line] if quality.limbs else []
-    if quality.stretch > BOUND:
+    if quality.stretch > MAX_STRETCH:
         lines.append(tr("The surface stretches too much, at {0}", ", ".join(quality.joints[:2])))
     else:
         lines.append(tr("The surface stretches little"))
     floor = []
-    if quality.sunk is not None and max(quality.sunk, quality.afloat or 0.0) > LEVEL:
+    if quality.sunk is not None and max(quality.sunk, quality.afloat or 0.0) > MAX_FLOOR_DISTANCE:
         floor.append(tr("it sinks into the floor or floats above it"))
-    if quality.slide is not None and quality.slide > SLIDE:
+    if quality.slide is not None and quality.slide > MAX_SLIDE_CM_S:
         floor.append(tr("feet slide"))
-    if quality.through > THROUGH:
+    if quality.through > MAX_INTERSECTION:
         floor.append(tr("it goes through itself: {0}", ", ".join(quality.parts[:2])))
-    less = {limb_of(c): c.weight for c in plan.chains if c.weight < 1.0 and "whole" not in c.role}
+    less = {limb_name(c): c.weight for c in plan.chains if c.weight < 1.0 and "whole" not in c.role}
     told_less = ", ".join(f"{limb} {weight:.0%}" for limb, weight in less.items())
     return [
         *lines,

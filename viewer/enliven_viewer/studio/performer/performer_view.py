@@ -14,7 +14,7 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Clip, Skeleton
 from enliven.examples import yaw_of
-from enliven.mapping import facing_of, turned_about_y
+from enliven.mapping import facing_of, rotate_about_y
 from enliven.modeling.puppet import play_take
 from enliven_viewer.language import later, tr
 from enliven_viewer.render import DRAG_TURN, OrbitCamera
@@ -164,7 +164,7 @@ class PerformerView:
         # direction of its rest pose.
         back = -float(yaw_of(clip.turns[frame, 0])) - self._front_turn(clip)
         height = float(np.ptp(clip.skeleton.positions[:, 1]))
-        return PerformerFigure(clip.skeleton, turned_about_y(joints, np.asarray(back)), max(height, 0.05))
+        return PerformerFigure(clip.skeleton, rotate_about_y(joints, np.asarray(back)), max(height, 0.05))
 
     def paired(self) -> dict[int, int]:
         """Returns the number of the control point for each paired joint of the performer."""

@@ -12,7 +12,7 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Float32
 from enliven.document import Character, Puppet, RigBase, SkinWeights
 from enliven.examples import State, in_world, pose_of_state
-from enliven.modeling.edits import as_standing
+from enliven.modeling.edits import bake_root_layers
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.protocols import EditorProtocol, PoseEditState
 from enliven_viewer.studio.puppets.puppet_states import playback_state
@@ -142,7 +142,7 @@ class PuppetStage:
             puppet, state = playback_state(editor, puppet)
         if newest.root_layers or puppet.root_layers:
             puppet = puppet.with_changes(root_layers=newest.root_layers)
-            puppet = cast(Puppet, as_standing(editor.project, puppet, editor.time))
+            puppet = cast(Puppet, bake_root_layers(editor.project, puppet, editor.time))
         warm = editor.playing or editor.scrubbing or posing.dragging
         return self._make_stage_puppet(puppet, state, self.surfaces.of(puppet, state.places, warm=warm))
 

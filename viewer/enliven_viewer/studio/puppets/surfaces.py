@@ -49,7 +49,7 @@ class PuppetSurfaces:
         surface = self._solver(puppet).ready(puppet)
         if surface is None or not puppet.points:
             return None
-        return self._others.submit(surface.aside, places)
+        return self._others.submit(surface.settle_separately, places)
 
     def settle_each(self, puppet: Puppet, many: Sequence[Float]) -> list[Float] | None:
         """Returns the settled surface (V, 3) at each of several positions (P, 3).

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Plane, Puppet
-from enliven.examples import reflected
+from enliven.examples import reflect_points
 from enliven_viewer.studio.puppets.mesh_cache import plane_of, size_of, tree_of
 
 _MIRROR_TOLERANCE = 0.05
@@ -55,10 +55,10 @@ def mirrored_places(puppet: Puppet, places: Float, point: int) -> Float:
     if plane is None or other is None:
         return places
     new_places, way = np.array(places), places[point] - puppet.rest[point]
-    mirrored = reflected(way, np.zeros(3), np.asarray(plane.normal))
+    mirrored = reflect_points(way, np.zeros(3), np.asarray(plane.normal))
     new_places[other] = puppet.rest[other] + ((mirrored + way) / 2 if other == point else mirrored)
     return new_places
 
 
 def _image(place: Float, plane: Plane) -> Float:
-    return reflected(place, np.asarray(plane.point), np.asarray(plane.normal))
+    return reflect_points(place, np.asarray(plane.point), np.asarray(plane.normal))

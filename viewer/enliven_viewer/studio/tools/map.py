@@ -12,14 +12,14 @@ from enliven.mapping import (
     RetargetedShape,
     automatic,
     is_own_take,
-    looped,
+    loop_takes,
+    mute_takes,
     own_clips,
     play_own_take,
     played_clip,
     quality_of,
     retarget,
-    softened,
-    stilled,
+    soften_plan,
 )
 from enliven.motion.layers import bind_chain, is_downward
 from enliven_viewer.language import later, tr, tr_n
@@ -164,15 +164,17 @@ class MapTool(Tool):
 
         def fitted(project: Project) -> RetargetedShape:
             """Returns the shape with the take in place of all its previous motion."""
-            still = stilled(project, shape.id)
+            still = mute_takes(project, shape.id)
             still_shape = still.shape(shape.id)
             if itself:
                 retargeted = play_own_take(still_shape, clip, still)
             else:
-                used_plan = softened(plan, clip, still_shape) if gentle else plan
+                used_plan = soften_plan(plan, clip, still_shape) if gentle else plan
                 clips = [project.takes[name] for name in own_clips(project, project.shape(shape.id))]
                 retargeted = retarget(still_shape, clip, used_plan, still, clips)
-            return replace(retargeted, project=looped(retargeted.project, shape.id)) if loop else retargeted
+            return (
+                replace(retargeted, project=loop_takes(retargeted.project, shape.id)) if loop else retargeted
+            )
 
         def work() -> tuple[RetargetedShape, MotionQuality]:
             retargeted = fitted(before)
@@ -255,4 +257,4 @@ def _without_clip(project: Project, shape_id: str) -> Project:
     Otherwise new motion would be added to that of the clip.
     """
     plays = played_clip(project, project.shape(shape_id)) is not None
-    return stilled(project, shape_id) if plays else project
+    return mute_takes(project, shape_id) if plays else project

@@ -6,9 +6,9 @@ import numpy as np
 
 from enliven.arrays import Float, Float32, UInt8
 from enliven.document import Plane, RigBase
-from enliven.examples import reflected
+from enliven.examples import reflect_points
 from enliven.meshes import Mesh, barycentric
-from enliven.modeling.edits import MOST_DOUBLINGS, Brush, brushed, paint_character, unpaint_character
+from enliven.modeling.edits import MAX_DOUBLINGS, Brush, brush_stiffness, paint_character, unpaint_character
 from enliven.modeling.mesh import plane_of_symmetry
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
@@ -178,7 +178,7 @@ class PaintTool(Tool):
             and self._over is not None
         ):
             posed = self.editor.stage_character(character.id)
-            other = reflected(self._over[1], np.asarray(plane.point), np.asarray(plane.normal))
+            other = reflect_points(self._over[1], np.asarray(plane.point), np.asarray(plane.normal))
             nearest = int(np.linalg.norm(character.mesh.vertices - other, axis=1).argmin())
             marks += [
                 Disc(at, self.radius, (*MARK[:3], _MIRRORED_RING_OPACITY), 1.5)
@@ -203,7 +203,9 @@ class PaintTool(Tool):
             return mesh.stiffness
         preview = self._preview
         if preview is None or preview[0] is not mesh or preview[1] != len(self._stroke):
-            stiffness = brushed(mesh, np.array(self._stroke), self._metres, self._now, self._plane(mesh))
+            stiffness = brush_stiffness(
+                mesh, np.array(self._stroke), self._metres, self._now, self._plane(mesh)
+            )
             preview = self._preview = mesh, len(self._stroke), stiffness
         return preview[2]
 
@@ -249,7 +251,7 @@ def _ring(brush: Brush) -> Colour:
 
 def shades(stiffness: Float32) -> UInt8:
     """Returns (V, 4) sRGB and opacity: blue for stiffer, orange for softer, grey for 1."""
-    doublings = np.log2(stiffness) / MOST_DOUBLINGS
+    doublings = np.log2(stiffness) / MAX_DOUBLINGS
     strength = np.minimum(np.abs(doublings), 1.0)[:, None]
     full = np.where(doublings[:, None] > 0, np.array(BEFORE), np.array(AFTER))
     colours = np.array(PLAIN_SURFACE) + np.sqrt(strength) * (full - np.array(PLAIN_SURFACE))

@@ -13,7 +13,7 @@ from enliven.example_sessions import Session, read_session, write_session
 from enliven.exporters import suffixes
 from enliven.formats.gltf import read_gltf
 from enliven.formats.project import project_of_mesh
-from enliven.formats.rig import Rig, resized
+from enliven.formats.rig import Rig, scale_to_height
 from enliven.mapping import clip_to_open, own_clips, play_own_clip, played_clip
 from enliven.meshes import GLTF_SUFFIXES, Mesh, fit_height, load_mesh
 from enliven.modeling.edits import move_character, paste_character, rig_of, vertices_of
@@ -118,7 +118,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
         return
     size = opened_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)
     if size.note:
-        rig = replace(resized(rig, size.height), notes=(size.note, *rig.notes))
+        rig = replace(scale_to_height(rig, size.height), notes=(size.note, *rig.notes))
     box, added_ids = editor.box(), list[str]()
 
     def add(project: Project) -> Project:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from enliven.document import Project
-from enliven.modeling.edits import choose_take, delete_take, drop_take, keep_take, takes_beside
+from enliven.modeling.edits import alternative_takes, choose_take, delete_take, drop_take, keep_take
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
@@ -35,23 +35,23 @@ class TakeCommands:
             layer.alternatives
             for each in ([character] if character is not None else project.characters.values())
             for layer in each.playing
-            if len(takes_beside(project, layer.alternatives)) > 1
+            if len(alternative_takes(project, layer.alternatives)) > 1
         }
         return groups.pop() if len(groups) == 1 else ""
 
     @property
     def audible_take(self) -> str:
         """Returns the audible take of that group; empty if there is none."""
-        takes = takes_beside(self.editor.project, self.alternatives)
+        takes = alternative_takes(self.editor.project, self.alternatives)
         return next((name for name, heard in takes.items() if heard), "")
 
     def lacks(self) -> str:
         """Returns why no alternative take can be chosen, with advice."""
-        return "" if len(takes_beside(self.editor.project, self.alternatives)) > 1 else _NO_ALTERNATIVES
+        return "" if len(alternative_takes(self.editor.project, self.alternatives)) > 1 else _NO_ALTERNATIVES
 
     def step(self, way: int) -> None:
         """Switches to the next alternative take, or to the previous one if `way` is -1."""
-        names = list(takes_beside(self.editor.project, self.alternatives))
+        names = list(alternative_takes(self.editor.project, self.alternatives))
         place = names.index(self.audible_take) if self.audible_take in names else -way
         self.choose(names[(place + way) % len(names)])
 
@@ -83,7 +83,7 @@ class TakeCommands:
         mine = [layer for layer in played if (layer.source, layer.take) == ("takes", name)]
         recorded = {(layer.alternatives, layer.recorded) for layer in mine}
         alternatives, take_name = recorded.pop() if len(recorded) == 1 else ("", "")
-        if len(takes_beside(project, alternatives)) < 2:
+        if len(alternative_takes(project, alternatives)) < 2:
             self.delete(name)
         elif self.editor.edit(
             later("delete {0}", take_name), lambda project: drop_take(project, alternatives, take_name)
