@@ -8,7 +8,7 @@ import trimesh
 from enliven import Mesh, Recording, possess
 from enliven.document import HoldChange
 from enliven.frames import BodyFrame
-from enliven.takes import body_take_of_frames
+from enliven.takes import body_take_from_frames
 from enliven_edge.assets import CHAIR
 from enliven_viewer.film import write_project_film
 
@@ -32,7 +32,7 @@ for number in range(len(dance)):
     frames.append(BodyFrame(pair, round(1e9 * number / 30), "made"))
 
 holds = [HoldChange(0.0, 1, "legs"), HoldChange(0.0, 2, "legs", "join")]
-project, _ = possess(table, body_take_of_frames(frames, "dance"), holds=holds)
+project, _ = possess(table, body_take_from_frames(frames, "dance"), holds=holds)
 times = np.arange(0.0, 2.25, 0.05)
 bodies = [frames[round(30 * time)].bodies for time in times]
 write_project_film("two_performers.webp", project, times, bodies=bodies, rate=20, azimuth=50.0, reveal=0.0)
