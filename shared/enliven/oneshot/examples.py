@@ -6,6 +6,8 @@ from collections.abc import Mapping
 
 from enliven.arrays import AnyArray
 from enliven.document import Clip, Project, unused
+from enliven.errors import InputError
+from enliven.examples import missing
 from enliven.meshes import Mesh
 from enliven.modeling.puppet import add_key_pose, add_point, make_puppet, play_take
 
@@ -43,4 +45,6 @@ def fit_examples(
         project = add_point(project, name, vertex, point, joint)
     for seconds, places in poses.items():
         project = add_key_pose(project, name, take.id, seconds, places)
+    if sentences := missing(project, project.characters[name]):
+        raise InputError("the examples do not determine a motion", where=name, mend=" ".join(sentences))
     return play_take(project, name, (plays or take).id), name

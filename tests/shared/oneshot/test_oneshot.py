@@ -13,6 +13,7 @@ from enliven import (
     copy,
     cut,
     export,
+    fit_examples,
     load_sample,
     match,
     merge,
@@ -23,6 +24,7 @@ from enliven.errors import InputError
 from enliven.matching import Matcher, ScreenView, body_source
 from enliven.person import J, Joint
 from enliven.rotation import from_rotation_vector, rotate
+from enliven.takes import clip_of_bodies
 
 STEP = 0.1
 
@@ -120,3 +122,13 @@ def test_impossible_edit_is_refused_with_a_fix(performed, tmp_path):
             refused()
         assert advice in refusal.value.mend
     assert list(tmp_path.iterdir()) == []
+
+
+def test_examples_with_an_unknown_joint_are_refused():
+    chair = load_sample("chair")
+    take = clip_of_bodies([standing(0.2 * n) for n in range(6)], STEP * np.arange(6), "bow")
+    points = {"seat": (0, "hip center"), "arm": (9, "left hand")}
+    rest = chair.vertices[[0, 9]]
+    with pytest.raises(InputError, match="do not determine a motion") as caught:
+        fit_examples(chair, take, points, {0.0: rest, 0.2: rest + 0.1})
+    assert "has no 'left hand'" in caught.value.mend and "hand left" in caught.value.mend
