@@ -202,8 +202,11 @@ def find_missing(
 
 
 def _similar_names(name: str, known: Sequence[str]) -> str:
-    """Returns the most similarly spelt names, as part of a sentence."""
-    alike = get_close_matches(name, known, n=3, cutoff=0.4)
+    """Returns the names of the same words in another order, or the most similarly spelt ones, as part of a
+    sentence."""
+    words = sorted(name.split())
+    reordered = [other for other in known if sorted(other.split()) == words]
+    alike = reordered or get_close_matches(name, known, n=3, cutoff=0.4)
     return f" (there are {', '.join(alike)})" if alike else ""
 
 
