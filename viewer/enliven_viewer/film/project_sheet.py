@@ -13,9 +13,9 @@ from enliven.meshes import Mesh
 from enliven.oneshot import mesh_at
 from enliven.person import Body
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.playback import bounds_of
+from enliven_viewer.playback import find_bounds
 from enliven_viewer.render import OrbitCamera, Renderer, Scene, SceneCharacter, SceneStyle
-from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.render.gl import create_offscreen_context
 
 _AZIMUTH, _ELEVATION = math.radians(38), math.radians(14)
 """Azimuth of the camera from the front towards the left, and elevation."""
@@ -51,16 +51,16 @@ def write_project_sheet(
         raise ValueError(f"{len(bodies)} bodies for {len(times)} times")
     scenes = [
         Scene(
-            tuple(_still(mesh_at(project, name, time), name) for name in project.characters),
+            tuple(_make_still_character(mesh_at(project, name, time), name) for name in project.characters),
             tuple(bodies[index : index + 1]),
             _STYLE,
         )
         for index, time in enumerate(times)
     ]
-    box = bounds_of([np.stack(scene.box) for scene in scenes if scene.box is not None])
+    box = find_bounds([np.stack(scene.box) for scene in scenes if scene.box is not None])
     if box is None:
         return
-    renderer, camera = Renderer(offscreen_context(), size), OrbitCamera(math.radians(28))
+    renderer, camera = Renderer(create_offscreen_context(), size), OrbitCamera(math.radians(28))
     camera.face(_AZIMUTH, _ELEVATION)
     camera.frame(box, size[0] / size[1], at_once=True)
     tiles = []
@@ -70,7 +70,7 @@ def write_project_sheet(
     write_sheet(Path(path), tiles, _MAX_COLUMNS, title, ", ".join(project.characters))
 
 
-def _still(mesh: Mesh, name: str) -> SceneCharacter:
+def _make_still_character(mesh: Mesh, name: str) -> SceneCharacter:
     """Returns a mesh as a character with a single transform."""
     count = len(mesh.vertices)
     weights = np.zeros((count, 4), np.float32)
