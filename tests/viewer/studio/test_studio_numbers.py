@@ -86,7 +86,7 @@ def test_typed_position_size_and_rotation_are_applied(workspace) -> None:
         after = [np.array(posed.vertices) for posed in editor.stage_characters if posed.id in names]
         for old, new in zip(earlier, after, strict=True):
             assert np.allclose(place + rotate(turn, old - place), new, atol=1e-4)
-    with pytest.raises(InputError, match="tall"):
+    with pytest.raises(InputError, match="possible height"):
         figures.set_height(-1.0)
     workspace.outliner.lock("post", on=True)
     before = editor.project

@@ -154,7 +154,7 @@ def test_a_recovery_file_is_written_before_anything_has_moved(workspace: Workspa
 
 
 def test_written_take_does_not_change_while_recording_continues(workspace: Workspace) -> None:
-    change, took = workspace.perform.recording.copy_unfinished(), []
+    change, took = workspace.perform.recording.make_unfinished_edit(), []
     assert change is not None
     thread = threading.Thread(target=lambda: took.append(change(workspace.editor.project)))
     perform(workspace, 200)

@@ -46,9 +46,7 @@ class ActionTable:
             rivals = [other for other in self if other.conflicts_with(action)]
             taken = [(key, other) for key in action.keys for other in rivals if key in other.keys]
             if action.id in self._actions or taken:
-                problem = (
-                    f"{taken[0][0]} is already used by {taken[0][1].id}" if taken else "the id exists already"
-                )
+                problem = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it is there already"
                 raise InputError(problem, where=f"action {action.id}", mend="Give it another id or key.")
             self._actions[action.id] = action
 
