@@ -19,7 +19,7 @@ from enliven.document import Project
 from enliven.formats.project import write_project
 from enliven.meshes import Mesh
 from enliven.samples.shipped import COORDINATE_STEP_M, SAMPLES_FOLDER
-from enliven_viewer.studio.motions import MOTIONS
+from enliven_viewer.studio.motions import MOTIONS_FILE
 
 
 def write_samples(folder: Path) -> None:
@@ -61,4 +61,4 @@ def quantized_mesh(mesh: Mesh) -> Mesh:
 
 if __name__ == "__main__":
     write_samples(SAMPLES_FOLDER)
-    write_motions(MOTIONS)
+    write_motions(MOTIONS_FILE)

@@ -19,8 +19,8 @@ from enliven.document import ArapSettings, ExampleSettings, GraphShape, Locomoti
 from enliven_viewer.language import CATALOGUES
 from enliven_viewer.render import LOOKS
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.panels.examples.settings import NUMBERS, sentence_of
-from enliven_viewer.studio.perform import ROOMS
+from enliven_viewer.studio.panels.examples.settings import SETTING_SLIDERS, get_description
+from enliven_viewer.studio.perform import WORKSPACES
 from enliven_viewer.studio.workspace import Workspace
 
 HOUSE = Path(__file__).parents[1]
@@ -30,8 +30,8 @@ WINDOW_FOLDERS = "studio", "live"
 TRANSLATING_FUNCTIONS = {
     "tr": (0,),
     "tr_n": (0,),
-    "heading": (0,),
-    "quiet": (0,),
+    "draw_heading": (0,),
+    "draw_note": (0,),
     "tooltip": (0,),
     "button": (1,),
     "choice": (1, 2),
@@ -42,12 +42,12 @@ TRANSLATING_FUNCTIONS |= {
     "drop": (0,),
     "_edit": (0,),
     "_add": (0,),
-    "_take_away": (0,),
+    "_delete_selection": (0,),
     "_copy": (0,),
 }
-TRANSLATING_FUNCTIONS |= {"_name": (1, 2), "change": (0,), "_change": (0,)}
+TRANSLATING_FUNCTIONS |= {"_store_ends": (1, 2), "change": (0,), "_change": (0,)}
 """Functions that translate the texts they show, with the argument positions of these texts."""
-TEXT_TABLES = {"_TITLES", "_TAB_TIPS", "_MOUSE", "_SIDE_TITLES"}
+TEXT_TABLES = {"_TITLES", "_TAB_TIPS", "_MOUSE_ACTIONS", "_SIDE_TITLES"}
 """Tables of texts that are passed to a translating function."""
 SETTINGS = {"surface": ArapSettings(), "examples": ExampleSettings(), "locomotion": LocomotionSettings()}
 """Settings of a puppet: numbers with tooltips."""
@@ -109,14 +109,14 @@ def texts() -> dict[str, str]:
         for text in (action.menu, action.group, action.label, action.entry, action.about):
             if text:
                 places.setdefault(text, f"action {action.id}")
-    for name in (*ROOMS, *(tool.label for tool in workspace.input.tools.values())):
+    for name in (*WORKSPACES, *(tool.label for tool in workspace.input.tools.values())):
         places.setdefault(name, "workspaces and tools")
     for name in (GraphShape.word, Puppet.word, Shape.word):
         places.setdefault(name, "characters")
     for look in LOOKS:
         places.setdefault(look, "looks")
-    for group, name, *_ in NUMBERS:
-        places.setdefault(sentence_of(SETTINGS[group], name), f"setting {name}")
+    for group, name, *_ in SETTING_SLIDERS:
+        places.setdefault(get_description(SETTINGS[group], name), f"setting {name}")
     for path in modules():
         for node in displayed_texts(ast.parse(path.read_text("utf-8"))):
             places.setdefault(node.value, f"{path.relative_to(HOUSE).as_posix()}:{node.lineno}")

@@ -31,7 +31,7 @@ from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.joint_limits import standing
 from enliven_edge.tracking.body_model.posture import Posture, rotation
 from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
-from enliven_viewer.render.normals import solved_rows
+from enliven_viewer.render.normals import make_solved_rows
 from enliven_viewer.render.surface import split_creases
 
 FRAMES, RATE = 600, 30.0
@@ -125,7 +125,7 @@ def _surface(actor: PuppetActor, poses: list[Pose]) -> float:
             started = time.perf_counter()
             vertices = surfaces.vertices(character, pose)
             assert vertices is not None
-            solved_rows(vertices, character.faces, drawn)
+            make_solved_rows(vertices, character.faces, drawn)
             took.append(time.perf_counter() - started)
         runs.append(took)
     return float(np.median(np.min(runs, axis=0)[5:]))

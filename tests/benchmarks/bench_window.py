@@ -39,7 +39,7 @@ from enliven.wire.ports import free_ports
 from enliven.wire.sockets import Endpoint
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.timeline import RULER
+from enliven_viewer.studio.timeline import RULER_HEIGHT
 from enliven_viewer.studio.workspace import Workspace
 
 LAYERS = 10
@@ -95,7 +95,7 @@ def _scrub() -> Figure:
     while not surfaces.is_prepared(puppet):
         time.sleep(TURN)
     timeline, layout, took = workspace.timeline, workspace.timeline.layout, list[float]()
-    timeline.press(layout.x(0.0), RULER / 2)
+    timeline.press(layout.x(0.0), RULER_HEIGHT / 2)
     for step in range(SCRUBS):
         x = layout.x((0.137 * step) % layout.length)
         began = time.thread_time()

@@ -14,7 +14,7 @@ from PIL import Image
 from enliven.document import Character, Pose, SkinWeights
 from enliven.meshes import MeshMaterials, Texture
 from enliven_viewer.render import PLAIN, OrbitCamera, Renderer, Scene, SceneCharacter
-from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.render.gl import create_offscreen_context
 
 CHARACTERS = 10
 ROWS, COLUMNS = 125, 160
@@ -27,7 +27,7 @@ TEXTURE = 1024
 
 def figures() -> Iterator[Figure]:
     """Yields window.frame_ms_10x20k, its 99th percentile, and the processor's milliseconds of it."""
-    ctx = offscreen_context()
+    ctx = create_offscreen_context()
     renderer = Renderer(ctx, SIZE)
     texture = _texture()
     crowd = [_character(f"tube {k}", k, texture) for k in range(CHARACTERS)]

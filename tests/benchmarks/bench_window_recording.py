@@ -17,7 +17,7 @@ from figure import Figure
 
 from enliven.document import Project
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.motions import read_library
 from enliven_viewer.studio.perform import PerformSession
 
 RATE = 60.0
@@ -31,7 +31,7 @@ PATIENCE = 120.0
 def figures() -> Iterator[Figure]:
     """Yields window.record_overhead, the fraction of a frame's time that recording takes."""
     with tempfile.TemporaryDirectory() as folder:
-        session = PerformSession(Editor(project=Project().with_takes(*library())), Path(folder))
+        session = PerformSession(Editor(project=Project().with_takes(*read_library())), Path(folder))
         session.active_workspace, session.recording.count_in = "Perform", False
         session.connect_local("--loop", "--possess-at", "0.5")
         try:

@@ -10,8 +10,8 @@ from enliven.frames import BodyFrame, DepthFrame
 from enliven.person import Body
 from enliven.rotation import from_rotation_vector
 from enliven_edge.camera_preview import CameraPreview, nearness
-from enliven_viewer.studio.perform import project_bodies, width_of
-from enliven_viewer.studio.picture import picture_of
+from enliven_viewer.studio.perform import find_aspect, project_bodies
+from enliven_viewer.studio.picture import draw_depth_image
 
 LENS = Intrinsics(320, 240, 290.0, 290.0, 150.0, 118.0)
 STEP = 100_000_000
@@ -50,7 +50,7 @@ def test_preview_joints_lie_on_the_image(mirrored) -> None:
     place = tilted()
     body, depth = body_and_depth(place)
     preview = CameraPreview().of(DepthFrame(depth, LENS, 0, "s"), place, mirrored=mirrored)
-    assert preview is not None and width_of(preview) == pytest.approx(4 / 3, rel=0.02)
+    assert preview is not None and find_aspect(preview) == pytest.approx(4 / 3, rel=0.02)
     if mirrored:  # by the vertical plane through the line of sight
         body = Body(
             1, np.stack([2 * place[0, 3] - body.joints[:, 0], *body.joints.T[1:]], 1), body.confidence
@@ -90,4 +90,4 @@ def test_any_image_becomes_a_small_picture(size) -> None:
     preview = CameraPreview().of(
         DepthFrame(depth, Intrinsics(size[1], size[0], 300, 300, 5, 5), 0, "s"), tilted()
     )
-    assert preview is not None and picture_of(preview).shape == (*small.shape, 3)
+    assert preview is not None and draw_depth_image(preview).shape == (*small.shape, 3)

@@ -15,8 +15,8 @@ from enliven.document import Character, Pose
 from enliven.meshes import MeshMaterials
 from enliven.meshes.gltf.srgb import linear_from_srgb
 from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
-from enliven_viewer.render.camera import CameraView, look_at, perspective
-from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.render.camera import CameraView, look_at, make_perspective
+from enliven_viewer.render.gl import create_offscreen_context
 from enliven_viewer.settings import RenderSettings
 
 SIZE = 256
@@ -60,7 +60,9 @@ def compare(
     view = view_of(character, poses)
     jobs = [Job(file, _lowered(view), (SIZE, SIZE), second) for file, times in files for second in times]
     drawn = draw(jobs, folder)
-    renderer = Renderer(offscreen_context(), (SIZE, SIZE), RenderSettings(shadow_size=64, contact_size=32))
+    renderer = Renderer(
+        create_offscreen_context(), (SIZE, SIZE), RenderSettings(shadow_size=64, contact_size=32)
+    )
     own = [_drawn(renderer, unlit(character), pose, view) for pose in poses]
     shown = [_shape(_drawn(renderer, bright(character), pose, view)) for pose in poses]
     rows, strips = [], [np.concatenate(own, 1)]
@@ -77,7 +79,7 @@ def view_of(character: Character, poses: Sequence[Pose]) -> CameraView:
     low, high = reached.min(0).astype(float), reached.max(0).astype(float)
     middle, radius = (low + high) / 2 + [0.0, _LIFT, 0.0], float(np.linalg.norm(high - low)) / 2
     eye = middle + _WAY / np.linalg.norm(_WAY) * 3.5 * radius
-    return CameraView(eye, look_at(eye, middle), perspective(0.62, 1.0, 1.5 * radius, 6.0 * radius))
+    return CameraView(eye, look_at(eye, middle), make_perspective(0.62, 1.0, 1.5 * radius, 6.0 * radius))
 
 
 def unlit(character: Character) -> Character:

@@ -16,7 +16,7 @@ from enliven.modeling.edits import cut_character
 from enliven.modeling.mesh import PlaneCut
 from enliven.wire import character_to_message, message_to_character
 from enliven_viewer.render import PLAIN, OrbitCamera, Renderer, Scene, SceneCharacter
-from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.render.gl import create_offscreen_context
 
 DATA = (
     Path(os.environ.get("ENLIVEN_DATA", Path(__file__).parents[3] / "shared" / "data")) / "gltf" / "khronos"
@@ -31,7 +31,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def renderer():
-    context = offscreen_context()
+    context = create_offscreen_context()
     yield Renderer(context, SIZE)
     context.release()
 

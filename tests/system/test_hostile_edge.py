@@ -162,7 +162,7 @@ def test_replies_to_nothing_are_not_decoded_and_end_the_connection(
 def test_a_reply_that_comes_late_is_no_fault(edge: HostileEdge) -> None:
     own = edge.link.edges[0]._requests
     own.forget()
-    edge.until(lambda: own.under_way(""))
+    edge.until(lambda: own.count_pending(""))
     (number,) = list(own._pending)[-1:]
     own.forget()
     before = edge.link.edges[0]._rejects.counts["reply"]
@@ -193,7 +193,7 @@ def test_a_character_that_was_not_asked_for_or_does_not_fit_is_not_kept(
         )
 
     edge.names = ["chair", "lamp", "sofa"]
-    sizes = edge_connection._bytes_of(character("x"))
+    sizes = edge_connection._count_bytes(character("x"))
     monkeypatch.setattr(edge_connection, "_MAX_CHARACTER_BYTES", 2 * sizes)
     edge.status = msgspec.structs.replace(edge.status, revision=2)
     edge.answer = lambda body: character(body["character"]) if body["type"] == "GetState" else None
@@ -205,7 +205,7 @@ def test_a_character_that_was_not_asked_for_or_does_not_fit_is_not_kept(
 
     edge.until(told)
     assert len(edge.link.characters) == 2
-    edge.link.edges[0]._take_character(character("a stranger"))
+    edge.link.edges[0]._handle_character(character("a stranger"))
     assert len(edge.link.characters) == 2
 
 

@@ -23,11 +23,11 @@ from enliven_edge.tracking.tracker import Tracker
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.live.live_stage import LiveStage
-from enliven_viewer.live.match_cards import cards_of
+from enliven_viewer.live.match_cards import make_cards
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.camera import OrbitCamera
-from enliven_viewer.render.overlay.match_lines import match_rows
-from enliven_viewer.render.scene import scene_of
+from enliven_viewer.render.overlay.match_lines import make_match_rows
+from enliven_viewer.render.scene import make_scene
 from enliven_viewer.settings import ViewerSettings
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "matching"))
@@ -73,7 +73,7 @@ class House:
         self.edge.step(frame)
         self.edge._poll_requests()
         self.feed.poll(self.document)
-        self.live.scene = scene_of(self.document, self.live.playhead.moment(), self.live.style)
+        self.live.scene = make_scene(self.document, self.live.playhead.moment(), self.live.style)
         self.live.report_view(self.camera.view(1.0))
         time.sleep(0.002)
 
@@ -110,20 +110,20 @@ def test_a_viewer_sees_chooses_and_takes(house: House) -> None:
     live.choose_parts(3)  # the arms
     house.until(lambda: len(house.board.rows[0].lines) == 2)
     house.until(lambda: house.tips == ["left", "right"])
-    cards = cards_of(live.scene, camera.view(1.6))
+    cards = make_cards(live.scene, camera.view(1.6))
     assert len(cards) == 6 and [card.meant for card in cards].index(True) == house.board.shown
     assert all(card.bones.min() >= 0.0 and card.bones[..., 1].max() <= 1.0 for card in cards)
-    rows, deep = match_rows(live.scene.boards)
+    rows, deep = make_match_rows(live.scene.boards)
     assert len(rows) == 2 * (2 + 3) and deep > 0.0
     house.sensor.left = (0.0, 1.0, 0.0)
     house.until(lambda: house.tips == ["up", "right"])
-    live.browse(1)
+    live.show_other_match(1)
     house.until(lambda: house.board.shown == 1)
     second = house.tips
     live.possess()
     house.until(lambda: house.board.state == "playing")
     assert house.tips == second
-    assert cards_of(live.scene, camera.view(1.6)) == ()
+    assert make_cards(live.scene, camera.view(1.6)) == ()
     before = house.actor.live_shape.joints
     house.sensor.right = (0.0, -1.0, 0.0)
     house.until(lambda: np.abs(house.actor.live_shape.joints - before).max() > 0.2)

@@ -27,7 +27,7 @@ from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import Document
-from enliven_viewer.render.scene import scene_of
+from enliven_viewer.render.scene import make_scene
 
 STEP = 33_333_333
 
@@ -71,7 +71,7 @@ class House:
         self.edge.step(frame)
         self.edge._poll_requests()
         self.feed.poll(self.document)
-        self.live.scene = scene_of(self.document, self.live.playhead.moment(), self.live.style)
+        self.live.scene = make_scene(self.document, self.live.playhead.moment(), self.live.style)
         time.sleep(0.002)
 
     def until(self, done) -> None:
@@ -135,7 +135,7 @@ def test_two_performers_attach_their_parts_by_keys(house: House) -> None:
 
 def test_smoothing_goes_to_the_edge_and_a_lock_that_cannot_be_is_not_shown(house: House) -> None:
     house.live.choose_performer()
-    house.live.smoother(1)
+    house.live.change_smoothing(1)
     house.until(lambda: house.edge.tracker.output.amount(1) == 2.0)
     assert house.edge.tracker.output.amount(2) == 1.0
     house.live.toggle_lock()

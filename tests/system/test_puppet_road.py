@@ -39,7 +39,7 @@ from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
 from enliven_viewer.playback.timeline import Timeline
-from enliven_viewer.render.scene import scene_of
+from enliven_viewer.render.scene import make_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "edge" / "puppets"))
 
@@ -87,7 +87,7 @@ class House:
         self.edge._poll_requests()
         self.feed.poll(self.document)
         moment, style = self.live.playhead.moment(), self.live.style
-        self.live.scene = scene_of(self.document, moment, style, self.surfaces)
+        self.live.scene = make_scene(self.document, moment, style, self.surfaces)
         time.sleep(0.002)
 
     def until(self, done) -> None:
@@ -157,7 +157,7 @@ def test_late_viewer_sees_the_moving_puppet(house: House) -> None:
         feed.poll(late)
         if not (late.characters and len(late.timeline)):
             return 0.0
-        (actor,) = scene_of(late, late.timeline.at(late.timeline.end_ns), house.live.style, surfaces).actors
+        (actor,) = make_scene(late, late.timeline.at(late.timeline.end_ns), house.live.style, surfaces).actors
         return 0.0 if actor.vertices is None else float(actor.vertices[PUPPET.points[LEFT - 1].vertex, 1])
 
     house.until(lambda: hand() > 1.05)
@@ -220,7 +220,7 @@ def test_the_take_plays_back_as_it_was_and_opens_in_the_studio(road: Path) -> No
         pass
     held = np.asarray(character.held)
     for pose in poses[40::12]:
-        (actor,) = scene_of(
+        (actor,) = make_scene(
             document, document.timeline.at(pose.time_ns), LiveStage(feed, document).style, surfaces
         ).actors
         assert actor.vertices is not None

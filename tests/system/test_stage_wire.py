@@ -30,7 +30,7 @@ from enliven_viewer.commands.stage import stage as command
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
-from enliven_viewer.render.scene import scene_of
+from enliven_viewer.render.scene import make_scene
 
 CHAIR = load_sample("chair")
 
@@ -123,7 +123,7 @@ def test_a_character_comes_changes_while_it_is_held_and_goes_and_the_take_shows_
         assert moment is not None and set(moment.poses) == {
             character.character for character in message.characters
         }
-        drawn = {character.character.id: character for character in scene_of(document, moment, None).actors}
+        drawn = {character.character.id: character for character in make_scene(document, moment, None).actors}
         assert set(drawn) == set(moment.poses)
         tall = drawn["chair"].character.vertices[:, 1].max() / CHAIR.vertices[:, 1].max()
         assert abs(tall - high) < 1e-3 and len(drawn["chair"].pose.positions) == len(

@@ -17,7 +17,7 @@ from enliven.errors import ResourceError
 from enliven.meshes.mesh import Mesh
 from enliven.person.body import Body
 from enliven.person.joints import BONES
-from enliven_viewer.render.gl.context import offscreen_context
+from enliven_viewer.render.gl.context import create_offscreen_context
 
 sys.path.insert(0, str(Path(__file__).parent))  # lets tests import the helpers in this folder
 
@@ -84,7 +84,7 @@ def make_body() -> Callable[..., Body]:
 def one_gl() -> Iterator[moderngl.Context]:
     """Creates an OpenGL context without a window."""
     try:
-        ctx = offscreen_context()
+        ctx = create_offscreen_context()
     except ResourceError as error:
         pytest.skip(f"no OpenGL here: {error}")
     yield ctx

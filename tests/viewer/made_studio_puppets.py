@@ -53,9 +53,9 @@ def vertex(name: str) -> int:
 
 def project_with(*names: str, take: str = "") -> Project:
     """Returns a project with the library's takes and the star, with control points at the ends of limbs."""
-    from enliven_viewer.studio.motions import library
+    from enliven_viewer.studio.motions import read_library
 
-    project = make_puppet(Project().with_takes(*library()), star(), "star")
+    project = make_puppet(Project().with_takes(*read_library()), star(), "star")
     for name in names:
         project = add_point(
             project, "star", vertex(name), name, joint=JOINTS.get(name, ""), foot=name == "foot"

@@ -22,7 +22,7 @@ from strokes import limb
 from enliven.modeling.edits import cut_character, handle_characters, scale_character
 from enliven.modeling.mesh import PlaneCut
 from enliven.modeling.sketching.sketch import shape_from_stroke
-from enliven_viewer.live import PARTS
+from enliven_viewer.live import PART_CHOICES
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
@@ -201,7 +201,7 @@ def layered(
     until(lambda: perform.sender.states.get("arm") == "on the stage" and perform.target == "arm", "the arm")
     live, counts, shown = perform.live, [], list[object]()
     assert live is not None
-    live.choose_parts(PARTS.index("legs"))
+    live.choose_parts(PART_CHOICES.index("legs"))
     plane = PlaneCut(np.array([-0.8, 0.7, 0.0]), np.array([0.0, -1.0, 0.0]))
     for seconds in (0.8, 0.6):
         if counts:

@@ -20,7 +20,7 @@ from PIL import Image
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.scan.scan_advice import advice_of
+from enliven_viewer.studio.scan.scan_advice import choose_advice
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.window import StudioWindow
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -143,7 +143,7 @@ def work(ctx: imgui.test_engine.TestContext, window: StudioWindow, recording: st
     until(lambda: scan.message.undoable and scan.message.fused > 16 and scan.message.view, "more of it")
     until(lambda: len(scan.surface[0].faces) > 1.5 * first, "its surface")
     report["grown"] = [first, len(scan.surface[0].faces)]
-    report["words"] = advice_of(scan.message).text
+    report["words"] = choose_advice(scan.message).text
     shot("growing")
     press("scan pause", lambda: scan.message.phase == "paused")
     shot("paused")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from enliven_viewer.render.stage_look import LOOKS, to_key
+from enliven_viewer.render.stage_look import LOOKS, find_key_direction
 from enliven_viewer.settings import RenderSettings
 
 
@@ -22,7 +22,7 @@ def unit(v):
 
 
 def surroundings(way, roughness: float, settings: RenderSettings):
-    look, key = LOOKS[settings.look], to_key(settings)
+    look, key = LOOKS[settings.look], find_key_direction(settings)
     sky, soft, boxes = np.array(look.sky), 0.05 + 0.95 * roughness, 1 - 0.8 * roughness
     light = mix(look.bounce, sky, smoothstep(-soft, soft, way[1]))
     light = light + 1.6 * boxes * sky * smoothstep(0.7 - soft, 0.7 + soft, way[1])
@@ -33,7 +33,7 @@ def surroundings(way, roughness: float, settings: RenderSettings):
 
 def shaded(albedo, metallic, roughness, n, p, eye, settings: RenderSettings):
     """Returns the (3,) light towards the eye from a point that the key light reaches."""
-    look, to_light = LOOKS[settings.look], to_key(settings)
+    look, to_light = LOOKS[settings.look], find_key_direction(settings)
     albedo, roughness = np.asarray(albedo), min(max(roughness, 0.09), 1.0)
     v = unit(np.asarray(eye) - p)
     facing, key = min(max(n @ v, 1e-3), 1.0), max(n @ to_light, 0.0)

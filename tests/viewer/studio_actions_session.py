@@ -153,7 +153,7 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     workspace.editor.show_bones = True
     press(ctx, "f")
     report["by the new key"] = workspace.editor.show_bones
-    actions.own_keys()
+    actions.reset_shortcuts()
     workspace.ask("preferences")
     ctx.yield_(3)
     ctx.set_ref(ctx.window_info("//###Preferences/##keys").id_)
@@ -161,7 +161,7 @@ def keys(ctx: imgui.test_engine.TestContext, window: StudioWindow) -> None:
     ctx.set_ref("")
     report["freed"] = actions.keys_of(bones)
     ctx.item_click("//###Preferences/###Close")
-    actions.own_keys()
+    actions.reset_shortcuts()
     picture(ctx, "window")
     workspace.ask("help")
     picture(ctx, "help")

@@ -78,7 +78,7 @@ def killed(folder: Path, edits: int, moment: float) -> tuple[int, int]:
         output = first + rest.read()
     editor = Editor()
     store = ProjectStore(editor, folder)
-    recoverable = store.recoverable()
+    recoverable = store.list_recoverable()
     if recoverable:
         store.recover(recoverable[0])
     recovered = edited(editor.project)

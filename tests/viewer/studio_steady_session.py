@@ -69,7 +69,7 @@ class Steps:
         yield lambda: search.cameras is None and time.monotonic() < end
         report["the edge's own list"] = [list(map(str, search.cameras or ())), search.problem]
         for cameras in LISTS:
-            search._take(msgspec.json.encode(cameras).decode(), False)
+            search._handle_search(msgspec.json.encode(cameras).decode(), False)
             self.picture(f"{len(cameras)} cameras")
             yield lambda: self.count < FRAMES
         left, top, right, bottom = workspace.widgets["look 0"]
@@ -78,14 +78,17 @@ class Steps:
         self.pressed, self.count = True, 0
         yield lambda: self.count < 2
         self.pressed = False
-        yield lambda: search.looked is None and time.monotonic() < end + PATIENCE_S
-        report["looked"] = [str(search.looked and search.looked[1]), "camera view" in workspace.widgets]
+        yield lambda: search.test_result is None and time.monotonic() < end + PATIENCE_S
+        report["looked"] = [
+            str(search.test_result and search.test_result[1]),
+            "camera view" in workspace.widgets,
+        ]
         self.picture("look")
         yield lambda: self.count < FRAMES
         search.begin()
         self.picture("searching again")
         yield lambda: self.count < FRAMES
-        search._take("nothing", True)
+        search._handle_search("nothing", True)
         self.picture("problem")
         yield lambda: self.count < FRAMES
         workspace.scan.shown = True

@@ -81,7 +81,7 @@ def killed(folder: Path, chance: random.Random) -> dict[str, float]:
     times = [float(lines[0][1]), *(float(line[1]) for line in lines)]
     editor = Editor()
     store = ProjectStore(editor, folder)
-    recoverable = store.recoverable()
+    recoverable = store.list_recoverable()
     if recoverable:
         store.recover(recoverable[0])
     kept = round((place(editor.project) - float(lines[0][2])) / STEP) if recoverable else 0

@@ -15,7 +15,7 @@ from enliven.document.character import Character, Pose, SkinWeights
 from enliven.person.body import Body
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.playback.document import Document, EdgeState
-from enliven_viewer.playback.timeline import NS
+from enliven_viewer.playback.timeline import NS_PER_S
 from enliven_viewer.settings import RenderSettings, WindowStart
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.settings import StudioSettings
@@ -41,7 +41,7 @@ class Feed:
         if self.empty:
             return 0
         document.add_character(self.box)
-        rest = self.box.rest_pose(self.count * NS // 30)
+        rest = self.box.rest_pose(self.count * NS_PER_S // 30)
         moved = rest.positions + np.float32([0.01 * self.count, 0, 0])
         document.add_pose(Pose("box", rest.time_ns, rest.linear, moved))
         document.add_bodies(rest.time_ns, [Body(7, np.ones((20, 3)), np.ones(20))])

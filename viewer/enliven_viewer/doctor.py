@@ -9,9 +9,9 @@ from enliven.doctor import Check
 from enliven.errors import EnlivenError
 
 
-def checks() -> list[Check]:
+def run_checks() -> list[Check]:
     """Returns the checks of off-screen OpenGL, the window and the film encoder."""
-    return [_offscreen(), _window(), _encoder()]
+    return [_check_offscreen(), _check_window(), _check_encoder()]
 
 
 def has_display() -> bool:
@@ -21,12 +21,12 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _offscreen() -> Check:
+def _check_offscreen() -> Check:
     name = "OpenGL off-screen"
     try:
-        from enliven_viewer.render.gl import offscreen_context
+        from enliven_viewer.render.gl import create_offscreen_context
 
-        ctx = offscreen_context()
+        ctx = create_offscreen_context()
     except ImportError as error:
         return Check(name, False, str(error), "Install it: pip install moderngl")
     except EnlivenError as error:
@@ -36,7 +36,7 @@ def _offscreen() -> Check:
     return Check(name, True, f"{renderer}, OpenGL {version // 100}.{version // 10 % 10}")
 
 
-def _window() -> Check:
+def _check_window() -> Check:
     """Checks if glfw can open the display. A machine without a display can still make films."""
     name = "window"
     if not has_display():
@@ -44,21 +44,24 @@ def _window() -> Check:
     try:
         import glfw
 
-        from enliven_viewer.window import error_text
+        from enliven_viewer.window import decode_error
     except ImportError as error:
         return Check(name, False, str(error), "Install it: pip install glfw")
     errors: list[str] = []
-    glfw.set_error_callback(lambda code, text: errors.append(error_text(text)))
+    glfw.set_error_callback(lambda code, text: errors.append(decode_error(text)))
     if not glfw.init():
         return Check(
-            name, False, errors[-1] if errors else "glfw found no display", "Look at DISPLAY, or use --film."
+            name,
+            False,
+            errors[-1] if errors else "glfw found no display",
+            "Check the variable DISPLAY, or use --film.",
         )
-    version = error_text(glfw.get_version_string())
+    version = decode_error(glfw.get_version_string())
     glfw.terminate()
     return Check(name, True, f"a display is there, glfw {version}")
 
 
-def _encoder() -> Check:
+def _check_encoder() -> Check:
     name = "film encoder"
     try:
         import av

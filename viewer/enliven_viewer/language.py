@@ -65,12 +65,12 @@ def tr(text: str, *values: object) -> str:
     return translated.format(*texts) if values else translated
 
 
-def tr_n(one: str, many: str, count: int, *values: object) -> str:
+def tr_n(singular: str, plural: str, count: int, *values: object) -> str:
     """Returns the singular or plural form of a text for a count, which is ``{0}`` in it.
 
     The values are ``{1}`` and on.
     """
-    return _ActiveCatalogue.catalogue.ngettext(one, many, count).format(count, *values)
+    return _ActiveCatalogue.catalogue.ngettext(singular, plural, count).format(count, *values)
 
 
 def labelled(text: str, name: str) -> str:

@@ -298,7 +298,7 @@ class _ThemeColour(Sequence[Any]):
             return value
         is_sequence = isinstance(value[0], tuple)
         shares = [tuple(part / 255 for part in colour) for colour in (value if is_sequence else (value,))]
-        shares = [(*share, 1.0)[: self._as_light] for share in shares]
+        shares = [(*fraction, 1.0)[: self._as_light] for fraction in shares]
         return shares if is_sequence else shares[0]
 
     def __getitem__(self, at: Any) -> Any:
@@ -360,19 +360,19 @@ UNTINTED: Colour = (1.0, 1.0, 1.0, 1.0)
 CLEAR: Colour = (0.0, 0.0, 0.0, 0.0)
 """Fully transparent."""
 
-BONE: Paint = _ThemeColour("bone")
+SELECTED_BONE: Paint = _ThemeColour("bone")
 """Bones of the selected shape."""
-FADED: Paint = _ThemeColour("faded")
+UNSELECTED_BONE: Paint = _ThemeColour("faded")
 """Bones of other shapes: dimmer."""
-CHOSEN: Paint = _ThemeColour("chosen")
+SELECTED_JOINT: Paint = _ThemeColour("chosen")
 """The selected joint: the colour of active objects."""
-HOVERED: Paint = _ThemeColour("hovered")
+HOVERED_JOINT: Paint = _ThemeColour("hovered")
 """The joint under the pointer: between plain and selected."""
-CHAINED: Paint = _ThemeColour("chained")
+CHAINED_BONE: Paint = _ThemeColour("chained")
 """A chain of joints, as in overlays."""
-ROOT: Paint = _ThemeColour("root")
+ROOT_JOINT: Paint = _ThemeColour("root")
 """The root joint, which moves the whole shape."""
-AXES: Sequence[Paint] = _ThemeColour("axes")
+AXIS_COLOURS: Sequence[Paint] = _ThemeColour("axes")
 """The x, y and z axes of the gizmo: red, green and blue, as in every 3D program."""
 HELD_AXIS: Paint = _ThemeColour("held_axis")
 """The part of the gizmo under the pointer."""
@@ -380,26 +380,26 @@ WARNING: Paint = _ThemeColour("warning")
 """Self-intersecting faces."""
 GHOST: Paint = _ThemeColour("ghost")
 """The outline of the previous key pose."""
-BEFORE: Paint = _ThemeColour("before")
+PAST_POSE: Paint = _ThemeColour("before")
 """Past poses of a character: blue, distinct from AFTER even with red-green colour blindness."""
-AFTER: Paint = _ThemeColour("after")
+FUTURE_POSE: Paint = _ThemeColour("after")
 """Future poses of a character: orange."""
-GLANCE_FAR: Paint = _ThemeColour("glance_far")
+DEPTH_FAR: Paint = _ThemeColour("glance_far")
 """The far or unknown part of a depth image: like the background of panels."""
-GLANCE_NEAR: Paint = _ThemeColour("glance_near")
+DEPTH_NEAR: Paint = _ThemeColour("glance_near")
 """The nearest part of a depth image: distinct from the colour of a performer's skeleton."""
 PLAIN_SURFACE: Paint = (205, 208, 214)
 """A mesh without colours while it is painted or scanned: so light that every paint colour is visible on
 it.
 """
 
-LIMBS: Sequence[Sequence[float]] = _ThemeColour("limbs", as_light=3)
+LIMB_COLOURS: Sequence[Sequence[float]] = _ThemeColour("limbs", as_light=3)
 """sRGB 0..1 of the performer's limbs by number."""
-PERFORMERS: Sequence[Paint] = _ThemeColour("performers")
+PERFORMER_COLOURS: Sequence[Paint] = _ThemeColour("performers")
 """sRGB of performers by number."""
-LANES: Sequence[Colour] = _ThemeColour("lanes", as_light=4)
+LANE_COLOURS: Sequence[Colour] = _ThemeColour("lanes", as_light=4)
 """Bars of the timeline, one colour per take."""
-POINTS: Sequence[Paint] = _ThemeColour("points")
+POINT_COLOURS: Sequence[Paint] = _ThemeColour("points")
 """sRGB of control points, in turn."""
 DEFAULT_COLOURS: Sequence[Paint] = _ThemeColour("characters")
 """sRGB of meshes without their own colours."""
@@ -415,7 +415,7 @@ def use_theme(name: str, colours: str) -> None:
     _ActiveTheme.colours = next((palette for palette in COLOUR_SETS if palette == colours), "usual")
 
 
-def theme_in_use() -> tuple[ThemeName, ColourSetName]:
+def get_theme() -> tuple[ThemeName, ColourSetName]:
     """Returns the names of the theme and of the palette in use."""
     return _ActiveTheme.theme, _ActiveTheme.colours
 
@@ -433,13 +433,13 @@ def look_in_theme(look: Look) -> Look:
     return THEMES[_ActiveTheme.theme].look if look == "studio" else look
 
 
-def performer_colour(number: int) -> Colour:
+def get_performer_colour(number: int) -> Colour:
     """Returns the colour of a performer, by its position among those present."""
-    red, green, blue = PERFORMERS[number % len(PERFORMERS)]
+    red, green, blue = PERFORMER_COLOURS[number % len(PERFORMER_COLOURS)]
     return red / 255, green / 255, blue / 255, 1.0
 
 
-def point_colour(number: int) -> Paint:
+def get_point_colour(number: int) -> Paint:
     """Returns the sRGB of a control point, by its number on the puppet."""
-    point: Paint = POINTS[number % len(POINTS)]
+    point: Paint = POINT_COLOURS[number % len(POINT_COLOURS)]
     return point

@@ -10,7 +10,7 @@ WindowRectangle = tuple[int, int, int, int]
 """x, y, width and height of a window."""
 
 
-def error_text(text: str | bytes) -> str:
+def decode_error(text: str | bytes) -> str:
     """Returns the text of a glfw message, which is bytes in some versions."""
     return text.decode(errors="replace") if isinstance(text, bytes) else text
 

@@ -45,6 +45,6 @@ def fit_examples(
         project = add_point(project, name, vertex, point, joint)
     for seconds, places in poses.items():
         project = add_key_pose(project, name, take.id, seconds, places)
-    if sentences := missing(project, project.characters[name]):
+    if sentences := missing(project, project.puppets[name]):
         raise InputError("the examples do not determine a motion", where=name, mend=" ".join(sentences))
     return play_take(project, name, (plays or take).id), name

@@ -13,9 +13,9 @@ from PIL import Image
 from enliven.arrays import Float, UInt8
 from enliven.film import FilmWriter
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.live.hud import time_text
+from enliven_viewer.live.hud import format_time
 from enliven_viewer.render.camera import CameraView, OrbitCamera
-from enliven_viewer.render.gl.context import offscreen_context
+from enliven_viewer.render.gl.context import create_offscreen_context
 from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
@@ -70,7 +70,7 @@ class Studio:
 
     def __init__(self, size: tuple[int, int] = SIZE) -> None:
         self.size = size
-        ctx = offscreen_context()
+        ctx = create_offscreen_context()
         self._text = max(round(size[1] / 36), 8)
         self._small = max(round(size[1] / 48), 7)
         narrow = round(_PERFORMER * size[0]) // 2 * 2
@@ -93,7 +93,7 @@ class Studio:
                         tiles.append(Tile(writer.count / RATE, _smaller(picture, _TILE_WIDTH)))
                     writer.add(picture)
             write_sheet(
-                path.with_suffix(".png"), tiles, 4, plays[0].act.title, time_text(writer.count / RATE)
+                path.with_suffix(".png"), tiles, 4, plays[0].act.title, format_time(writer.count / RATE)
             )
         return writer.count
 
@@ -156,7 +156,7 @@ def half_of(play: Play) -> Float:
 def _pace(play: Play, shot: Shot) -> str:
     """Returns the time in the take, and the speed if it is not 1."""
     slow = "" if play.shown.speed == 1.0 else f"  ·  {play.shown.speed:g} of its speed"
-    return time_text(shot.seconds) + slow
+    return format_time(shot.seconds) + slow
 
 
 def _smaller(picture: UInt8, width: int) -> UInt8:

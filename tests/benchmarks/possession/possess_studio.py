@@ -13,10 +13,10 @@ from enliven.arrays import UInt8
 from enliven.film import FilmWriter
 from enliven.person.body import Body
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.live.hud import time_text
+from enliven_viewer.live.hud import format_time
 from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render.camera import FilmCamera
-from enliven_viewer.render.gl.context import offscreen_context
+from enliven_viewer.render.gl.context import create_offscreen_context
 from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
@@ -36,7 +36,7 @@ class Studio:
 
     def __init__(self, size: tuple[int, int] = SIZE) -> None:
         self.size = size
-        self.renderer = Renderer(offscreen_context(), size)
+        self.renderer = Renderer(create_offscreen_context(), size)
         self._canvas = Canvas(self.renderer.ctx)
 
     def film(self, take: Take, path: Path, title: str) -> int:
@@ -75,7 +75,7 @@ class Studio:
         self.renderer.draw(scene, camera.view(self.size[0] / self.size[1]))
         second = (time_ns - take.shots[0].time_ns) * 1e-9
         word = "possessed" if _since(take, time_ns) >= 0 else "free"
-        return self.labelled(self.renderer, title, f"{time_text(second)}  ·  {word}")
+        return self.labelled(self.renderer, title, f"{format_time(second)}  ·  {word}")
 
     def labelled(self, renderer: Renderer, title: str, below: str) -> UInt8:
         """Returns the last image of a renderer of this context, with text at its top left and bottom
@@ -132,4 +132,4 @@ def _smaller(picture: UInt8) -> UInt8:
 
 
 def _sheet(path: Path, tiles: list[Tile], title: str, count: int) -> None:
-    write_sheet(path.with_suffix(".png"), tiles, _COLUMNS, title, time_text(count / RATE))
+    write_sheet(path.with_suffix(".png"), tiles, _COLUMNS, title, format_time(count / RATE))

@@ -29,8 +29,8 @@ from enliven_synthesis.sensor import (
     lie_on_back_pose,
     load_profile,
 )
-from enliven_viewer.studio.scan import advice_of
-from enliven_viewer.studio.scan.scan_session import VOXELS
+from enliven_viewer.studio.scan import choose_advice
+from enliven_viewer.studio.scan.scan_session import VOXEL_SIZES
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scan_window import Begun, Window
@@ -84,9 +84,9 @@ def scanned(tmp_path_factory):
         scan = window.scan
         edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
         scan.mode, scan.name = "laid", "chair"
-        patch.setitem(VOXELS, "thing", SETTINGS.volume.voxel)
+        patch.setitem(VOXEL_SIZES, "thing", SETTINGS.volume.voxel)
         edge.until(Begun(scan), "the beginning")
-        edge.show(frames, lambda: messages.append((scan.message, advice_of(scan.message).text)))
+        edge.show(frames, lambda: messages.append((scan.message, choose_advice(scan.message).text)))
         scanner = edge.edge.scans._scan._run.scanner
         grown, place = scan.surface
         stood = grown.vertices @ place[:3, :3].T + place[:3, 3]

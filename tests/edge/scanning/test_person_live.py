@@ -12,7 +12,7 @@ from scanning_edge import ScanningEdge
 from enliven.person import Joint
 from enliven.scanning import ScanState
 from enliven.wire import Scan
-from enliven_viewer.studio.scan import advice_of
+from enliven_viewer.studio.scan import choose_advice
 
 sys.path.insert(0, str(Path(__file__).parent))
 from scan_window import Begun, Window
@@ -35,8 +35,8 @@ def test_full_turn_creates_a_character_with_named_ends(tmp_path):
         edge.until(lambda: not scan.lacks_stage(), "the stage in the window")
         scan.mode, scan.name = "person", "me"
         edge.until(Begun(scan), "the beginning")
-        words = [advice_of(scan.message).text]
-        edge.show(images, lambda: messages.append((scan.message, advice_of(scan.message).text)))
+        words = [choose_advice(scan.message).text]
+        edge.show(images, lambda: messages.append((scan.message, choose_advice(scan.message).text)))
         assert scan.message.phase == "scanning", (
             "they stood still for less than a second of the camera's clock"
         )
@@ -44,7 +44,7 @@ def test_full_turn_creates_a_character_with_named_ends(tmp_path):
         edge.show(images[-1:])
         scanner = edge.edge.scans._scan._run.scanner
         edge.until(lambda: "me" in window.editor.project.characters, "the character, without a key")
-    assert words == ["Stand one to three metres before the camera, whole in view"]
+    assert words == ["Stand one to three metres in front of the camera, whole in view"]
     assert all(message.thing == "person" for message, _ in messages)
     missing = [message.missing for message, _ in messages]
     assert (np.diff(missing) <= 0).all() and missing[-1] == 0.0 and scanner.missing == 0.0

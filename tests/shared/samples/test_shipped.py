@@ -13,7 +13,7 @@ from enliven.formats.project.file import read_project
 from enliven.meshes.mesh import Mesh
 from enliven.samples import shipped
 from enliven.samples.shipped import COORDINATE_STEP_M, cactus_project, load_sample
-from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.motions import read_library
 
 FILES = ("chair.npz", "lamp.npz", "cactus.enliven")
 
@@ -61,8 +61,8 @@ def test_a_shipped_mesh_is_within_a_step_of_the_made_one():
 def test_the_script_makes_the_motions_that_ship(tmp_path):
     make_samples.write_motions(tmp_path / "motions.enliven")
     again = read_project(tmp_path / "motions.enliven").takes
-    assert [clip.id for clip in library()] == list(again)
-    for clip in library():
+    assert [clip.id for clip in read_library()] == list(again)
+    for clip in read_library():
         np.testing.assert_allclose(clip.turns, again[clip.id].turns, atol=1e-12)
         np.testing.assert_allclose(clip.root, again[clip.id].root, atol=1e-12)
         looped = clip.id != "quarter turn"

@@ -19,7 +19,7 @@ from enliven.settings import load_settings
 from enliven_viewer.film.film import make_film
 from enliven_viewer.film.sheet import Tiles, write_sheet
 from enliven_viewer.playback.document import Document, EdgeState
-from enliven_viewer.playback.timeline import NS, CueFrame, Timeline
+from enliven_viewer.playback.timeline import NS_PER_S, CueFrame, Timeline
 from enliven_viewer.settings import Encoder, FilmSettings, RenderSettings, ViewerSettings
 
 PROFILES = Path(__file__).parents[3] / "firmware_configs"
@@ -35,7 +35,7 @@ class Walk:
     """A feed of a box that moves along +X, in bursts, and then ends."""
 
     def __init__(self, character: Character, count: int, rate: float = 30.0, start: int = 10**15) -> None:
-        self.character, self.count, self.step = character, count, round(NS / rate)
+        self.character, self.count, self.step = character, count, round(NS_PER_S / rate)
         self.start, self.sent = start, 0
 
     def poll(self, document: Document) -> int:
@@ -45,7 +45,7 @@ class Walk:
         burst = min(7, self.count - self.sent)
         for _ in range(burst):
             rest = self.character.rest_pose(self.start + self.sent * self.step)
-            shift = np.array([2.0 * self.sent * self.step / NS, 0, 0], np.float32)
+            shift = np.array([2.0 * self.sent * self.step / NS_PER_S, 0, 0], np.float32)
             document.add_pose(Pose(rest.character, rest.time_ns, rest.linear, rest.positions + shift))
             if self.sent == 10:
                 document.set_cues(

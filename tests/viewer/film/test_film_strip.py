@@ -11,7 +11,7 @@ from enliven.commands import run as run_command
 from enliven.film import FilmWriter
 from enliven_viewer.film.film_strip import MAX_QUEUED_IMAGES, FilmStrip
 from enliven_viewer.film.sheet import Tiles
-from enliven_viewer.render.gl.targets import upright
+from enliven_viewer.render.gl.targets import flip_rows
 
 
 def raw(level: int) -> np.ndarray:
@@ -22,7 +22,7 @@ def raw(level: int) -> np.ndarray:
 
 
 def test_upright_turns_the_rows_and_drops_the_fourth_channel():
-    picture = upright(raw(200))
+    picture = flip_rows(raw(200))
     assert picture.shape == (32, 64, 3) and picture.flags.c_contiguous
     assert (picture[:16] == 200).all() and (picture[16:] == 0).all()
 

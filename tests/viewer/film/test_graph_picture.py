@@ -11,7 +11,14 @@ from enliven.cli import run
 from enliven.deformation.graph.graph import DeformationGraph, character_from
 from enliven.meshes.files import save_mesh
 from enliven.meshes.mesh import Mesh
-from enliven_viewer.film.graph_picture import BRIDGE, HEADER, SIDES, fit_graph, graph_rows, view_of
+from enliven_viewer.film.graph_picture import (
+    BRIDGE_COLOUR,
+    HEADER_HEIGHT_PX,
+    VIEW_AZIMUTHS,
+    fit_graph,
+    make_graph_rows,
+    make_view,
+)
 from enliven_viewer.render.materials import linear_from_srgb
 
 SIZE = 320
@@ -46,27 +53,30 @@ def test_the_bridge_is_red_where_it_is(balls, tmp_path, capsys):
     shown, nodes, _ = fit_graph(character_from(balls, graph, "balls"), graph)
     box = (shown.vertices.min(0).astype(float), shown.vertices.max(0).astype(float))
     middle = nodes[graph.edges[graph.bridges][0]].mean(0)
-    for number, turn in enumerate(SIDES):
-        x, y = view_of(box, SIZE / height, turn).project(middle[None])[0]
-        column, row = round((number + 0.5 + x / 2) * SIZE), round(HEADER + (0.5 - y / 2) * height)
+    for number, turn in enumerate(VIEW_AZIMUTHS):
+        x, y = make_view(box, SIZE / height, turn).project(middle[None])[0]
+        column, row = round((number + 0.5 + x / 2) * SIZE), round(HEADER_HEIGHT_PX + (0.5 - y / 2) * height)
         around = pixels[row - 2 : row + 3, column - 2 : column + 3]
-        assert close_to(around, BRIDGE).any(), f"view {number}"
+        assert close_to(around, BRIDGE_COLOUR).any(), f"view {number}"
         # Only the bridge has that colour in the panel.
-        red = close_to(pixels[HEADER : HEADER + height, number * SIZE : (number + 1) * SIZE], BRIDGE)
+        red = close_to(
+            pixels[HEADER_HEIGHT_PX : HEADER_HEIGHT_PX + height, number * SIZE : (number + 1) * SIZE],
+            BRIDGE_COLOUR,
+        )
         assert red.any(1).sum() < height / 3
 
 
 def test_rows_mark_weak_values(balls):
     graph = DeformationGraph.build(balls, 40)
-    rows = graph_rows(graph, graph.positions, 0.2, 0.001)
+    rows = make_graph_rows(graph, graph.positions, 0.2, 0.001)
     edges = rows[: len(graph.edges)]
     np.testing.assert_array_equal(
-        (edges[:, 8:11] == linear_from_srgb(np.array(BRIDGE))).all(1), graph.bridges
+        (edges[:, 8:11] == linear_from_srgb(np.array(BRIDGE_COLOUR))).all(1), graph.bridges
     )
     balls_of_nodes = rows[len(graph.edges) :]
     assert balls_of_nodes[graph.cut_vertices, 3].min() > balls_of_nodes[~graph.cut_vertices, 3].max()
     # With any number of nodes, no line is thinner than a pixel.
-    assert graph_rows(graph, graph.positions, 0.0001, 0.001)[:, 3].min() >= 0.0008
+    assert make_graph_rows(graph, graph.positions, 0.0001, 0.001)[:, 3].min() >= 0.0008
 
 
 @pytest.mark.parametrize(

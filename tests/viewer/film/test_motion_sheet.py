@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from enliven.mapping.automatic_mapping import retarget
-from enliven_viewer.film.motion_sheet import stick_shape, write_motion_sheet
+from enliven_viewer.film.motion_sheet import make_stick_shape, write_motion_sheet
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "shared" / "mapping"))
 from made_bodies import horse, man, random_motion
@@ -19,7 +19,7 @@ SIZE = 160
 @pytest.mark.usefixtures("gl")
 def test_both_rows_move_and_are_whole(tmp_path):
     clip = random_motion(np.random.default_rng(1), man(), size=0.5)
-    result = retarget(stick_shape("horse", horse()), clip)
+    result = retarget(make_stick_shape("horse", horse()), clip)
     path = tmp_path / "new" / "sheet.png"
     write_motion_sheet(path, result, "a man on a horse", frames=3, size=(SIZE, SIZE))
     sheet = np.asarray(Image.open(path).convert("RGB")).astype(int)
@@ -36,7 +36,7 @@ def test_both_rows_move_and_are_whole(tmp_path):
 
 
 def test_a_stick_figure_has_a_piece_for_every_bone():
-    shape = stick_shape("man", man())
+    shape = make_stick_shape("man", man())
     followed = np.unique(shape.skin.indices[:, 0])
     assert followed.tolist() == list(range(1, len(man())))
     # Every piece surrounds its bone: equally long, and little thicker than a sixth of it.

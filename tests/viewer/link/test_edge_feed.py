@@ -18,7 +18,7 @@ from enliven_edge.network.publisher import Publisher
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.edge_feed import EdgeFeed
 from enliven_viewer.playback.document import Document
-from enliven_viewer.playback.timeline import NS
+from enliven_viewer.playback.timeline import NS_PER_S
 
 
 @pytest.fixture
@@ -38,9 +38,9 @@ def until(condition, *steps, seconds: float = PATIENCE) -> None:
 
 
 def test_silent_and_dead_edges_are_not_live(publisher, box, monkeypatch) -> None:
-    monkeypatch.setattr("enliven_viewer.link.topic_health.RATE_OVER", 0.3)
+    monkeypatch.setattr("enliven_viewer.link.topic_health.RATE_WINDOW_S", 0.3)
     for module in ("topic_health", "edge_connection"):
-        monkeypatch.setattr(f"enliven_viewer.link.{module}.SILENT_AFTER", 0.6)
+        monkeypatch.setattr(f"enliven_viewer.link.{module}.SILENCE_TIMEOUT_S", 0.6)
     publisher.set_character(box)
     feed, document, count = EdgeFeed(EdgeClient([publisher.endpoint])), Document(), iter(range(10**6))
 
@@ -50,7 +50,7 @@ def test_silent_and_dead_edges_are_not_live(publisher, box, monkeypatch) -> None
 
     def frame() -> None:
         turn()
-        publisher.publish_pose(box.rest_pose(next(count) * NS // 30))
+        publisher.publish_pose(box.rest_pose(next(count) * NS_PER_S // 30))
 
     try:
         until(lambda: document.edge.connected and document.edge.signal == "live", frame)
@@ -76,15 +76,15 @@ def test_published_messages_reach_the_timeline(publisher, box) -> None:
     try:
         until(lambda: document.edge.connected and "box" in document.characters, turn)
         nodes = (np.array([1, 2]), np.array([1.0, 0.5]))
-        publisher.publish(bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], NS))
+        publisher.publish(bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], NS_PER_S))
         publisher.publish(cues_to_message("box", "possessed", *nodes, 7))
-        rest = box.rest_pose(NS)
+        rest = box.rest_pose(NS_PER_S)
         publisher.publish_pose(
-            Pose("box", NS, rest.linear, rest.positions + 0.25), time.time_ns() - 20_000_000
+            Pose("box", NS_PER_S, rest.linear, rest.positions + 0.25), time.time_ns() - 20_000_000
         )
-        until(lambda: len(document.timeline) and document.timeline.at(NS).possessed, turn)
-        until(lambda: document.timeline.at(NS).poses, turn)
-        moment = document.timeline.at(NS)
+        until(lambda: len(document.timeline) and document.timeline.at(NS_PER_S).possessed, turn)
+        until(lambda: document.timeline.at(NS_PER_S).poses, turn)
+        moment = document.timeline.at(NS_PER_S)
         assert np.abs(moment.poses["box"].positions - box.pivots - 0.25).max() < 5e-3
         assert moment.bodies[0].id == 7 and list(moment.cues["box"].nodes) == [1, 2]
         assert document.edge.sensor_to_pose_ms >= 20
@@ -107,7 +107,7 @@ def test_document_without_an_edge_names_the_address() -> None:
 
 def test_restart_is_reported_before_the_new_edges_messages(box, monkeypatch) -> None:
     """Its first message may be about performers, which does not state its process."""
-    monkeypatch.setattr("enliven_viewer.link.edge_connection.SILENT_AFTER", 0.3)
+    monkeypatch.setattr("enliven_viewer.link.edge_connection.SILENCE_TIMEOUT_S", 0.3)
 
     def edge(pose_port: int = 0, control_port: int = 0) -> Publisher:
         return Publisher(name="again", host="127.0.0.1", pose_port=pose_port, control_port=control_port)
@@ -158,11 +158,11 @@ def test_messages_during_a_slow_frame_are_sorted_by_time(publisher, box) -> None
         generation = document.timeline.generation
         heard.clear()
         for second in range(1, 11):
-            publisher.publish(bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], second * NS))
-            publisher.publish_pose(box.rest_pose(second * NS))
+            publisher.publish(bodies_to_message([Body(7, np.zeros((20, 3)), np.ones(20))], second * NS_PER_S))
+            publisher.publish_pose(box.rest_pose(second * NS_PER_S))
         until(lambda: len(feed.link.edges[0].inbox.get("pose", ())) == 10, lambda: feed.link.poll())
         feed.poll(document)
-        assert heard == [second * NS for second in range(1, 11) for _ in range(2)]
+        assert heard == [second * NS_PER_S for second in range(1, 11) for _ in range(2)]
         assert document.timeline.generation == generation and len(document.timeline) >= 10
     finally:
         feed.close()

@@ -18,13 +18,13 @@ from enliven.wire.convert_characters import character_to_message
 from enliven.wire.posecode import PoseCodec
 from enliven_viewer.link.take_feed import TakeFeed
 from enliven_viewer.playback.document import Document
-from enliven_viewer.playback.timeline import NS, Timeline
+from enliven_viewer.playback.timeline import NS_PER_S, Timeline
 
 COUNT = 40
 
 
 def shifted(character: Character, k: int) -> Pose:
-    rest = character.rest_pose(k * NS // 30)
+    rest = character.rest_pose(k * NS_PER_S // 30)
     moved = rest.positions + np.array([0.01 * k, 0, 0], np.float32)
     return Pose(rest.character, rest.time_ns, rest.linear, moved)
 
@@ -74,7 +74,7 @@ def test_everything_comes_back_in_order(tmp_path, box) -> None:
     timeline = document.timeline
     assert list(document.characters) == ["box"] and len(timeline) == COUNT and take.unreadable == 0
     for k in (0, 17, COUNT - 1):
-        moment = timeline.at(k * NS // 30)
+        moment = timeline.at(k * NS_PER_S // 30)
         assert np.abs(moment.poses["box"].positions - shifted(box, k).positions).max() < 2e-3
         assert moment.bodies[0].id == 3 and moment.possessed == (k >= 20)
     assert document.edge.phase == "ended"

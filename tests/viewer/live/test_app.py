@@ -10,8 +10,8 @@ from in_a_window import in_a_window
 from typer.testing import CliRunner
 
 from enliven.errors import InputError, ResourceError
-from enliven_viewer.commands.view import _addresses, view
-from enliven_viewer.doctor import checks
+from enliven_viewer.commands.view import _parse_addresses, view
+from enliven_viewer.doctor import run_checks
 from enliven_viewer.settings import ViewerSettings, with_size
 
 SESSION = Path(__file__).parents[1] / "window_session.py"
@@ -59,7 +59,7 @@ def test_an_audience_sees_the_performance_alone_and_no_frozen_picture(tmp_path: 
     assert report["done"], report
     assert report["widgets"] == [] and report["area"] == [[0.0, 0.0], True], "no menu, no panel, no timeline"
     assert report["live"] == ["", True]
-    assert report["words"] == "The stage is away. It comes back by itself."
+    assert report["words"] == "The connection to the stage is lost. It comes back by itself."
     assert report["replays"] == [True, True] and report["moves"] > 0.05, "what was performed last goes on"
     assert report["back"] == ["", True], "the edge is followed again"
     assert report["windowed"] == [False, True] and report["again"] == [True, False], (
@@ -100,17 +100,17 @@ def test_sizes_and_addresses() -> None:
         640,
         1280,
     )
-    assert _addresses(["10.0.0.2"], None, None) == ["10.0.0.2:5580:5581"]
-    assert _addresses(["10.0.0.2:7000"], None, None) == ["10.0.0.2:7000:7001"]
-    assert _addresses(["10.0.0.2:7000"], 8000, 9000) == ["10.0.0.2:8000:9000"]
-    assert _addresses(["10.0.0.2"], 8000, None) == ["10.0.0.2:8000:8001"]
-    several = _addresses(["10.0.0.2", "10.0.0.3:7000"], None, None)
+    assert _parse_addresses(["10.0.0.2"], None, None) == ["10.0.0.2:5580:5581"]
+    assert _parse_addresses(["10.0.0.2:7000"], None, None) == ["10.0.0.2:7000:7001"]
+    assert _parse_addresses(["10.0.0.2:7000"], 8000, 9000) == ["10.0.0.2:8000:9000"]
+    assert _parse_addresses(["10.0.0.2"], 8000, None) == ["10.0.0.2:8000:8001"]
+    several = _parse_addresses(["10.0.0.2", "10.0.0.3:7000"], None, None)
     assert several == ["10.0.0.2:5580:5581", "10.0.0.3:7000:7001"]
     with pytest.raises(InputError, match="several edges"):
-        _addresses(["10.0.0.2", "10.0.0.3"], 8000, None)
+        _parse_addresses(["10.0.0.2", "10.0.0.3"], 8000, None)
 
 
 def test_the_doctor_looks_at_what_the_viewer_needs() -> None:
-    by_name = {check.name: check for check in checks()}
+    by_name = {check.name: check for check in run_checks()}
     assert set(by_name) == {"OpenGL off-screen", "window", "film encoder"}
     assert all(check.ok or check.mend for check in by_name.values())

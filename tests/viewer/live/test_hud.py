@@ -12,7 +12,7 @@ from imgui_bundle import hello_imgui
 from PIL import Image, ImageDraw, ImageFont
 
 from enliven.health import HealthState, Severity
-from enliven_viewer.live.hud import Hud, HudState, time_text, timeline_area, timeline_fraction
+from enliven_viewer.live.hud import Hud, HudState, format_time, timeline_area, timeline_fraction
 from enliven_viewer.playback.document import EdgeState
 from enliven_viewer.render.overlay.canvas import Canvas
 from enliven_viewer.theme import FONT
@@ -177,4 +177,4 @@ def test_silent_edge_shows_no_health(gl) -> None:
 
 
 def test_clocks() -> None:
-    assert [time_text(s) for s in (0, 9.96, 61.24, -1)] == ["0:00.0", "0:10.0", "1:01.2", "0:00.0"]
+    assert [format_time(s) for s in (0, 9.96, 61.24, -1)] == ["0:00.0", "0:10.0", "1:01.2", "0:00.0"]

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from enliven.person.body import Body
-from enliven_viewer.live.idle_loop import WORDS, IdleLoop, loss_of
+from enliven_viewer.live.idle_loop import LOSS_TEXTS, IdleLoop, find_loss_reason
 from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.live.performer_numbers import PerformerNumbers
 from enliven_viewer.playback.document import Document, EdgeState
-from enliven_viewer.playback.timeline import NS
+from enliven_viewer.playback.timeline import NS_PER_S
 from enliven_viewer.render.camera import OrbitCamera
 
 
@@ -32,7 +32,7 @@ class Feed:
             return 0
         self.count += 1
         joints = [[0.01 * self.count, 0.0, 0.0]] * 20
-        document.add_bodies(self.count * NS // 10, [Body(1, np.array(joints), np.ones(20))])
+        document.add_bodies(self.count * NS_PER_S // 10, [Body(1, np.array(joints), np.ones(20))])
         return 1
 
     def ask(self, *_: object) -> None: ...
@@ -71,13 +71,15 @@ def test_last_performance_is_replayed_until_the_edge_returns(shown, change, loss
     advance(live, loop, camera, 1.0)
     assert loop.words == "" and live.playhead.live, "a second is no loss"
     advance(live, loop, camera, 1.0)
-    assert loop.words == WORDS[loss] and not live.playhead.live
+    assert loop.words == LOSS_TEXTS[loss] and not live.playhead.live
     places = set()
     for _ in range(1000):
         advance(live, loop, camera, 0.1)
         places.add(live.playhead.time_ns)
     end = live.document.timeline.end_ns
-    assert min(places) >= end - 30 * NS - NS // 5 and len(places) > 100, "the last half minute, over and over"
+    assert min(places) >= end - 30 * NS_PER_S - NS_PER_S // 5 and len(places) > 100, (
+        "the last half minute, over and over"
+    )
     feed.edge, feed.performs = EdgeState(connected=True, phase="tracking"), True
     advance(live, loop, camera, 0.1)
     assert loop.words == "" and live.playhead.live
@@ -99,14 +101,14 @@ def test_missing_edge_is_reported_and_the_view_turns() -> None:
 
 
 def test_words_for_an_audience_name_no_address_and_no_key() -> None:
-    for words in WORDS.values():
+    for words in LOSS_TEXTS.values():
         assert not any(mark in words for mark in ("127", "tcp", "ms", "(", "Ctrl", "press"))
 
 
 def test_a_take_and_no_stage_at_all_are_not_lost() -> None:
     feed = Feed()
     feed.edge, feed.performs = EdgeState(connected=False), False
-    assert loss_of(LiveStage(feed, Document(), take="take.mcap")) == ""
+    assert find_loss_reason(LiveStage(feed, Document(), take="take.mcap")) == ""
     loop = IdleLoop()
     loop.advance(None, OrbitCamera(), math.inf, orbits=True)
     assert loop.words == ""

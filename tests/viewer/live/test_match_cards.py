@@ -16,17 +16,17 @@ from enliven.person import BONES
 from enliven.person.body import Body
 from enliven.wire.matches import board_to_message, message_to_board
 from enliven.wire.streams import MatchesMessage
-from enliven_viewer.live.match_cards import cards_of, draw_cards
-from enliven_viewer.live.view_report import ViewReporter, is_end_on, look_of, turn_to_bones
+from enliven_viewer.live.match_cards import draw_cards, make_cards
+from enliven_viewer.live.view_report import ViewReporter, is_end_on, make_look, turn_to_bones
 from enliven_viewer.playback.document import Document
 from enliven_viewer.render.camera import OrbitCamera
-from enliven_viewer.render.capsules import capsules_of
+from enliven_viewer.render.capsules import make_capsule_rows
 from enliven_viewer.render.materials import linear_from_srgb
 from enliven_viewer.render.overlay.canvas import Canvas
-from enliven_viewer.render.overlay.match_lines import limb_tints, match_rows
+from enliven_viewer.render.overlay.match_lines import find_limb_tints, make_match_rows
 from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle, scene_of
-from enliven_viewer.theme import LIMBS
+from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle, make_scene
+from enliven_viewer.theme import LIMB_COLOURS
 
 PIVOTS = np.array([[0, 0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0], [0, 1.2, 0]], np.float32)
 CHARACTER = Character(
@@ -64,7 +64,7 @@ def test_the_meant_chains_glow_on_the_model_in_the_limbs_colours(gl) -> None:
     without = plain.pixels().astype(int)
     renderer.draw(scene(), view)
     changed = np.abs(renderer.pixels().astype(int) - without).sum(-1)
-    for line, tint in ((RIGHT, LIMBS[0]), (LEFT, LIMBS[1])):
+    for line, tint in ((RIGHT, LIMB_COLOURS[0]), (LEFT, LIMB_COLOURS[1])):
         across, up = view.project(line.mean(0)[None])[0]
         column, row = int((across + 1) * 150), int((1 - up) * 100)
         pixel = renderer.pixels()[row, column].astype(float)
@@ -76,16 +76,16 @@ def test_the_meant_chains_glow_on_the_model_in_the_limbs_colours(gl) -> None:
 
 def test_driven_limbs_are_thinner_and_have_no_cards() -> None:
     playing = replace(BOARD, state="playing", rows=ROWS[:1])
-    (rows, deep), (thin, shallow) = match_rows({"cross": BOARD}), match_rows({"cross": playing})
+    (rows, deep), (thin, shallow) = make_match_rows({"cross": BOARD}), make_match_rows({"cross": playing})
     assert len(rows) == len(thin) == 2 * 3
     np.testing.assert_allclose(thin[:, 3], rows[:, 3] / 2)
     assert shallow == pytest.approx(deep / 2)
-    assert cards_of(scene(playing), front().view(1.5)) == ()
-    assert len(match_rows({"cross": MatchList("cross", "off")})[0]) == 0
+    assert make_cards(scene(playing), front().view(1.5)) == ()
+    assert len(make_match_rows({"cross": MatchList("cross", "off")})[0]) == 0
 
 
 def test_cards_show_each_match_as_it_is_seen() -> None:
-    cards = cards_of(scene(), front().view(1.5))
+    cards = make_cards(scene(), front().view(1.5))
     assert [card.title for card in cards] == ["best match", "match 2"]
     assert [card.meant for card in cards] == [True, False]
     assert [card.held for card in cards] == [0.5, 0.0]
@@ -100,7 +100,7 @@ def test_each_character_that_chooses_has_its_row() -> None:
     other = replace(CHARACTER, id="spider")
     actors = tuple(SceneCharacter(character, character.rest_pose()) for character in (CHARACTER, other))
     both = {"cross": BOARD, "spider": replace(BOARD, character="spider", shown=1)}
-    cards = cards_of(Scene(actors, (), SceneStyle(), boards=both), front().view(1.5))
+    cards = make_cards(Scene(actors, (), SceneStyle(), boards=both), front().view(1.5))
     assert [(card.row, card.title) for card in cards] == [
         (0, "cross best match"),
         (0, "cross match 2"),
@@ -113,7 +113,7 @@ def test_each_character_that_chooses_has_its_row() -> None:
 def test_cards_are_drawn_above_the_timeline_and_only_where_there_is_room(gl) -> None:
     texture = gl.texture((640, 360), 4)
     target = gl.framebuffer([texture])
-    cards = cards_of(scene(), front().view(1.5))
+    cards = make_cards(scene(), front().view(1.5))
 
     def ink(size: tuple[int, int]) -> np.ndarray:
         target.clear(0.2, 0.2, 0.2, 1)
@@ -130,7 +130,7 @@ def test_cards_are_drawn_above_the_timeline_and_only_where_there_is_room(gl) -> 
     assert 0 < narrow.sum() < 0.7 * both.sum()
     assert not ink((100, 360)).any()
     bare = replace(BOARD, rows=tuple(replace(row, lines=(row.lines[0], RIGHT[:0])) for row in ROWS))
-    cards = cards_of(scene(bare), front().view(1.5))
+    cards = make_cards(scene(bare), front().view(1.5))
     assert 0 < ink((640, 360)).sum() < both.sum(), "a limb that would drive nothing has no line"
 
 
@@ -156,13 +156,13 @@ def test_boards_come_to_the_scene_at_their_time_and_stay_while_the_next_is_under
     document.add_bodies(5, ())
     document.add_board(BOARD)
     document.add_bodies(6, ())
-    assert scene_of(document, document.timeline.at(6), SceneStyle()).boards == {"cross": BOARD}
+    assert make_scene(document, document.timeline.at(6), SceneStyle()).boards == {"cross": BOARD}
     later = replace(BOARD, time_ns=6, state="playing")
     document.add_board(later)
     assert document.timeline.at(6).boards == {"cross": later}
     assert document.timeline.at(5).boards == {"cross": BOARD}
     document.remove_character("cross")
-    assert scene_of(document, document.timeline.at(6), SceneStyle()).boards == {}
+    assert make_scene(document, document.timeline.at(6), SceneStyle()).boards == {}
 
 
 def test_between_two_moments_the_lines_are_between() -> None:
@@ -178,14 +178,14 @@ def test_between_two_moments_the_lines_are_between() -> None:
 
 def test_camera_is_sent_to_the_edge_only_when_it_moves() -> None:
     reporter, camera = ViewReporter(), front()
-    first = reporter.changed(camera.view(1.5), 0.0)
+    first = reporter.find_change(camera.view(1.5), 0.0)
     assert first is not None and first.eye is not None
     np.testing.assert_allclose(np.linalg.norm(first.direction), 1.0)
-    assert reporter.changed(camera.view(1.5), 1.0) is None
+    assert reporter.find_change(camera.view(1.5), 1.0) is None
     camera.orbit(0.3, 0.0)
     camera.advance(10.0)
-    assert reporter.changed(camera.view(1.5), 0.05) is None, "not more often than ten times a second"
-    assert reporter.changed(camera.view(1.5), 1.1) == look_of(camera.view(1.5))
+    assert reporter.find_change(camera.view(1.5), 0.05) is None, "not more often than ten times a second"
+    assert reporter.find_change(camera.view(1.5), 1.1) == make_look(camera.view(1.5))
 
 
 def test_chains_pointing_at_the_eye_are_detected() -> None:
@@ -218,15 +218,15 @@ def test_each_limb_has_one_colour_on_the_performer_the_model_and_the_card(gl) ->
         lines = tuple(LEFT if k else LEFT[:0] for k in range(len(chains)))
         row = MatchRow("1-1", 0, 1.0, lines, limbs, 1)
         board = MatchList("cross", "choosing", 1, 5, 0, (row,), 1)
-        plain = capsules_of((performer,), 1.0)
-        rows = capsules_of((performer,), 1.0, limb_tints({"cross": board}))
-        card = cards_of(scene(board), front().view(1.5))[0]
+        plain = make_capsule_rows((performer,), 1.0)
+        rows = make_capsule_rows((performer,), 1.0, find_limb_tints({"cross": board}))
+        card = make_cards(scene(board), front().view(1.5))[0]
         for limb, line, chain, tint in zip(limbs, lines, chains, card.tints, strict=True):
             outer = [bone for bone, (_, end) in enumerate(BONES) if end in chain[1:]]
-            wanted = linear_from_srgb(255 * np.array(LIMBS[limb])) if len(line) else plain[outer, 8:11]
+            wanted = linear_from_srgb(255 * np.array(LIMB_COLOURS[limb])) if len(line) else plain[outer, 8:11]
             np.testing.assert_allclose(rows[outer, 8:11], np.broadcast_to(wanted, (len(outer), 3)), atol=1e-6)
-            assert tint == LIMBS[limb]
-    assert len(set(LIMBS)) == len(LIMBS) >= 6
+            assert tint == LIMB_COLOURS[limb]
+    assert len(set(LIMB_COLOURS)) == len(LIMB_COLOURS) >= 6
 
 
 def standing_joints() -> np.ndarray:
@@ -241,8 +241,8 @@ def test_the_limbs_of_a_match_come_over_the_wire_and_older_edges_send_none() -> 
     older = msgspec.msgpack.decode(packed(board))
     older[5] = [match[:5] for match in older[5]]
     old = message_to_board(msgspec.msgpack.decode(msgspec.msgpack.encode(older), type=MatchesMessage))
-    assert old.rows[0].limbs == () and limb_tints({"cross": old}) == {}
-    assert len(match_rows({"cross": old})[0]) == len(match_rows({"cross": board})[0])
+    assert old.rows[0].limbs == () and find_limb_tints({"cross": old}) == {}
+    assert len(make_match_rows({"cross": old})[0]) == len(make_match_rows({"cross": board})[0])
 
 
 def packed(board: MatchList) -> bytes:

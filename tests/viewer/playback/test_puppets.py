@@ -22,8 +22,8 @@ from enliven.rotation import from_rotation_vector, to_matrix
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.solved_surfaces import SolvedSurfaces
 from enliven_viewer.playback.timeline import Timeline
-from enliven_viewer.render.overlay.marks import node_rows
-from enliven_viewer.render.scene import SceneCharacter, SceneStyle, scene_of
+from enliven_viewer.render.overlay.marks import make_node_rows
+from enliven_viewer.render.scene import SceneCharacter, SceneStyle, make_scene
 
 CHAIR = refine(make_chair(), 0.08)
 TOP = int(CHAIR.vertices[:, 1].argmax())
@@ -174,19 +174,19 @@ def test_a_scene_has_the_solved_surface_and_lets_go_of_who_is_gone() -> None:
     document, surfaces = Document(Timeline(bounded=False)), SolvedSurfaces(wait=True)
     document.add_character(CHARACTER)
     document.add_pose(pose(bent()))
-    scene = scene_of(document, document.timeline.at(0), SceneStyle(), surfaces)
+    scene = make_scene(document, document.timeline.at(0), SceneStyle(), surfaces)
     solved = scene.actors[0].vertices
     assert solved is not None
     np.testing.assert_allclose(solved[TOP], bent()[0], atol=1e-4)
-    assert scene_of(document, document.timeline.at(0), SceneStyle()).actors[0].vertices is None
+    assert make_scene(document, document.timeline.at(0), SceneStyle()).actors[0].vertices is None
     document.remove_character("chair")
-    scene_of(document, document.timeline.at(0), SceneStyle(), surfaces)
+    make_scene(document, document.timeline.at(0), SceneStyle(), surfaces)
     assert not surfaces._known
 
 
 def test_only_control_points_are_marked() -> None:
     moved = pose(bent(), at=(1.0, 0.0, 0.0))
-    rows = node_rows(SceneCharacter(CHARACTER, moved), 1.0)
+    rows = make_node_rows(SceneCharacter(CHARACTER, moved), 1.0)
     np.testing.assert_array_equal(rows[:, :3], moved.positions[1:])
 
 

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from enliven.document.character import Pose
 from enliven.person.body import Body
-from enliven_viewer.playback.playhead import SPEEDS, Playhead
-from enliven_viewer.playback.timeline import NS, CueFrame, Timeline
+from enliven_viewer.playback.playhead import PLAYBACK_SPEEDS, Playhead
+from enliven_viewer.playback.timeline import NS_PER_S, CueFrame, Timeline
 from enliven_viewer.settings import PlaybackSettings
 
-FRAME = NS // 30
-some_times = st.lists(st.integers(0, 9 * NS // 10), min_size=1, max_size=40)
+FRAME = NS_PER_S // 30
+some_times = st.lists(st.integers(0, 9 * NS_PER_S // 10), min_size=1, max_size=40)
 actions = st.lists(
     st.one_of(
         st.tuples(st.just("advance"), st.floats(0, 3)),
@@ -67,7 +67,7 @@ def test_the_playhead_never_leaves_the_timeline(todo: list[tuple], loop: bool) -
             getattr(head, name)(*arguments)
         assert timeline.start_ns <= head.time_ns <= timeline.end_ns
         assert 0 <= head.fraction <= 1
-        assert head.speed in SPEEDS
+        assert head.speed in PLAYBACK_SPEEDS
         assert head.moment() is not None
         assert not head.live or head.time_ns == timeline.end_ns
 
@@ -109,30 +109,30 @@ def test_steps_there_and_back_are_undone(start: int, steps: int) -> None:
     assert head.time_ns == start * FRAME
 
 
-@given(st.sampled_from(SPEEDS), st.floats(0.001, 0.09))
+@given(st.sampled_from(PLAYBACK_SPEEDS), st.floats(0.001, 0.09))
 @settings(deadline=None, max_examples=60)
 def test_speed_is_sensor_seconds_a_second(speed: float, seconds: float) -> None:
     head = Playhead(filled(), live=False)
     head.speed = speed
     head.advance(seconds)
-    assert abs(head.time_ns - seconds * speed * NS) <= 1
+    assert abs(head.time_ns - seconds * speed * NS_PER_S) <= 1
 
 
 def test_loop_continues_and_end_stops() -> None:
     looping, once = Playhead(filled(), live=False, loop=True), Playhead(filled(), live=False)
     for head in (looping, once):
         head.advance(29 / 30 + 0.1)
-    assert abs(looping.time_ns - 0.1 * NS) < 10
+    assert abs(looping.time_ns - 0.1 * NS_PER_S) < 10
     assert once.time_ns == 29 * FRAME
 
 
 def test_between_two_poses_lies_a_blend_and_across_a_gap_the_nearer_one() -> None:
     timeline = Timeline()
-    for time_ns, x in ((0, 0.0), (FRAME, 1.0), (NS, 2.0)):
+    for time_ns, x in ((0, 0.0), (FRAME, 1.0), (NS_PER_S, 2.0)):
         timeline.add_pose(pose(time_ns, x))
     places = [
         float(timeline.at(t).poses["chair"].positions[0, 0])
-        for t in (-5, FRAME // 2, FRAME + 9, NS - 9, 2 * NS)
+        for t in (-5, FRAME // 2, FRAME + 9, NS_PER_S - 9, 2 * NS_PER_S)
     ]
     assert np.allclose(places, [0, 0.5, 1, 2, 2], atol=1e-6)
 
@@ -184,7 +184,7 @@ def test_memory_is_bounded_in_time_and_number() -> None:
     for k in range(1000):
         timeline.add_pose(pose(k * FRAME))
         assert len(timeline) <= 60
-        assert timeline.end_ns - timeline.start_ns <= 6 * NS
+        assert timeline.end_ns - timeline.start_ns <= 6 * NS_PER_S
     assert timeline.end_ns == 999 * FRAME
 
 
@@ -223,10 +223,10 @@ def test_cues_belong_to_their_own_time() -> None:
     """However late they arrive: poses and bodies of a burst come before its cues."""
     timeline = Timeline()
     for i in range(4):
-        timeline.add_bodies(i * NS, [])
+        timeline.add_bodies(i * NS_PER_S, [])
     nodes, strengths = np.array([0], np.int32), np.ones(1, np.float32)
     timeline.set_cues(CueFrame("a", nodes, strengths, "preview"), 0)
-    timeline.set_cues(CueFrame("a", nodes, strengths, "possessed"), 2 * NS)
-    assert [timeline.at(i * NS).possessed for i in range(4)] == [False, False, True, True]
-    timeline.add_bodies(4 * NS, [])
-    assert timeline.at(4 * NS).possessed
+    timeline.set_cues(CueFrame("a", nodes, strengths, "possessed"), 2 * NS_PER_S)
+    assert [timeline.at(i * NS_PER_S).possessed for i in range(4)] == [False, False, True, True]
+    timeline.add_bodies(4 * NS_PER_S, [])
+    assert timeline.at(4 * NS_PER_S).possessed

@@ -10,8 +10,8 @@ import pytest
 from enliven.document import Character, Pose, SkinWeights
 from enliven_viewer.playback import CueFrame, TimelineMoment
 from enliven_viewer.render import OverlayVisibility, Renderer, Scene, SceneCharacter, SceneStyle
-from enliven_viewer.render.attachment_glow import glow_of_nodes
-from enliven_viewer.render.camera import CameraView, look_at, perspective
+from enliven_viewer.render.attachment_glow import compute_node_glow
+from enliven_viewer.render.camera import CameraView, look_at, make_perspective
 from enliven_viewer.settings import RenderSettings
 
 SIZE = (120, 120)
@@ -45,7 +45,7 @@ def shown(gl, actor: SceneCharacter, style: SceneStyle = HELD, of: RenderSetting
     renderer = Renderer(gl, SIZE, of)
     camera = look_at(EYE, np.array([0.0, 1.0, 0.0]))
     room = np.array([-0.4, 0.0, -0.4]), np.array([0.4, 2.0, 0.4])
-    view = CameraView(EYE, camera, perspective(0.6, 1.0, 0.1, 60.0))
+    view = CameraView(EYE, camera, make_perspective(0.6, 1.0, 0.1, 60.0))
     renderer.draw(Scene((actor,), (), style, extent=room), view)
     return renderer.pixels().astype(float)
 
@@ -75,21 +75,23 @@ def test_light_is_on_the_part_that_is_held_and_its_outline_and_nowhere_else(gl, 
 def test_a_preview_is_fainter_and_performers_have_their_own_colours(pillar) -> None:
     rest = pillar.rest_pose()
     firm, seen = (
-        glow_of_nodes(SceneCharacter(pillar, rest, holding(0, state=s)), 1.0)
+        compute_node_glow(SceneCharacter(pillar, rest, holding(0, state=s)), 1.0)
         for s in ("possessed", "preview")
     )
     assert 0.2 * firm[0].max() < seen[0].max() < 0.6 * firm[0].max()
-    both = glow_of_nodes(SceneCharacter(pillar, rest, holding(0, 1, owners=(4, 9))), 1.0, [9, 4])
-    swapped = glow_of_nodes(SceneCharacter(pillar, rest, holding(0, 1, owners=(4, 9))), 1.0, [4, 9])
+    both = compute_node_glow(SceneCharacter(pillar, rest, holding(0, 1, owners=(4, 9))), 1.0, [9, 4])
+    swapped = compute_node_glow(SceneCharacter(pillar, rest, holding(0, 1, owners=(4, 9))), 1.0, [4, 9])
     np.testing.assert_allclose(both, swapped[::-1])
-    assert glow_of_nodes(SceneCharacter(pillar, rest, holding()), 1.0) is None
-    assert glow_of_nodes(SceneCharacter(pillar, rest, holding(7)), 1.0) is None, "a node that is not there"
+    assert compute_node_glow(SceneCharacter(pillar, rest, holding()), 1.0) is None
+    assert compute_node_glow(SceneCharacter(pillar, rest, holding(7)), 1.0) is None, (
+        "a node that is not there"
+    )
 
 
 def test_light_spreads_along_graph_edges_and_fades(pillar) -> None:
     edges = np.stack([np.arange(9), np.arange(1, 10)], 1).astype(np.int32)
     line = replace(pillar, pivots=np.tile(pillar.pivots[:1], (10, 1)), edges=edges)
-    light = glow_of_nodes(SceneCharacter(line, line.rest_pose(), holding(2)), 1.0).max(1)
+    light = compute_node_glow(SceneCharacter(line, line.rest_pose(), holding(2)), 1.0).max(1)
     assert (np.diff(light[:3]) > 0).all() and (np.diff(light[2:6]) < 0).all() and not light[6:].any()
 
 

@@ -11,7 +11,7 @@ import pytest
 from enliven.errors import InputError
 from enliven.settings import load_settings
 from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
-from enliven_viewer.render.camera import CameraView, look_at, perspective
+from enliven_viewer.render.camera import CameraView, look_at, make_perspective
 from enliven_viewer.render.stage_look import LOOKS
 from enliven_viewer.settings import LookName, RenderSettings, ViewerSettings
 
@@ -23,7 +23,7 @@ def shown(gl, of: RenderSettings, *boxes, eye=(0.0, 1.5, 5.0)) -> np.ndarray:
     camera = look_at(np.array(eye), np.array([0.0, 0.8, 0.0]))
     actors = tuple(SceneCharacter(character, character.rest_pose()) for character in boxes)
     extent = (np.array([-0.3, 0.0, -0.3]), np.array([0.3, 1.0, 0.3]))
-    view = CameraView(np.array(eye), camera, perspective(0.9, 4 / 3, 0.1, 90.0))
+    view = CameraView(np.array(eye), camera, make_perspective(0.9, 4 / 3, 0.1, 90.0))
     renderer.draw(Scene(actors, (), PLAIN, extent=extent), view)
     return renderer.pixels().astype(float)
 

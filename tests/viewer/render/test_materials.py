@@ -19,8 +19,8 @@ from enliven.document import Character, SkinWeights
 from enliven.errors import InputError
 from enliven.meshes import MeshMaterials, Texture
 from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
-from enliven_viewer.render.camera import CameraView, look_at, perspective
-from enliven_viewer.render.materials import linear_from_srgb, material_of, paint_keys, paint_surface
+from enliven_viewer.render.camera import CameraView, look_at, make_perspective
+from enliven_viewer.render.materials import linear_from_srgb, paint_keys, paint_surface, read_material
 from enliven_viewer.render.surface import split_creases
 from enliven_viewer.settings import RenderSettings
 
@@ -55,7 +55,7 @@ def board(material: dict, *textures: Texture, lean: float = 0.0, at: float = 0.0
 
 
 def view(eye: np.ndarray = EYE) -> CameraView:
-    return CameraView(eye, look_at(eye, np.array([0.0, 1.0, 0.0])), perspective(0.5, 1.0, 0.1, 30.0))
+    return CameraView(eye, look_at(eye, np.array([0.0, 1.0, 0.0])), make_perspective(0.5, 1.0, 0.1, 30.0))
 
 
 def drawn(gl: moderngl.Context, *boards: Character, eye: np.ndarray = EYE, of: RenderSettings = SMALL):
@@ -257,7 +257,7 @@ INNER = ("baseColorFactor", "metallicFactor", "roughnessFactor", "KHR_materials_
 @settings(max_examples=150, deadline=None)
 @given(st.dictionaries(st.sampled_from(KEYS), JUNK | st.dictionaries(st.sampled_from(INNER), JUNK)))
 def test_whatever_a_stranger_writes_becomes_a_material(definition: dict) -> None:
-    material = material_of(json.dumps(definition))
+    material = read_material(json.dumps(definition))
     numbers = np.array(
         [*material.base, material.metallic, material.roughness, *material.emissive, material.cutoff]
     )

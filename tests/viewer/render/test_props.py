@@ -14,14 +14,14 @@ from enliven.wire.convert import pose_to_message, props_to_message
 from enliven.wire.convert_characters import character_to_message
 from enliven.wire.posecode import PoseCodec
 from enliven_viewer.link.take_feed import TakeFeed
-from enliven_viewer.live.hud import HudState, _state_lines
+from enliven_viewer.live.hud import HudState, _list_state_lines
 from enliven_viewer.playback.document import Document
 from enliven_viewer.playback.interpolation import blend_props
-from enliven_viewer.playback.timeline import NS, Timeline
+from enliven_viewer.playback.timeline import NS_PER_S, Timeline
 from enliven_viewer.render.camera import OrbitCamera
-from enliven_viewer.render.props import block_template, prop_rows
+from enliven_viewer.render.props import make_block_template, make_prop_rows
 from enliven_viewer.render.renderer import Renderer
-from enliven_viewer.render.scene import Scene, SceneStyle, scene_of
+from enliven_viewer.render.scene import Scene, SceneStyle, make_scene
 
 
 def loose(time_ns: int = 0, shift: float = 0.0, ids: tuple[int, ...] = (0, 1), turn: float = 0.0) -> Props:
@@ -59,11 +59,11 @@ def test_prop_in_one_moment_only_follows_the_nearer_moment() -> None:
 
 def test_props_stay_until_their_next_message(box: Character) -> None:
     timeline = Timeline()
-    timeline.add_props(loose(NS))
-    timeline.add_pose(box.rest_pose(NS + NS // 30))
+    timeline.add_props(loose(NS_PER_S))
+    timeline.add_pose(box.rest_pose(NS_PER_S + NS_PER_S // 30))
     assert timeline.at(timeline.end_ns).props is not None
-    timeline.add_pose(box.rest_pose(3 * NS))
-    assert timeline.at(3 * NS).props is None, "long without a word: they are gone"
+    timeline.add_pose(box.rest_pose(3 * NS_PER_S))
+    assert timeline.at(3 * NS_PER_S).props is None, "long without a word: they are gone"
 
 
 def test_props_are_read_back_from_a_take(tmp_path, box: Character) -> None:
@@ -76,20 +76,20 @@ def test_props_are_read_back_from_a_take(tmp_path, box: Character) -> None:
 
         put("character", character_to_message(box, 1), 0)
         for k in range(5):
-            put("pose", pose_to_message(box.rest_pose(k * NS), codec, revision=1), k * NS)
-            put("props", props_to_message(loose(k * NS, 0.1 * k)), k * NS)
+            put("pose", pose_to_message(box.rest_pose(k * NS_PER_S), codec, revision=1), k * NS_PER_S)
+            put("props", props_to_message(loose(k * NS_PER_S, 0.1 * k)), k * NS_PER_S)
     document, take = Document(Timeline(bounded=False)), TakeFeed(tmp_path / "take.mcap")
     while take.poll(document):
         pass
     assert take.unreadable == 0 and len(document.timeline) == 5
-    props = document.timeline.at(3 * NS).props
+    props = document.timeline.at(3 * NS_PER_S).props
     np.testing.assert_allclose(props.positions, loose(0, 0.3).positions, atol=3e-4)
     assert props.note == "x"
 
 
 @pytest.mark.parametrize("fineness", [2, 3, 6])
 def test_a_template_is_closed_and_faces_outwards(fineness: int) -> None:
-    vertices, faces = block_template(fineness)
+    vertices, faces = make_block_template(fineness)
     direction, corner = vertices[:, :3], vertices[:, 3:]
     np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1, atol=1e-6)
     assert set(np.unique(corner)) == {-1.0, 1.0} and (direction * corner >= -1e-6).all()
@@ -103,8 +103,8 @@ def test_a_template_is_closed_and_faces_outwards(fineness: int) -> None:
 def test_rows_hold_what_the_shader_takes() -> None:
     props = loose(turn=0.5)
     props.positions[0, 1] = np.nan
-    assert len(prop_rows(props, BOX)) == 0 and len(prop_rows(None, BALL)) == 0
-    (row,) = prop_rows(props, BALL)
+    assert len(make_prop_rows(props, BOX)) == 0 and len(make_prop_rows(None, BALL)) == 0
+    (row,) = make_prop_rows(props, BALL)
     np.testing.assert_allclose(row[:4], [0.5, 0.2, 0.0, 0.2], atol=1e-6)
     np.testing.assert_allclose(row[4:8], props.turns[1, [1, 2, 3, 0]], atol=1e-6)
 
@@ -113,15 +113,15 @@ def test_camera_frames_near_props_only(box: Character) -> None:
     document = Document()
     document.add_character(box)
     document.add_pose(box.rest_pose(0))
-    alone = scene_of(document, document.timeline.at(0), SceneStyle()).box
+    alone = make_scene(document, document.timeline.at(0), SceneStyle()).box
     document.add_props(loose())
-    both = scene_of(document, document.timeline.at(0), SceneStyle())
+    both = make_scene(document, document.timeline.at(0), SceneStyle())
     assert both.box[0][0] < alone[0][0] and both.lit_box[0][0] < alone[0][0], "the box, at the left"
     assert both.box[1][0] == alone[1][0] < both.lit_box[1][0], "a ball has a shadow, but moves no camera"
     far = loose()
     far.positions[:] += [30.0, 0, 0]
     document.add_props(far)
-    np.testing.assert_allclose(scene_of(document, document.timeline.at(0), SceneStyle()).box, alone)
+    np.testing.assert_allclose(make_scene(document, document.timeline.at(0), SceneStyle()).box, alone)
 
 
 def test_boxes_and_balls_are_drawn_and_cast_shadows(gl) -> None:
@@ -145,8 +145,8 @@ def drawn(renderer: Renderer, scene: Scene, view) -> np.ndarray:
 
 
 def test_score_is_shown_in_the_window() -> None:
-    assert "chair hit twice" in _state_lines(HudState(score="chair hit twice"))
-    assert len(_state_lines(HudState())) == len(_state_lines(HudState(score="x"))) - 1
+    assert "chair hit twice" in _list_state_lines(HudState(score="chair hit twice"))
+    assert len(_list_state_lines(HudState())) == len(_list_state_lines(HudState(score="x"))) - 1
 
 
 def test_distant_prop_leaves_the_framing_without_a_jump(box: Character) -> None:
@@ -157,7 +157,7 @@ def test_distant_prop_leaves_the_framing_without_a_jump(box: Character) -> None:
     for k in range(120):
         rolled.positions[:] = [[0.3 + 0.02 * k, 0.2, 0.0]]
         document.add_props(rolled)
-        low, high = scene_of(document, document.timeline.at(0), SceneStyle()).box
+        low, high = make_scene(document, document.timeline.at(0), SceneStyle()).box
         widths.append(high[0] - low[0])
     assert max(np.abs(np.diff(widths))) < 0.021, "the box jumps"
     assert max(widths) > widths[0] + 0.5 and widths[-1] == pytest.approx(min(widths))

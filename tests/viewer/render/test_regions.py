@@ -12,11 +12,11 @@ from enliven.document.character import Pose
 from enliven.document.props import BALL, BOX, Props
 from enliven_viewer.playback.timeline import CueFrame
 from enliven_viewer.render import renderer as renderer_module
-from enliven_viewer.render.camera import CameraView, look_at, perspective
-from enliven_viewer.render.capsules import capsule_template
-from enliven_viewer.render.drawn_regions import visible_region
+from enliven_viewer.render.camera import CameraView, look_at, make_perspective
+from enliven_viewer.render.capsules import make_capsule_template
+from enliven_viewer.render.drawn_regions import find_visible_region
 from enliven_viewer.render.gl.region import full_region, regions_around
-from enliven_viewer.render.overlay.tubes import Tubes, tube_rows
+from enliven_viewer.render.overlay.tubes import Tubes, make_tube_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 from enliven_viewer.render.surface import neighbours_in_turn
@@ -34,7 +34,7 @@ def side_view(distance: float = 4.0) -> CameraView:
     return CameraView(
         eye,
         look_at(eye, np.array([0.0, 0.5, 0.0])),
-        perspective(math.radians(40), SIZE[0] / SIZE[1], 0.05, 100),
+        make_perspective(math.radians(40), SIZE[0] / SIZE[1], 0.05, 100),
     )
 
 
@@ -71,7 +71,7 @@ def test_the_picture_is_that_of_work_everywhere(gl, box, make_body, monkeypatch,
     narrow.draw(scene, view)
     region = narrow.picture.region
     assert region[2] * region[3] < 0.75 * SIZE[0] * SIZE[1], "there is something to leave out"
-    monkeypatch.setattr(renderer_module, "visible_region", lambda _p, _c, size, _r=0: full_region(size))
+    monkeypatch.setattr(renderer_module, "find_visible_region", lambda _p, _c, size, _r=0: full_region(size))
     monkeypatch.setattr(
         renderer_module, "shadow_bounds", lambda *_: (np.full(2, -np.inf), np.full(2, np.inf))
     )
@@ -96,7 +96,7 @@ def test_a_hull_holds_every_vertex(gl, make_character, make_box, nodes) -> None:
         (mesh,) = renderer._meshes.values()
         places, hull = mesh.positions().astype(float), mesh.hull()
         assert ((places @ ways).max(0) <= (hull @ ways).max(0) + 1e-5).all()
-        x, y, width, height = visible_region(hull, view.clip_from_world, SIZE)
+        x, y, width, height = find_visible_region(hull, view.clip_from_world, SIZE)
         pixels = (view.project(places) + 1) / 2 * SIZE
         assert (pixels >= [x, y]).all() and (pixels <= [x + width, y + height]).all()
 
@@ -104,10 +104,12 @@ def test_a_hull_holds_every_vertex(gl, make_character, make_box, nodes) -> None:
 def test_points_behind_the_eye_need_the_full_region() -> None:
     view = side_view()
     before, behind = np.array([[0.0, 0.5, 0.0]]), view.eye[None] + [0.0, 0.0, 1.0]
-    assert visible_region(before, view.clip_from_world, SIZE)[2] < 20
-    assert visible_region(np.concatenate([before, behind]), view.clip_from_world, SIZE) == full_region(SIZE)
-    assert visible_region(np.full((1, 3), np.nan), view.clip_from_world, SIZE) == full_region(SIZE)
-    assert visible_region(np.zeros((0, 3)), view.clip_from_world, SIZE)[2:] == (0, 0)
+    assert find_visible_region(before, view.clip_from_world, SIZE)[2] < 20
+    assert find_visible_region(np.concatenate([before, behind]), view.clip_from_world, SIZE) == full_region(
+        SIZE
+    )
+    assert find_visible_region(np.full((1, 3), np.nan), view.clip_from_world, SIZE) == full_region(SIZE)
+    assert find_visible_region(np.zeros((0, 3)), view.clip_from_world, SIZE)[2:] == (0, 0)
 
 
 @pytest.mark.parametrize(
@@ -128,7 +130,7 @@ def test_overlays_may_be_drawn_outside_the_region(gl, box) -> None:
     x, y, width, height = renderer.picture.region
     across, up = ((view.project(at) + 1) / 2 * SIZE)[0]
     assert not (x <= across < x + width and y <= up < y + height)
-    rows = tube_rows(at, at, np.array([0.08]), np.array([[0.9, 0.2, 0.1]], np.float32))
+    rows = make_tube_rows(at, at, np.array([0.08]), np.array([[0.9, 0.2, 0.1]], np.float32))
     Tubes(gl).draw(renderer.picture, rows, 0.0)
     changed = np.abs(renderer.pixels() - before).max(-1) > ROUNDING
     rows_, columns = np.nonzero(changed)
@@ -179,7 +181,7 @@ def misses(faces: np.ndarray, size: int = 256) -> int:
 @pytest.mark.parametrize(("rings", "ball", "ends"), [(5, True, 0), (5, False, 0), (1, False, 2)])
 def test_capsules_are_closed_but_for_limbs_between_balls(rings, ball, ends) -> None:
     segments = 18
-    vertices, faces = capsule_template(segments, rings, ball=ball)
+    vertices, faces = make_capsule_template(segments, rings, ball=ball)
     np.testing.assert_allclose(np.linalg.norm(vertices[:, :3], axis=1), 1.0, atol=1e-6)
     places = vertices[:, :3] + [[0.0, 0.0 if ball else 2.0, 0.0]] * vertices[:, 3:]
     a, b, c = (places[faces[:, k]] for k in range(3))

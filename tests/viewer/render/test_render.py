@@ -10,7 +10,7 @@ import pytest
 
 from enliven.document.character import Pose
 from enliven_viewer.playback.timeline import CueFrame
-from enliven_viewer.render.camera import CameraView, OrbitCamera, look_at, perspective
+from enliven_viewer.render.camera import CameraView, OrbitCamera, look_at, make_perspective
 from enliven_viewer.render.renderer import EMPTY_BOX, Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 from enliven_viewer.settings import RenderSettings
@@ -28,7 +28,7 @@ def front_view(distance: float = 3.0, height: float = 0.6) -> CameraView:
     """Returns a camera on +Z that looks along -Z."""
     eye = np.array([0.0, height, distance])
     camera = look_at(eye, np.array([0.0, height, 0.0]))
-    return CameraView(eye, camera, perspective(math.radians(40), SIZE[0] / SIZE[1], 0.05, 100))
+    return CameraView(eye, camera, make_perspective(math.radians(40), SIZE[0] / SIZE[1], 0.05, 100))
 
 
 def drawn(renderer: Renderer, scene: Scene, view: CameraView | None = None) -> np.ndarray:

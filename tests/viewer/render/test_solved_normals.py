@@ -10,7 +10,7 @@ from enliven.arrays import Float
 from enliven.document.character import Character, Pose, SkinWeights
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven_viewer.render.camera import CameraView, OrbitCamera
-from enliven_viewer.render.normals import solved_rows
+from enliven_viewer.render.normals import make_solved_rows
 from enliven_viewer.render.renderer import Renderer
 from enliven_viewer.render.scene import Scene, SceneCharacter, SceneStyle
 from enliven_viewer.render.surface import split_creases
@@ -59,20 +59,20 @@ def view() -> CameraView:
 
 
 def test_normals_at_rest_equal_the_skinned_mesh() -> None:
-    rows = solved_rows(VERTICES, FACES, SURFACE)
+    rows = make_solved_rows(VERTICES, FACES, SURFACE)
     np.testing.assert_array_equal(rows[:, :3], VERTICES[SURFACE.source])
     np.testing.assert_allclose(rows[:, 3:], SURFACE.normals, atol=1e-5)
 
 
 def test_moved_normals_match_the_slow_reference() -> None:
     moved = VERTICES + np.random.default_rng(0).normal(0, 0.004, VERTICES.shape).astype(np.float32)
-    np.testing.assert_allclose(solved_rows(moved, FACES, SURFACE), slow(moved), atol=1e-5)
+    np.testing.assert_allclose(make_solved_rows(moved, FACES, SURFACE), slow(moved), atol=1e-5)
 
 
 def test_nan_vertices_and_empty_faces_give_finite_normals() -> None:
     broken = VERTICES.copy()
     broken[:40], broken[40], broken[41] = 0.0, np.nan, np.inf
-    rows = solved_rows(broken, FACES, SURFACE)
+    rows = make_solved_rows(broken, FACES, SURFACE)
     assert np.isfinite(rows).all()
     np.testing.assert_allclose(np.linalg.norm(rows[:, 3:], axis=1), 1.0, atol=1e-5)
 

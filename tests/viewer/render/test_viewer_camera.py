@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from enliven_viewer.render.camera import FilmCamera, OrbitCamera, look_at, orthographic, perspective
+from enliven_viewer.render.camera import FilmCamera, OrbitCamera, look_at, make_orthographic, make_perspective
 from enliven_viewer.render.camera_moves import CameraMoves
 
 number = st.floats(-3, 3)
@@ -55,9 +55,9 @@ def test_the_target_is_in_the_middle_and_up_is_up() -> None:
 
 
 def test_perspective_and_orthographic_map_their_ends() -> None:
-    clip = perspective(math.radians(60), 1.0, 0.5, 10) @ np.array([[0, 0, -0.5, 1], [0, 0, -10, 1]]).T
+    clip = make_perspective(math.radians(60), 1.0, 0.5, 10) @ np.array([[0, 0, -0.5, 1], [0, 0, -10, 1]]).T
     assert np.allclose(clip[2] / clip[3], [-1, 1])
-    corner = orthographic(np.array([-1.0, -2, -9]), np.array([3.0, 4, -1])) @ [3, 4, -9, 1]
+    corner = make_orthographic(np.array([-1.0, -2, -9]), np.array([3.0, 4, -1])) @ [3, 4, -9, 1]
     assert np.allclose(corner, [1, 1, 1, 1])
 
 
@@ -129,7 +129,7 @@ def test_followed_subject_stays_in_view_from_the_same_side(x, z, across, up, ste
     camera.orbit(across, up)
     half = np.array([0.3, 0.9, 0.3])
     begin, pace = np.array([0.0, 0.9, 0.0]), np.array([x, 0.0, z])
-    camera.frame((begin - half, begin + half), 1.5, at_once=True, room=1.6)
+    camera.frame((begin - half, begin + half), 1.5, at_once=True, margin=1.6)
     moves.toggle_follow()
     offset = camera.view(1.5).eye - begin
     for k in range(80):

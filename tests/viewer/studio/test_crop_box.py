@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from enliven.wire import SCAN, Scan, ScanMessage
 from enliven_viewer.render import OrbitCamera
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.scan import CropBox, ScanSession, box_about
+from enliven_viewer.studio.scan import CropBox, ScanSession, find_initial_box
 from enliven_viewer.studio.viewport import Disc, Lens, Line
-from enliven_viewer.studio.workspace.viewport_input import MIDDLE, ViewportInput
+from enliven_viewer.studio.workspace.viewport_input import MIDDLE_BUTTON, ViewportInput
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 SIDES = st.tuples(st.sampled_from([0, 1]), st.sampled_from([0, 1, 2]))
@@ -105,9 +105,11 @@ def test_initial_box_encloses_the_central_object():
     thing = random.uniform([-0.3, 0.0, 0.1], [0.2, 0.9, 0.4], (4000, 3))
     floor = random.uniform([-3, -0.01, -3], [3, 0.01, 3], (4000, 3))
     cupboard = random.uniform([1.5, 0.0, 1.5], [2.0, 2.0, 2.0], (4000, 3))
-    box = box_about(np.concatenate([thing, floor, cupboard]))
+    box = find_initial_box(np.concatenate([thing, floor, cupboard]))
     np.testing.assert_allclose(box, [[-0.32, 0.0, 0.08], [0.22, 0.92, 0.42]], atol=0.02)
-    assert (np.diff(box_about(floor), axis=0) > 0.5).all(), "where nothing stands, one of a chair's size"
+    assert (np.diff(find_initial_box(floor), axis=0) > 0.5).all(), (
+        "where nothing stands, one of a chair's size"
+    )
 
 
 class Client:
@@ -156,9 +158,9 @@ def test_the_pointer_drags_it_before_any_tool_and_done_sends_it(tmp_path):
     passed.release(top)
     assert scan.box.corners[1, 1] == pytest.approx(0.6, abs=1e-6)
     np.testing.assert_array_equal(editor.camera.view(1.6).camera_from_world, yaw)
-    passed.press(top, MIDDLE)
+    passed.press(top, MIDDLE_BUTTON)
     assert passed.busy and scan.box._held is None
-    passed.release(top, MIDDLE)
+    passed.release(top, MIDDLE_BUTTON)
     scan.done()
     (order,) = scan.perform.client.asked
     assert order == Scan(

@@ -17,7 +17,7 @@ from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.playback import CueFrame
 from enliven_viewer.render import Scene, SceneCharacter
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.motions import read_library
 from enliven_viewer.studio.perform.live_overlay import LiveOverlay, OverlayConditions
 
 ARM = shape_from_stroke(limb(np.array([[0.0, 0.4], [0.0, 1.4]]), np.array([0.08, 0.05])), id="arm")
@@ -26,7 +26,7 @@ ASIDE = np.array([2.0, 0.0, -2.5], np.float32)
 
 @pytest.fixture
 def editor() -> Editor:
-    wave = library()[0]
+    wave = read_library()[0]
     project = Project().with_takes(wave).with_characters(ARM)
     return Editor(project=bind_chain(project, "arm", (0, 1), wave.id, (0, 1)))
 

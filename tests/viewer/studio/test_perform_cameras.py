@@ -35,14 +35,16 @@ def test_edge_lists_its_cameras_in_the_background() -> None:
 
 def test_preview_shows_the_cameras_image() -> None:
     search, made_up = CameraSearch(), Camera("A made-up person", "synthetic", {"width": "160"})
-    search.look(made_up)
-    assert search.looking == made_up
-    until(lambda: (search.poll(), search.looking is None)[1])
+    search.take_test_image(made_up)
+    assert search.tested_camera == made_up
+    until(lambda: (search.poll(), search.tested_camera is None)[1])
     assert search.picture is not None and search.picture.ndim == 3 and search.picture.std() > 5
-    assert search.looked == (made_up, "near is bright") and search.number == 1
-    search.look(Camera("None", "replay", {"path": "nothing.mcap"}))
-    until(lambda: (search.poll(), search.looking is None)[1])
-    assert search.picture is None and search.looked is not None and "nothing.mcap" in search.looked[1]
+    assert search.test_result == (made_up, "near is bright, far is dark") and search.number == 1
+    search.take_test_image(Camera("None", "replay", {"path": "nothing.mcap"}))
+    until(lambda: (search.poll(), search.tested_camera is None)[1])
+    assert (
+        search.picture is None and search.test_result is not None and "nothing.mcap" in search.test_result[1]
+    )
     search.close()
 
 
@@ -56,17 +58,21 @@ def test_a_camera_starts_by_its_words_unless_something_is_missing() -> None:
 @pytest.mark.parametrize("answer", ["", "no JSON", json.dumps([{"name": 1}]), "[" * 5000])
 def test_an_answer_that_is_no_list_is_no_crash(answer: str) -> None:
     search = CameraSearch()
-    search._take(answer, True)
+    search._handle_search(answer, True)
     assert search.cameras == () and "enliven doctor" in search.problem
 
 
 def test_unreadable_preview_picture_is_reported(tmp_path) -> None:
     search, path = CameraSearch(), tmp_path / "depth.png"
     path.write_bytes(b"no picture")
-    search._see(Camera("a", "tof"), "", path, False)
-    assert search.picture is None and search.looked is not None and "could not be read" in search.looked[1]
+    search._handle_test(Camera("a", "tof"), "", path, False)
+    assert (
+        search.picture is None
+        and search.test_result is not None
+        and "could not be read" in search.test_result[1]
+    )
     out = io.BytesIO()
     Image.new("RGB", (4, 3)).save(out, "PNG")
     path.write_bytes(out.getvalue())
-    search._see(Camera("a", "tof"), "", path, False)
+    search._handle_test(Camera("a", "tof"), "", path, False)
     assert search.picture is not None and search.picture.shape == (3, 4, 3)

@@ -10,7 +10,7 @@ from enliven.matching import MatchList, MatchRow
 from enliven_viewer.playback import CueFrame
 from enliven_viewer.render import Scene, SceneCharacter
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.perform import CloseUp, pending_limb_box
+from enliven_viewer.studio.perform import CloseUp, find_pending_limb_box
 from enliven_viewer.studio.settings import StudioSettings
 
 LONG = 1.0
@@ -95,6 +95,6 @@ def test_view_turned_by_the_user_is_kept(tower) -> None:
 
 def test_the_whole_of_a_character_is_no_limb_and_another_one_is_not_meant(tower) -> None:
     every = np.arange(len(tower.pivots))
-    assert pending_limb_box(scene_with(tower, every)) is None
+    assert find_pending_limb_box(scene_with(tower, every)) is None
     top = scene_with(tower, end(tower, top=True))
-    assert pending_limb_box(top) is not None and pending_limb_box(top, "other") is None
+    assert find_pending_limb_box(top) is not None and find_pending_limb_box(top, "other") is None

@@ -82,7 +82,7 @@ def actor(name: str = "chair", **options: object) -> EmbeddedActor:
 
 @pytest.fixture
 def sitting(tmp_path: Path, monkeypatch) -> Iterator:
-    monkeypatch.setattr(possession_requests, "SEEN_S", 0.1)
+    monkeypatch.setattr(possession_requests, "MIN_TIME_IN_VIEW_S", 0.1)
     opened: list[Sitting] = []
 
     def make(*actors: EmbeddedActor) -> Sitting:
@@ -130,12 +130,14 @@ def test_the_next_press_gives_up_one_that_waits(sitting) -> None:
 
 
 def test_press_without_a_performer_ends_with_a_reason(sitting, monkeypatch) -> None:
-    monkeypatch.setattr(possession_requests, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(possession_requests, "MAX_WAIT_S", 0.1)
     session = sitting(actor())
     session.connect()
     session.perform.possession_requests.press()
     session.until(lambda: not session.perform.possession_requests.waits)
-    assert session.toasts == [("Possess was given up", "No one is in view: step in front of the camera")]
+    assert session.toasts == [
+        ("Possess has waited too long", "No one is in view: step in front of the camera")
+    ]
 
 
 def test_refusal_by_the_edge_is_shown_with_advice(sitting) -> None:
@@ -167,7 +169,7 @@ def test_a_press_before_the_stage_is_ready_is_kept(sitting) -> None:
     session.perform.connect(str(session.house.outlet.publisher.endpoint))
     session.perform.live.is_local = True  # a stage that was started by this window
     session.perform.possession_requests.press()
-    assert session.perform.possession_requests.words == session.perform.live.making
+    assert session.perform.possession_requests.words == session.perform.live.preparation_text
     session.present = [person()]
     session.until(lambda: session.held == {"chair"})
 

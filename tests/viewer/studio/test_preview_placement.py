@@ -10,8 +10,8 @@ from made_performer import performer
 
 from enliven.person import Body, Joint
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.stage.live import area_next_to_preview
-from enliven_viewer.studio.perform import WIDER, PreviewPlacement, project_bodies, rectangle_of
+from enliven_viewer.studio.panels.stage.live import find_area_next_to_preview
+from enliven_viewer.studio.perform import DEFAULT_ASPECT, PreviewPlacement, find_rectangle, project_bodies
 from enliven_viewer.studio.preferences import Preferences
 
 SIZES = [(900.0, 501.0), (992.0, 501.0), (3460.0, 1940.0), (400.0, 160.0)]
@@ -40,7 +40,7 @@ def test_a_performer_stands_upright_in_the_view_and_smaller_from_farther(second,
 
 def test_performer_behind_the_world_camera_is_seen_from_the_front():
     (skeleton,) = project_bodies([moved(performer(1.0), 3.0, -4.0)])
-    inside = (skeleton.places > 0.0) & (skeleton.places < [WIDER, 1.0])
+    inside = (skeleton.places > 0.0) & (skeleton.places < [DEFAULT_ASPECT, 1.0])
     assert inside.all() and project_bodies([]) == ()
 
 
@@ -49,7 +49,7 @@ def test_performer_behind_the_world_camera_is_seen_from_the_front():
 def test_inset_is_inside_the_picture(size, views):
     left, top, wide, tall = PreviewPlacement().place(*size, views, list)
     assert left >= 0 and top >= 0 and left + wide <= size[0] and top + tall <= size[1]
-    assert wide == pytest.approx(views * WIDER * tall) and wide <= 0.5 * size[0]
+    assert wide == pytest.approx(views * DEFAULT_ASPECT * tall) and wide <= 0.5 * size[0]
 
 
 def test_inset_leaves_a_covered_corner_and_stays_in_the_next():
@@ -66,15 +66,15 @@ def test_attachment_texts_avoid_the_inset(corner):
     wide = 500.0 if corner == "wide" else 150.0
     left = 10.0 if "left" in corner else 610.0 - wide
     top = 20.0 if "top" in corner else 220.0
-    free = area_next_to_preview(area, (left, top, left + wide, top + 100.0))
+    free = find_area_next_to_preview(area, (left, top, left + wide, top + 100.0))
     apart = free.x + free.width <= left or free.x >= left + wide
     assert apart == ("low" in corner) and (apart or free == area)
-    assert area_next_to_preview(area, None) == area
+    assert find_area_next_to_preview(area, None) == area
 
 
 def test_points_behind_the_camera_cover_nothing():
-    assert rectangle_of(np.array([[1.0, 2.0], [np.nan, 3.0]])) is None
-    assert rectangle_of(np.array([[1.0, 2.0], [4.0, 6.0]])) == (1.0, 2.0, 3.0, 4.0)
+    assert find_rectangle(np.array([[1.0, 2.0], [np.nan, 3.0]])) is None
+    assert find_rectangle(np.array([[1.0, 2.0], [4.0, 6.0]])) == (1.0, 2.0, 3.0, 4.0)
 
 
 def test_inset_visibility_is_remembered(tmp_path):

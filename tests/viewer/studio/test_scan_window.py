@@ -13,7 +13,7 @@ from enliven.samples import load_sample
 from enliven.wire import ScanMessage
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile
 from enliven_viewer.render import OrbitCamera
-from enliven_viewer.studio.scan import advice_of, scan_marks
+from enliven_viewer.studio.scan import choose_advice, make_scan_marks
 from enliven_viewer.studio.viewport import Fill, Lens
 
 SESSION = Path(__file__).parents[1] / "scan_session.py"
@@ -73,7 +73,7 @@ def view(angle: float, up: float = 0.8) -> list[float]:
         ({"view": view(0.1, 0.3)}, "Hold it lower"),
         ({"view": []}, "All round: press Done"),
         ({"tracking": "lost", "view": view(1.0)}, "Lost: go back to where you were"),
-        ({"tracking": "empty"}, "Go nearer: nothing is seen"),
+        ({"tracking": "empty"}, "Go nearer: the camera sees nothing"),
         ({"phase": "paused"}, "Paused"),
         ({"phase": "failed", "note": "nothing stands there"}, "nothing stands there"),
         ({"full": True}, "The scan is full: nothing new is added. Press Done"),
@@ -84,24 +84,24 @@ def view(angle: float, up: float = 0.8) -> list[float]:
         ({"thing": "found", "seconds": 1.5, "view": view(1.0)}, "Found again in 1.5 s: go round it"),
         (
             {"thing": "person", "tracking": "empty"},
-            "Stand one to three metres before the camera, whole in view",
+            "Stand one to three metres in front of the camera, whole in view",
         ),
         ({"thing": "person", "missing": 0.75}, "Turn on the spot, slowly: 25 of 100"),
         ({"thing": "person", "tracking": "lost"}, "Turn back a little, then on, more slowly"),
         ({"thing": "person", "missing": 0.0}, "All round: stand still"),
-        ({"stage_from_camera": [], "view": view(1.0)}, "Point the camera at the thing"),
+        ({"stage_from_camera": [], "view": view(1.0)}, "Point the camera at the object"),
     ],
 )
 def test_scan_state_gives_its_advice(given: dict[str, object], words: str) -> None:
-    assert advice_of(message(**given)).text == words
+    assert choose_advice(message(**given)).text == words
 
 
 def test_the_arrow_leads_from_the_camera_to_where_it_is_wanted() -> None:
     camera = OrbitCamera()
     camera.frame((np.array([-1.5, 0.0, -1.5]), np.array([1.5, 1.5, 1.5])), 1.6, at_once=True)
     lens = Lens(camera.view(1.6), (800.0, 500.0))
-    marks = scan_marks(message(view=view(1.2)), lens)
+    marks = make_scan_marks(message(view=view(1.2)), lens)
     assert any(isinstance(mark, Fill) for mark in marks), "the head of the arrow"
-    lost = scan_marks(message(view=view(1.2), tracking="lost"), lens)
+    lost = make_scan_marks(message(view=view(1.2), tracking="lost"), lens)
     assert 0 < len(lost) < len(marks) and not any(isinstance(mark, Fill) for mark in lost)
-    assert scan_marks(message(phase="done"), lens) == ()
+    assert make_scan_marks(message(phase="done"), lens) == ()

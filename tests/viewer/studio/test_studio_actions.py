@@ -14,7 +14,7 @@ from made_acting_stage import CHAIN, LIMB, POST, STAR, TIP, acting_stage
 from enliven.document.project import same
 from enliven.errors import InputError
 from enliven_viewer.studio.actions import Action, ActionTable, PaletteSearch, key_label
-from enliven_viewer.studio.actions.search import likeness
+from enliven_viewer.studio.actions.search import score_match
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -93,7 +93,7 @@ def test_impossible_action_gives_a_reason_and_changes_nothing(stage: Workspace) 
         if reason:
             assert not stage.actions.do(action.id), action.id
             assert stage.editor.toasts.shown[-1].text in reason
-            assert reason in stage.actions.tip(action)
+            assert reason in stage.actions.make_tooltip(action)
     assert stage.editor.project is before
 
 
@@ -107,10 +107,10 @@ def test_each_action_is_found_first_by_its_own_name(stage: Workspace) -> None:
 def test_letters_of_a_name_in_their_order_find_it_and_no_others_do(name: str, data: st.DataObject) -> None:
     kept = data.draw(st.lists(st.booleans(), min_size=len(name), max_size=len(name)))
     typed = "".join(letter for letter, keep in zip(name, kept, strict=True) if keep)
-    assert likeness(typed, name) is not None
+    assert score_match(typed, name) is not None
     backwards = iter(name)
     inside = all(letter in backwards for letter in typed[::-1].replace(" ", ""))
-    assert (likeness(typed[::-1], name) is not None) == inside
+    assert (score_match(typed[::-1], name) is not None) == inside
 
 
 def test_the_start_of_words_and_letters_in_a_row_are_likelier(stage: Workspace) -> None:
@@ -176,7 +176,9 @@ def test_a_key_does_one_action_at_most_and_changed_keys_are_kept(tmp_path_factor
         reopened.workspace = lambda room=room: room
         for key in room_keys:
             done.clear()
-            assert reopened.press(key, own=bool(room)) and done == [actions.action_with_keys(key, room).id]
+            assert reopened.press(key, workspace_only=bool(room)) and done == [
+                actions.action_with_keys(key, room).id
+            ]
 
 
 def test_keys_of_a_workspace_are_free_in_the_others(tmp_path) -> None:
@@ -184,7 +186,7 @@ def test_keys_of_a_workspace_are_free_in_the_others(tmp_path) -> None:
     actions = table(tmp_path, done)
     for room in ("", "Here", "There"):
         actions.workspace = lambda room=room: room
-        assert actions.press("x", own=True) is bool(room) and actions.press("x")
+        assert actions.press("x", workspace_only=True) is bool(room) and actions.press("x")
     assert done == ["a", "d", "a", "f", "a"]
     actions.set_shortcut("e", "x")
     assert [actions.keys_of(actions[action_id]) for action_id in "adef"] == [("x",), (), ("x",), ()]

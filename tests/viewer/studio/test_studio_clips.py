@@ -23,8 +23,14 @@ from enliven.modeling.edits import (
     split_clip,
     trim_clip,
 )
-from enliven_viewer.studio.timeline.clip_pictures import POSES, TILE, ClipPictures
-from enliven_viewer.studio.timeline.layout import HEAD, LABELS, LANE, RULER, TimelineLayout
+from enliven_viewer.studio.timeline.clip_pictures import POSE_COUNT, TILE_SIZE, ClipPictures
+from enliven_viewer.studio.timeline.layout import (
+    HEAD_HEIGHT,
+    LABEL_WIDTH,
+    LANE_HEIGHT,
+    RULER_HEIGHT,
+    TimelineLayout,
+)
 from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -75,7 +81,7 @@ def test_a_clip_is_moved_trimmed_slipped_and_stretched_each_as_one_edit(rig: str
     editor = workspace.editor
     before = editor.project
     bar = bar_of(workspace, name)
-    (clip,), y, layout = bar.clips, bar.top + LANE / 2, workspace.timeline.layout
+    (clip,), y, layout = bar.clips, bar.top + LANE_HEIGHT / 2, workspace.timeline.layout
     second = layout.x(1.0) - layout.x(0.0)
     quarter = 0.25 * (clip.end - clip.begin)
 
@@ -111,7 +117,7 @@ def test_touching_clips_are_trimmed_and_their_blend_is_dragged(rig: str, tmp_pat
     project = split_clip(PROJECT, name, numbers, clip.begin + 0.5 * lasts)
     workspace = desk(tmp_path, blend_clips(project, name, numbers, 0, 0.4 * lasts))
     bar = next(each for each in workspace.timeline.layout.bars() if len(each.clips) == 2)
-    layout, y = workspace.timeline.layout, bar.top + LANE / 2
+    layout, y = workspace.timeline.layout, bar.top + LANE_HEIGHT / 2
     before, after = (clip for clip in bar.clips)
     middle = (layout.x(after.begin) + layout.x(before.end)) / 2
     assert layout.handle_at(middle, y).kind == "blend"
@@ -128,18 +134,18 @@ def test_locked_lane_stays_and_folded_lane_has_one_row(tmp_path: Path) -> None:
     heads = [lane for lane in timeline.layout.lanes() if lane.kind == "head"]
     assert [lane.character.id for lane in heads] == list(PROJECT.characters)
     bar = bar_of(workspace, NAMES["graph"])
-    timeline.press(30.0, bar.top + LANE / 2)
+    timeline.press(30.0, bar.top + LANE_HEIGHT / 2)
     timeline.release(30.0)
-    drag(workspace, (bar.left + bar.right) / 2, bar.top + LANE / 2, 100.0)
+    drag(workspace, (bar.left + bar.right) / 2, bar.top + LANE_HEIGHT / 2, 100.0)
     assert same(workspace.editor.project, PROJECT)
     assert [toast.text for toast in workspace.editor.toasts.shown] == ["This lane is locked"]
-    timeline.press(5.0, heads[0].top + HEAD / 2)
+    timeline.press(5.0, heads[0].top + HEAD_HEIGHT / 2)
     timeline.release(5.0)
     folded = [lane for lane in timeline.layout.bars() if lane.character.id == heads[0].character.id]
     assert not folded and timeline.folded == {heads[0].character.id}
-    solo = LABELS - 20.0
+    solo = LABEL_WIDTH - 20.0
     for muted in (True, False):
-        timeline.press(solo, heads[0].top + HEAD / 2)
+        timeline.press(solo, heads[0].top + HEAD_HEIGHT / 2)
         timeline.release(solo)
         others = [
             character
@@ -155,7 +161,7 @@ def test_a_drag_sticks_to_what_is_near_and_to_whole_frames_else(tmp_path: Path) 
     timeline = workspace.timeline
     timeline.snapping = True
     layout, bar = timeline.layout, bar_of(workspace, NAMES["graph"])
-    (clip,), y = bar.clips, bar.top + LANE / 2
+    (clip,), y = bar.clips, bar.top + LANE_HEIGHT / 2
     drag(workspace, bar.left + FAR, y, layout.x(0.9) - bar.left + 4.0)
     assert clips_of(workspace.editor.project, NAMES["graph"], 0)[0].begin == pytest.approx(0.9)
     workspace.editor.undo()
@@ -181,15 +187,15 @@ def test_markers_are_dragged_jumped_to_and_named(tmp_path: Path) -> None:
         times.append(editor.time)
     assert times == [1.25, editor.length, 1.25, 0.5, 0.0]
     x = timeline.layout.x(0.5)
-    drag(workspace, x, RULER / 2, timeline.layout.x(0.8) - x)
+    drag(workspace, x, RULER_HEIGHT / 2, timeline.layout.x(0.8) - x)
     assert editor.project.markers["marker"].seconds == pytest.approx(0.8)
     assert editor.history.names[-1] == "move marker"
-    assert timeline.double(timeline.layout.x(0.8), RULER / 2) and timeline.marker == "marker"
+    assert timeline.double(timeline.layout.x(0.8), RULER_HEIGHT / 2) and timeline.marker == "marker"
 
 
 @settings(max_examples=60, deadline=None)
 @given(
-    st.lists(st.tuples(st.floats(-6, 6), st.floats(LABELS, 1700)), min_size=1, max_size=6),
+    st.lists(st.tuples(st.floats(-6, 6), st.floats(LABEL_WIDTH, 1700)), min_size=1, max_size=6),
     st.floats(-900, 900),
 )
 def test_zooming_keeps_the_time_under_the_pointer_and_never_leaves_the_project(notches, pixels) -> None:
@@ -221,10 +227,10 @@ def test_every_end_of_every_clip_is_found_where_it_is_drawn(share, blend, width)
     (bar,) = layout.bars()
     for number, played in enumerate(bar.clips):
         left, right = layout.x(played.begin), layout.x(played.end)
-        handle = layout.handle_at(right, bar.top + LANE / 2)
+        handle = layout.handle_at(right, bar.top + LANE_HEIGHT / 2)
         assert handle.kind in ("edge", "begin")
         if right - left > 80 and number == 0:
-            assert layout.handle_at(left + 30, bar.top + LANE / 2).kind in ("bar", "blend", "begin")
+            assert layout.handle_at(left + 30, bar.top + LANE_HEIGHT / 2).kind in ("bar", "blend", "begin")
 
 
 @rigs
@@ -262,13 +268,16 @@ def test_clip_pictures_are_drawn_in_the_background() -> None:
     pictures.finish()
     for take in takes:
         sheet = pictures.sheet(PROJECT, take)
-        assert sheet is not None and sheet.shape == (POSES // 8 * TILE, 8 * TILE, 4)
+        assert sheet is not None and sheet.shape == (POSE_COUNT // 8 * TILE_SIZE, 8 * TILE_SIZE, 4)
         tiles = (
-            sheet[..., 3].reshape(POSES // 8, TILE, 8, TILE).transpose(0, 2, 1, 3).reshape(POSES, TILE, TILE)
+            sheet[..., 3]
+            .reshape(POSE_COUNT // 8, TILE_SIZE, 8, TILE_SIZE)
+            .transpose(0, 2, 1, 3)
+            .reshape(POSE_COUNT, TILE_SIZE, TILE_SIZE)
         )
         inked = (tiles > 128).mean((1, 2))
         assert (inked > 0.005).all() and (inked < 0.6).all(), "every pose is a figure, not a blot"
-        assert np.abs(tiles[0].astype(int) - tiles[POSES // 2]).max() > 100, "it moves"
+        assert np.abs(tiles[0].astype(int) - tiles[POSE_COUNT // 2]).max() > 100, "it moves"
 
 
 def test_a_trimmed_clip_leaves_its_pixels_free(tmp_path: Path) -> None:

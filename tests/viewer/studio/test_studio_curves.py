@@ -168,9 +168,9 @@ def test_a_control_points_key_pose_is_dragged_on_its_curve() -> None:
 def test_a_scale_keeps_what_is_under_the_pointer(low, wide, y, notches, pixels) -> None:
     scale = Scale(low, low + wide, 160.0)
     assert scale.y(scale.value(y)) == pytest.approx(y, abs=1e-6)
-    zoomed = scale.zoomed(0.85**notches, y)
+    zoomed = scale.zoom(0.85**notches, y)
     assert zoomed.value(y) == pytest.approx(scale.value(y), abs=1e-6 * (1 + wide))
-    assert scale.panned(pixels).y(scale.value(y)) == pytest.approx(y + pixels, abs=1e-5)
+    assert scale.pan(pixels).y(scale.value(y)) == pytest.approx(y + pixels, abs=1e-5)
     ticks = scale.ticks()
     assert all(low - 1e-6 <= tick <= low + wide + 1e-6 for tick in ticks) and 1 <= len(ticks) <= 8
     steps = np.diff(ticks)

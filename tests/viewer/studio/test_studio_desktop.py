@@ -15,8 +15,14 @@ from in_a_window import in_a_window
 
 from enliven_viewer import theme
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.panel_layout import LEAST, MENU, PICTURE, TIMELINE, lay_out_panels
-from enliven_viewer.studio.preferences import SIZES, Preferences
+from enliven_viewer.studio.panel_layout import (
+    MENU_HEIGHT,
+    MIN_TIMELINE_HEIGHT,
+    MIN_VIEW_HEIGHT,
+    TIMELINE_HEIGHT,
+    lay_out_panels,
+)
+from enliven_viewer.studio.preferences import TEXT_SIZES, Preferences
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 SESSION = Path(__file__).parents[1] / "studio_scale_session.py"
@@ -49,21 +55,21 @@ def test_a_low_window_leaves_the_picture_its_height_before_the_timeline(
     width, height, puppet, curves
 ) -> None:
     places = lay_out_panels(width, height, puppet=puppet, curves=curves)
-    assert LEAST <= places.timeline.height <= TIMELINE
-    assert places.viewport.height >= PICTURE or places.timeline.height == LEAST
+    assert MIN_TIMELINE_HEIGHT <= places.timeline.height <= TIMELINE_HEIGHT
+    assert places.viewport.height >= MIN_VIEW_HEIGHT or places.timeline.height == MIN_TIMELINE_HEIGHT
     parts = [places.viewport, *filter(None, (places.strip, places.curves)), places.timeline]
-    assert sum(part.height for part in parts) == pytest.approx(height - MENU, abs=1e-6) or height < 480
+    assert sum(part.height for part in parts) == pytest.approx(height - MENU_HEIGHT, abs=1e-6) or height < 480
 
 
 def test_text_grows_by_steps_to_twice_its_size_and_is_kept(tmp_path) -> None:
     workspace = Workspace.new(Editor(), tmp_path)
     larger, smaller = "view.larger_text", "view.smaller_text"
-    done = [workspace.actions.do(larger) for _ in SIZES]
-    assert workspace.preferences.text_size == SIZES[-1] == 2.0 and not done[-1]
+    done = [workspace.actions.do(larger) for _ in TEXT_SIZES]
+    assert workspace.preferences.text_size == TEXT_SIZES[-1] == 2.0 and not done[-1]
     assert Preferences(tmp_path).text_size == 2.0
     while workspace.actions.do(smaller):
         pass
-    assert workspace.preferences.text_size == SIZES[0]
+    assert workspace.preferences.text_size == TEXT_SIZES[0]
 
 
 def test_with_less_motion_the_view_turns_at_once(tmp_path) -> None:

@@ -27,10 +27,10 @@ from enliven.modeling.puppet import add_key_pose, add_point, make_puppet, play_t
 from enliven_viewer.studio.examples.coverage import CoverageCache
 from enliven_viewer.studio.examples.example_edits import (
     add_switch,
-    constraints_of,
+    describe_joint,
     duplicate_pose,
-    joint_words,
-    layer_of,
+    find_layer_number,
+    list_constraints,
     mirror_pose,
     move_switch,
     remove_switch,
@@ -99,8 +99,8 @@ def test_retimed_layer_is_shown_without_solving() -> None:
 def test_the_layer_that_is_meant_is_the_chosen_one_or_the_first_that_plays() -> None:
     project = play_take(play_take(project_with("head", take="sway"), "star", "walk"), "star", "walk")
     puppet = change_layers(project, "star", [0], muted=True).puppets["star"]
-    assert [layer_of(puppet, chosen) for chosen in (None, 0, 2, 7)] == [1, 0, 2, 1]
-    assert layer_of(puppet, 2, "sway") == 0 and layer_of(puppet, None, "curl") is None
+    assert [find_layer_number(puppet, chosen) for chosen in (None, 0, 2, 7)] == [1, 0, 2, 1]
+    assert find_layer_number(puppet, 2, "sway") == 0 and find_layer_number(puppet, None, "curl") is None
 
 
 def test_coverage_is_nothing_at_examples_and_less_with_every_one() -> None:
@@ -138,7 +138,7 @@ def test_unnamed_points_are_named_after_their_joint() -> None:
     project = add_point(project, "star", vertex("foot"))
     points = with_guessed_joints(project, "star", "walk").puppets["star"].points
     assert points[0].name == "head" and points[0].joint == "bone 3", "what is paired stays"
-    assert points[1].joint and points[1].name == joint_words(points[1].joint)
+    assert points[1].joint and points[1].name == describe_joint(points[1].joint)
     assert not points[1].foot, "one foot alone is none"
     with pytest.raises(InputError, match="no take"):
         with_guessed_joints(project, "star", "")
@@ -155,7 +155,7 @@ def test_unnamed_points_are_named_after_their_joint() -> None:
     ],
 )
 def test_joints_as_people_call_them(joint: str, said: str) -> None:
-    assert joint_words(joint) == said
+    assert describe_joint(joint) == said
 
 
 def test_settings_and_names_change_alone_and_come_back() -> None:
@@ -237,10 +237,10 @@ def test_constraint_is_unique_per_frame_and_removable() -> None:
     level = Coupling("left", "right", 5)
     for held in (first, second, level):
         project = with_constraint(project, "star", 0, held)
-    assert constraints_of(project, "star", 0) == (level, second)
+    assert list_constraints(project, "star", 0) == (level, second)
     places = state_of(project, project.puppets["star"], 10 / 30).places
     np.testing.assert_allclose(places[1], second.place, atol=1e-8)
-    assert constraints_of(without_constraint(project, "star", 0, second), "star", 0) == (level,)
+    assert list_constraints(without_constraint(project, "star", 0, second), "star", 0) == (level,)
 
 
 def test_a_click_on_a_joint_pairs_it_with_the_chosen_point(tmp_path) -> None:

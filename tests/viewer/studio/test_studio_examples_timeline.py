@@ -19,7 +19,7 @@ from enliven.document.locomotion import Switch
 from enliven.document.project import Project
 from enliven.modeling.edits import change_layers
 from enliven.modeling.puppet import add_key_pose, play_take
-from enliven_viewer.studio.timeline.layout import LABELS, RULER, Lane, TimelineLayout
+from enliven_viewer.studio.timeline.layout import LABEL_WIDTH, RULER_HEIGHT, Lane, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_lanes import PuppetDetails
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -68,10 +68,10 @@ def test_puppet_lanes_are_hit_where_they_are_drawn(offset, speed, frames, width,
     assert [row.kind for row in lanes.lanes()] == ["bar", "poses", "band", "held"]
     tops = [(row.top, row.top + row.height) for row in lanes.lanes()]
     assert all(upper[1] <= lower[0] for upper, lower in itertools.pairwise(tops))
-    bare = [lane for lane in lanes.lanes() if middle(lane) >= RULER]  # the ruler covers the others
+    bare = [lane for lane in lanes.lanes() if middle(lane) >= RULER_HEIGHT]  # the ruler covers the others
     poses = row_of(lanes, "poses")
     for number, x in shown.poses(lanes, poses):
-        if x < LABELS or poses not in bare:
+        if x < LABEL_WIDTH or poses not in bare:
             continue
         handle = lanes.handle_at(x, middle(poses))
         assert handle.kind == "pose"
@@ -79,15 +79,15 @@ def test_puppet_lanes_are_hit_where_they_are_drawn(offset, speed, frames, width,
         assert lanes.second(poses, x) == pytest.approx(times[number], abs=1e-6)
     band = row_of(lanes, "band")
     for _, left, right in shown.bands(lanes, band)[1:]:
-        if left >= LABELS and abs(right - left) > 12 and band in bare:
+        if left >= LABEL_WIDTH and abs(right - left) > 12 and band in bare:
             handle = lanes.handle_at(left, middle(band))
             assert handle.kind == "switch"
     mark = shown.constraint_marks(lanes, row_of(lanes, "held"))[0][2]
-    if mark >= LABELS and row_of(lanes, "held") in bare:
+    if mark >= LABEL_WIDTH and row_of(lanes, "held") in bare:
         assert lanes.handle_at(mark, middle(row_of(lanes, "held"))).kind == "held"
     bar = row_of(lanes, "bar")
     assert lanes.handle_at(5.0, middle(bar)).kind == ("mute" if bar in bare else "nothing")
-    if bar.right > LABELS and bar in bare:
+    if bar.right > LABEL_WIDTH and bar in bare:
         assert lanes.handle_at(bar.right, middle(bar)).kind == "edge"
 
 
@@ -215,7 +215,7 @@ def test_a_scrub_ends_in_the_surface_that_its_time_has_whatever_came_before(tmp_
     timeline, layout = scrubbed.timeline, scrubbed.timeline.layout
     for each in (scrubbed, fresh):
         each.editor.solving.settle(project, "star")
-    timeline.press(layout.x(0.1), RULER / 2)
+    timeline.press(layout.x(0.1), RULER_HEIGHT / 2)
     for time in (0.4, 1.9, 0.2, 2.2, 1.1):
         timeline.drag(layout.x(time))
         hasty = scrubbed.puppets.stage.puppets[0].surface

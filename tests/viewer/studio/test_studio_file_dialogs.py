@@ -12,7 +12,7 @@ from PIL import Image
 
 from enliven.errors import InputError
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.workspace.file_browser import FileBrowser, places
+from enliven_viewer.studio.workspace.file_browser import FileBrowser, list_places
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 
@@ -28,7 +28,7 @@ def test_places_are_the_users_own_and_recent_folders_each_once(tmp_path: Path, m
         str(tmp_path / "gone" / "c.glb"),
         str(home / "d.glb"),
     ]
-    listed = places(recent, work)
+    listed = list_places(recent, work)
     folders = [folder for _, folder in listed]
     assert folders[0] == home and home / "Downloads" in folders and work in folders
     assert folders.count(card) == 1 and folders.count(home) == 1

@@ -126,14 +126,14 @@ def test_work_is_kept_every_few_seconds_and_recovered_by_the_next_studio(workspa
     store.settle()
     written = list(store.folder.iterdir())
     assert [path.name for path in written] == [f"recovery-{os.getpid()}.enliven"]
-    assert store.recoverable() == [], "this studio still runs"
+    assert store.list_recoverable() == [], "this studio still runs"
     left = written[0].with_name(f"recovery-{finished_process()}.enliven")
     written[0].rename(left)
     after = Workspace.new(Editor(), store.folder)
-    assert after.store.recoverable() == [left]
+    assert after.store.list_recoverable() == [left]
     after.store.recover(left)
     assert same(after.editor.project, workspace.editor.project) and after.store.dirty
-    assert after.store.recoverable() == [] and len(list(store.folder.iterdir())) == 1
+    assert after.store.list_recoverable() == [] and len(list(store.folder.iterdir())) == 1
     after.store.close()
     assert list(store.folder.iterdir()) == []
 

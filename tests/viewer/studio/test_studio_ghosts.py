@@ -23,17 +23,17 @@ from enliven.modeling.edits import (
     set_key,
     vertices_of,
 )
-from enliven_viewer.render.gl.context import offscreen_context
+from enliven_viewer.render.gl.context import create_offscreen_context
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.ghosts import Ghosts
 from enliven_viewer.studio.ghosts.ghost_picture import smooth
-from enliven_viewer.studio.ghosts.ghost_times import ghost_moments, key_moments
+from enliven_viewer.studio.ghosts.ghost_times import choose_ghost_times, find_key_times
 from enliven_viewer.studio.ghosts.motion_samples import smooth_normals
-from enliven_viewer.studio.ghosts.trail_points import far_ends
+from enliven_viewer.studio.ghosts.trail_points import find_far_ends
 from enliven_viewer.studio.picture import Viewport
 from enliven_viewer.studio.viewport import Overlay
-from enliven_viewer.theme import AFTER, BEFORE
+from enliven_viewer.theme import FUTURE_POSE, PAST_POSE
 
 rigs = pytest.mark.parametrize("rig", ["bones", "graph", "points", "cage"])
 
@@ -64,7 +64,7 @@ def test_ghosts_stand_where_the_character_was_and_will_be(rig: str) -> None:
         else:
             near(body.points, vertices, 1e-5)
         tint = {drawn.tint for drawn in picture.bodies if drawn.body is body}
-        assert tint == {BEFORE if moment < editor.time else AFTER}
+        assert tint == {PAST_POSE if moment < editor.time else FUTURE_POSE}
     opacities = {
         second: next(b.opacity for b in picture.bodies if b.body is bodies[second]) for second in bodies
     }
@@ -119,7 +119,7 @@ def test_the_window_never_waits_and_the_newest_edit_wins(monkeypatch) -> None:
         free.wait(20)
         return real(*words)
 
-    monkeypatch.setattr(room, "sample", slow)
+    monkeypatch.setattr(room, "sample_motion", slow)
     for offset in (0.1, 0.2, 0.3):
         editor.edit("move", lambda project, by=offset: move_character(project, name, [by, 0.0, 0.0]))
         picture = ghosts.picture()
@@ -160,16 +160,16 @@ def test_ghosts_stand_at_the_keys_of_what_is_chosen_of_every_rig(rig: str, handl
         moments = ghosts._known[name].wanted.moments
         assert set(moments) <= {key[0] for key in keys_of(project, name, handle)} and len(moments) == 4
     later = change_layers(project, name, [number], offset=0.5)
-    moved = key_moments(later, later.character(name), handle, number)
+    moved = find_key_times(later, later.character(name), handle, number)
     assert moved == pytest.approx((0.7, 1.0, 1.6, 2.0))
     muted = change_layers(project, name, [number], muted=True)
-    assert 0.5 not in key_moments(muted, muted.character(name), handle, number)
+    assert 0.5 not in find_key_times(muted, muted.character(name), handle, number)
 
 
 def test_a_puppets_ghosts_stand_at_its_key_poses() -> None:
     editor, ghosts, name = desk("points")
     ghosts.settle()
-    keys = key_moments(editor.project, editor.project.characters[name])
+    keys = find_key_times(editor.project, editor.project.characters[name])
     assert keys and set(ghosts._known[name].bodies) <= set(keys)
 
 
@@ -181,7 +181,7 @@ def test_a_puppets_ghosts_stand_at_its_key_poses() -> None:
     st.floats(0.05, 2.0),
 )
 def test_ghosts_are_the_nearest_on_each_side_and_never_beyond(keys, time, count, step) -> None:
-    moments = ghost_moments(tuple(sorted(keys)), time, 10.0, count, step)
+    moments = choose_ghost_times(tuple(sorted(keys)), time, 10.0, count, step)
     before, after = (
         [moment for moment in moments if moment < time],
         [moment for moment in moments if moment > time],
@@ -211,7 +211,7 @@ def test_a_smooth_line_goes_through_every_frame(frames: int, seed: int) -> None:
 def test_far_ends_are_hands_and_feet_and_not_every_finger() -> None:
     hands = [[0.8, 1.4, 0], [0.82, 1.42, 0], [-0.8, 1.4, 0]]
     points = np.array([[0, 1, 0], [0, 1.8, 0], *hands, [0.1, 0, 0], [-0.3, 0, 0.1]])
-    ends = far_ends(points, np.arange(1, 7), points[0])
+    ends = find_far_ends(points, np.arange(1, 7), points[0])
     assert {1, 4, 5, 6} <= set(ends) and len({2, 3} & set(ends)) == 1
 
 
@@ -233,7 +233,7 @@ def test_ghosts_are_seen_in_their_colours(rig: str) -> None:
     editor.size = (320.0, 240.0)
     editor.frame_all(at_once=True)
     ghosts.settle()
-    viewport = Viewport(offscreen_context(), (320, 240), RenderSettings())
+    viewport = Viewport(create_offscreen_context(), (320, 240), RenderSettings())
     seen = []
     for shown in (None, ghosts.settle()):
         viewport.draw(

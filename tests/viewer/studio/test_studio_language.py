@@ -69,7 +69,7 @@ def test_translations_keep_values_keys_and_the_sentence_that_is_the_title(langua
 def test_the_script_finds_each_way_in_which_a_text_is_shown(script) -> None:
     module = """
 _TAB_TIPS = {"Play": "Only the picture"}
-heading("A title")
+draw_heading("A title")
 button(workspace, "Press me")
 choice(workspace, "Yes" if new else "Keep", "No")
 names = Texts({"dark": "Dark theme"})
@@ -139,7 +139,7 @@ def test_a_language_changes_at_once_and_is_kept(tmp_path) -> None:
     assert tr(undo.label) == "Undo" and language_in_use() == "en"
     workspace.preferences.set_language("de")
     assert tr(undo.label) == "Rückgängig" and undo.label == "Undo"
-    assert workspace.actions.tip(undo).startswith("Rückgängig  (Ctrl+Z)")
+    assert workspace.actions.make_tooltip(undo).startswith("Rückgängig  (Ctrl+Z)")
     workspace.actions.do("edit.undo")
     assert workspace.editor.toasts.shown[-1].text == "Es gibt nichts mehr rückgängig zu machen"
     set_language("en")
@@ -164,7 +164,8 @@ def test_values_plurals_and_tables_follow_the_language() -> None:
     names = Texts({"dark": "Dark"})
     assert (
         names["dark"] == "Dark"
-        and tr("{0} is the key of \u201c{1}\u201d.", "A", "x") == "A is the key of “x”."
+        and tr("{0} is already the shortcut of \u201c{1}\u201d.", "A", "x")
+        == "A is already the shortcut of “x”."
     )
     assert [tr_n("{0} bone of {1}", "{0} bones of {1}", count, "it") for count in (1, 2)] == [
         "1 bone of it",

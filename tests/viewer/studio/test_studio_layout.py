@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from in_a_window import in_a_window
 
-from enliven_viewer.studio.perform import ROOMS
+from enliven_viewer.studio.perform import WORKSPACES
 from enliven_viewer.studio.tools import TOOLS
 
 SESSION = Path(__file__).parents[1] / "studio_layout_session.py"
@@ -33,14 +33,14 @@ def test_no_letters_are_cut_or_overlap_at_any_size(shown: dict) -> None:
 def test_tabs_tools_and_menu_are_inside_the_window_at_any_size(shown: dict) -> None:
     for name, report in shown.items():
         wide, high = report["usual"]
-        wanted = [f"room {room}" for room in ROOMS]
+        wanted = [f"room {room}" for room in WORKSPACES]
         if not name.startswith(("Perform", "a scan", "the start page")):
             wanted += [f"tool {kind.name}" for kind in TOOLS]
         for widget in wanted:
             left, top, right, bottom = report["widgets"][widget]
             assert left >= 0 and top >= 0, (name, widget)
             assert right <= wide + MOST_PIXELS and bottom <= high + MOST_PIXELS, (name, widget)
-        lines = [report["widgets"][f"room {room}"] for room in ROOMS]
+        lines = [report["widgets"][f"room {room}"] for room in WORKSPACES]
         assert all(before[2] <= other[0] + 0.5 for before, other in itertools.pairwise(lines)), name
         menu = max(place[2] for widget, place in report["widgets"].items() if widget.startswith("menu "))
         assert menu <= lines[0][0], f"{name}: the menus and the tabs share pixels"

@@ -12,10 +12,10 @@ from enliven.document.rigged import still_shape
 from enliven.document.skeleton import Skeleton
 from enliven.modeling.edits import scale_character
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.picture.skeletons import skeleton_rows
+from enliven_viewer.studio.picture.skeletons import make_skeleton_rows
 from enliven_viewer.studio.viewport import Overlay, Selection
 from enliven_viewer.studio.workspace.exporting import export
-from enliven_viewer.studio.workspace.model_size import opened_size
+from enliven_viewer.studio.workspace.model_size import choose_size
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 FARTHEST_M = 9.0
@@ -41,7 +41,7 @@ def box_of(wide: float, tall: float, deep: float) -> list[list[float]]:
     ],
 )
 def test_implausible_size_is_changed_with_a_note(box, height: float, words: str) -> None:
-    size = opened_size(box_of(*box))
+    size = choose_size(box_of(*box))
     assert (
         size.height == pytest.approx(height, rel=0.02)
         and words in size.note
@@ -80,7 +80,7 @@ def test_a_joint_far_off_the_surface_moves_no_camera(make_limb, tmp_path: Path) 
     editor = Editor(project=Project().with_characters(stray))
     editor.frame_all()
     all_of_it = editor.camera.goal[5]
-    editor.frame_way()
+    editor.frame_path()
     assert all_of_it < 5.0 and editor.camera.goal[5] < 5.0
 
 
@@ -91,7 +91,7 @@ def test_bones_are_no_thicker_than_a_share_of_the_skeleton(make_limb) -> None:
     for away in (1.0, 40.0):
         editor.camera.go(editor.camera.target, 0.5, 0.2, 5.0 * away)
         editor.camera.advance(100.0)
-        thick[away] = skeleton_rows(editor.visible_characters[0], editor.lens, Selection(), Overlay())[
+        thick[away] = make_skeleton_rows(editor.visible_characters[0], editor.lens, Selection(), Overlay())[
             :, 3
         ].max()
     size = float(np.ptp(editor.visible_characters[0].handles, axis=0).max())

@@ -16,12 +16,12 @@ from enliven.document.project import same
 from enliven.errors import InputError
 from enliven.formats.project import read_project, write_project
 from enliven.rotation import from_rotation_vector, rotate
-from enliven_viewer.studio.numbers import ANGLE, LENGTH, SHARE, TIME
+from enliven_viewer.studio.numbers import ANGLE, LENGTH, PERCENTAGE, TIME
 from enliven_viewer.studio.viewport import Snapping
 from enliven_viewer.studio.workspace import Workspace
 
 SESSION = Path(__file__).parents[1] / "studio_numbers_session.py"
-QUANTITIES = (LENGTH, ANGLE, TIME, SHARE)
+QUANTITIES = (LENGTH, ANGLE, TIME, PERCENTAGE)
 UNITS = [(quantity, unit) for quantity in QUANTITIES for unit in ("", *quantity.units)]
 
 
@@ -76,7 +76,7 @@ def test_typed_position_size_and_rotation_are_applied(workspace) -> None:
         figures.move_to(1, 0.0)
         assert np.allclose(figures.place[:2], [1.25, 0.0], atol=1e-5)
         before = figures.place
-        figures.make_tall(0.8)
+        figures.set_height(0.8)
         assert figures.height == pytest.approx(0.8, abs=1e-4)
         assert np.allclose(figures.place[1], before[1], atol=1e-4), "it goes on standing where it stands"
         earlier = [np.array(posed.vertices) for posed in editor.stage_characters if posed.id in names]
@@ -86,8 +86,8 @@ def test_typed_position_size_and_rotation_are_applied(workspace) -> None:
         after = [np.array(posed.vertices) for posed in editor.stage_characters if posed.id in names]
         for old, new in zip(earlier, after, strict=True):
             assert np.allclose(place + rotate(turn, old - place), new, atol=1e-4)
-    with pytest.raises(InputError, match="tall"):
-        figures.make_tall(-1.0)
+    with pytest.raises(InputError, match="possible height"):
+        figures.set_height(-1.0)
     workspace.outliner.lock("post", on=True)
     before = editor.project
     figures.move_to(0, 3.0)
@@ -112,7 +112,9 @@ def test_snapped_places_lie_on_the_grid_and_are_the_nearest(start, way, grid, ra
     turned = snapping.turn(radians)
     assert abs(turned - radians) <= math.radians(7.5) + 1e-9
     assert math.degrees(turned) / 15 == pytest.approx(round(math.degrees(turned) / 15), abs=1e-9)
-    assert Snapping(True).acts(False) and Snapping().acts(True) and not Snapping(True).acts(True)
+    assert (
+        Snapping(True).is_active(False) and Snapping().is_active(True) and not Snapping(True).is_active(True)
+    )
 
 
 def test_a_drag_snaps_by_the_switch_or_while_ctrl_is_held(workspace) -> None:

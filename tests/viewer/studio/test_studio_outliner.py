@@ -27,7 +27,7 @@ from enliven.modeling.edits import (
 )
 from enliven_viewer.studio.outliner import Outliner
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.studio.workspace.files import exportable
+from enliven_viewer.studio.workspace.files import list_exportable
 
 SESSION = Path(__file__).parents[1] / "studio_outliner_session.py"
 FULL = acting_stage  # a limb that waves, a possessed post, and the puppet of a star
@@ -82,12 +82,12 @@ def test_clicks_choose_one_a_range_or_one_more(workspace) -> None:
 
 
 def test_hidden_character_is_not_picked_or_framed_but_exported(workspace) -> None:
-    editor, before = workspace.editor, len(exportable(workspace.editor.project))
+    editor, before = workspace.editor, len(list_exportable(workspace.editor.project))
     wide = np.ptp(np.array(editor.box()), axis=0)[0]
     workspace.outliner.hide("post", on=True)
     assert (
         "post" not in [posed.id for posed in editor.visible_characters]
-        and len(exportable(editor.project)) == before
+        and len(list_exportable(editor.project)) == before
     )
     assert np.ptp(np.array(editor.box()), axis=0)[0] < wide
     workspace.actions.do("shape.show_all")

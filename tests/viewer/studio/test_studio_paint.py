@@ -18,7 +18,7 @@ from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.perform.stage_sender import _differs_in_motion_only
 from enliven_viewer.studio.settings import StudioSettings
 from enliven_viewer.studio.tools import PaintTool
-from enliven_viewer.studio.tools.paint import shades
+from enliven_viewer.studio.tools.paint import make_shades
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 KNOWN = t_pose()
@@ -109,7 +109,7 @@ def test_the_stroke_is_seen_while_it_is_drawn_and_dropped_by_escape(workspace):
     np.testing.assert_array_equal(tool.picture().shade[2], plain)
     assert editor.history.undo_name is None
     stiff, even, soft = (
-        int(shade[2]) - int(shade[0]) for shade in shades(np.array([16.0, 1.0, 1 / 16], np.float32))
+        int(shade[2]) - int(shade[0]) for shade in make_shades(np.array([16.0, 1.0, 1 / 16], np.float32))
     )
     assert soft < -100 < abs(even) < 20 < 100 < stiff, "blue, grey and orange"
 

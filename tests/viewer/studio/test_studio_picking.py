@@ -14,7 +14,7 @@ from enliven.document.skeleton import Skeleton
 from enliven.motion.layers.evaluate import ShapePose, pose_from
 from enliven.rotation import IDENTITY
 from enliven_viewer.render.camera import OrbitCamera
-from enliven_viewer.studio.viewport.picking import Lens, bone_at, crossings, joint_at, surface_at
+from enliven_viewer.studio.viewport.picking import Lens, bone_at, find_crossings, joint_at, surface_at
 from enliven_viewer.studio.viewport.stage_character import StageCharacter
 
 SIZE = (900.0, 600.0)
@@ -104,7 +104,7 @@ def test_a_stroke_through_a_place_on_a_bone_crosses_it_there(posed, lens, number
         return
     pixel = lens.project((start + along * (end - start))[None])[0][0]
     stroke = np.stack([pixel - 30 * across, pixel + 30 * across])
-    hits = {hit.handle: hit for hit in crossings([posed], lens, stroke)}
+    hits = {hit.handle: hit for hit in find_crossings([posed], lens, stroke)}
     assert abs(hits[joint].along - along) < 1e-6
     for other, hit in hits.items():
         a, b = posed.handles[posed.character.parents[other]], posed.handles[other]
@@ -143,4 +143,4 @@ def test_points_behind_the_camera_are_not_picked(make_limb) -> None:
     posed = standing(shape, behind)
     assert joint_at([posed], lens, (450.0, 300.0), 1e9) is None
     assert bone_at([posed], lens, (450.0, 300.0), 1e9) is None
-    assert crossings([posed], lens, np.array([[0.0, 0.0], [900.0, 600.0]])) == []
+    assert find_crossings([posed], lens, np.array([[0.0, 0.0], [900.0, 600.0]])) == []

@@ -16,8 +16,8 @@ from enliven.modeling.edits import move_character, turn_character
 from enliven.modeling.puppet import set_symmetry
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.puppets.gizmo import LENGTH, PARTS, Gizmo
-from enliven_viewer.studio.puppets.symmetry import mirrored_places, partner_vertex
+from enliven_viewer.studio.puppets.gizmo import ARROW_LENGTH_PX, GIZMO_PARTS, Gizmo
+from enliven_viewer.studio.puppets.symmetry import find_partner_vertex, mirror_places
 from enliven_viewer.studio.viewport.picking import joint_at, surface_at
 from enliven_viewer.studio.viewport.ray import NEAREST, first_hit, vertex_hit
 
@@ -121,7 +121,7 @@ def test_the_point_under_the_pointer_is_found_and_of_two_the_one_before() -> Non
     assert joint_at([editor_with().puppets.stage_puppets[0]], lens, (x, y), 11.0) is None
 
 
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", GIZMO_PARTS)
 def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None:
     editor = editor_with()
     editor.camera.orbit(0.5, 0.4)
@@ -131,9 +131,9 @@ def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None
     if part == "view":
         handle = PLACE
     elif len(part) == 1:
-        handle = PLACE + axes[PARTS.index(part)] * 0.7 * LENGTH * tool.pixel
+        handle = PLACE + axes[GIZMO_PARTS.index(part)] * 0.7 * ARROW_LENGTH_PX * tool.pixel
     else:
-        missing = PARTS.index(part) - 3
+        missing = GIZMO_PARTS.index(part) - 3
         handle = PLACE + (1 - axes[missing]) * 33 * tool.pixel
     start = pixel_of(editor, handle)
     assert tool.at(start) == part
@@ -142,9 +142,9 @@ def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None
     if part == "view":
         assert way @ editor.lens.forward == pytest.approx(0.0, abs=1e-9)
     elif len(part) == 1:
-        assert np.count_nonzero(way) == 1 and way[PARTS.index(part)] != 0.0
+        assert np.count_nonzero(way) == 1 and way[GIZMO_PARTS.index(part)] != 0.0
     else:
-        assert way[PARTS.index(part) - 3] == pytest.approx(0.0, abs=1e-9)
+        assert way[GIZMO_PARTS.index(part) - 3] == pytest.approx(0.0, abs=1e-9)
     if len(part) > 1:
         assert seen == pytest.approx((start[0] + 31.0, start[1] - 23.0), abs=1e-3), (
             "it stays under the pointer"
@@ -153,7 +153,13 @@ def test_a_handle_is_where_it_is_drawn_and_moves_along_itself(part: str) -> None
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.sampled_from(PARTS), st.floats(-300, 300), st.floats(-200, 200), st.floats(-3, 3), st.floats(-1, 1))
+@given(
+    st.sampled_from(GIZMO_PARTS),
+    st.floats(-300, 300),
+    st.floats(-200, 200),
+    st.floats(-3, 3),
+    st.floats(-1, 1),
+)
 def test_a_drag_is_finite_from_every_side_and_snaps_to_steps(part, across, down, azimuth, elevation) -> None:
     editor = seen()
     editor.camera.face(azimuth, elevation)
@@ -183,9 +189,9 @@ def test_gizmo_has_constant_size_on_screen() -> None:
     sizes = []
     for place in (PLACE, PLACE + editor.lens.forward * 1.5):
         tool = Gizmo(place, editor.lens)
-        up = editor.lens.up * LENGTH * tool.pixel
+        up = editor.lens.up * ARROW_LENGTH_PX * tool.pixel
         sizes.append(np.linalg.norm(np.subtract(pixel_of(editor, place + up), pixel_of(editor, place))))
-    assert sizes == pytest.approx([LENGTH, LENGTH], rel=1e-6)
+    assert sizes == pytest.approx([ARROW_LENGTH_PX, ARROW_LENGTH_PX], rel=1e-6)
 
 
 def test_behind_the_eye_there_is_nothing_to_take() -> None:
@@ -202,11 +208,11 @@ def test_mirroring_twice_changes_nothing(name: str, way: tuple[float, ...]) -> N
     assume(name != "head")
     places = puppet.rest.copy()
     places[point] += way
-    mirrored = mirrored_places(puppet, places, point)
+    mirrored = mirror_places(puppet, places, point)
     other = (
         int(np.flatnonzero(np.abs(mirrored - places).max(1) > 0)[0])
         if not np.allclose(mirrored, places)
         else point
     )
-    assert np.allclose(mirrored_places(puppet, mirrored, other), mirrored)
-    assert partner_vertex(puppet, vertex("left")) is not None
+    assert np.allclose(mirror_places(puppet, mirrored, other), mirrored)
+    assert find_partner_vertex(puppet, vertex("left")) is not None

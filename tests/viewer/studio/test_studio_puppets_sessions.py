@@ -251,7 +251,7 @@ def test_scrubbing_shows_the_same_whatever_came_before(tmp_path) -> None:
 
 
 def test_large_mesh_is_prepared_in_the_background(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("enliven_viewer.studio.puppets.solver.TOLD", 30_000)
+    monkeypatch.setattr("enliven_viewer.studio.puppets.solver.MIN_ANNOUNCED_VERTICES", 30_000)
     workspace, _ = studio(tmp_path)
     mesh = refine(star(), 0.008)
     assert len(mesh.vertices) > 30_000

@@ -15,7 +15,7 @@ from enliven.document.project import same
 from enliven.modeling.puppet import add_key_pose, set_symmetry
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.puppets.puppet_editor import PuppetEditor
-from enliven_viewer.studio.puppets.symmetry import partner_point, partner_vertex
+from enliven_viewer.studio.puppets.symmetry import find_partner_point, find_partner_vertex
 
 
 def posing(*names: str, take: str = "sway") -> PuppetEditor:
@@ -245,7 +245,7 @@ def test_with_symmetry_points_are_put_and_dragged_in_pairs() -> None:
     edits = steps(puppets)
     assert puppets.symmetric and puppets.add_point(vertex("left")) and steps(puppets) == edits + 1
     puppet = puppet_of(puppets)
-    assert len(puppet.points) == 3 and partner_point(puppet, 1) == 2
+    assert len(puppet.points) == 3 and find_partner_point(puppet, 1) == 2
     assert np.allclose(puppet.rest[2] * [-1, 1, 1], puppet.rest[1], atol=0.02)
     puppets.begin_pose("sway", 0.5)
     puppets.drag(1, puppets.places[1] + [0.0, 0.2, 0.1])
@@ -264,7 +264,7 @@ def test_on_the_plane_a_point_stays_on_it() -> None:
     head = puppets.puppet.rest[0]
     puppets.drag(0, np.add(head, [0.3, 0.1, 0.0]))
     assert puppets.places[0] == pytest.approx([head[0], head[1] + 0.1, head[2]], abs=1e-9)
-    assert partner_vertex(puppet_of(puppets), vertex("left")) is not None
+    assert find_partner_vertex(puppet_of(puppets), vertex("left")) is not None
 
 
 def test_a_drag_a_thousand_sizes_away_stops_where_it_is_still_meant() -> None:

@@ -62,7 +62,7 @@ def frame(number: int) -> ReceivedBodies:
 
 def perform(workspace: Workspace, until: int) -> None:
     recorder = workspace.perform.recording.recorder
-    begun = recorder.so_far()
+    begun = recorder.copy_unfinished()
     for number in range(len(begun.frames) if begun else 0, until):
         recorder.record(BODIES, frame(number))
 
@@ -155,7 +155,7 @@ def test_a_recovery_file_is_written_before_anything_has_moved(workspace: Workspa
 
 
 def test_written_take_does_not_change_while_recording_continues(workspace: Workspace) -> None:
-    change, took = workspace.perform.recording.so_far(), []
+    change, took = workspace.perform.recording.make_unfinished_edit(), []
     assert change is not None
     thread = threading.Thread(target=lambda: took.append(change(workspace.editor.project)))
     perform(workspace, 200)

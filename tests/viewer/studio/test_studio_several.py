@@ -107,7 +107,7 @@ def test_click_selects_one_and_ctrl_toggles(clicks) -> None:
             selection, expected = Selection(click), [click]
         assert list(selection.characters) == expected and selection.several == (len(expected) > 1)
         assert selection.within(PROJECT) == selection
-    assert set(selection.led_by("limb").characters) == set(expected if "limb" in expected else ["limb"])
+    assert set(selection.with_active("limb").characters) == set(expected if "limb" in expected else ["limb"])
 
 
 def click(workspace: Workspace, at: tuple[float, float], **held: bool) -> None:

@@ -94,24 +94,24 @@ def test_texture_is_white_until_decoded_in_the_background(gl, monkeypatch, besid
     Image.new("RGB", (8, 8), colour).save(out, "PNG")
     source = Texture(np.frombuffer(out.getvalue(), np.uint8), json.dumps({"magFilter": 9728}))
     textures = Textures(gl, 64, 1)
-    textures.beside = beside
+    textures.decodes_in_background = beside
     if beside:
         from enliven_viewer.render.materials import textures as decoding
 
-        plain = decoding._pixels
-        monkeypatch.setattr(decoding, "_pixels", lambda *told: goes_on.wait(20.0) and plain(*told))
+        plain = decoding._decode_pixels
+        monkeypatch.setattr(decoding, "_decode_pixels", lambda *told: goes_on.wait(20.0) and plain(*told))
     held = textures.take(source, "base")
     if beside:
-        textures.arrive()
+        textures.upload_decoded()
         assert held.texture.size == (1, 1)
         goes_on.set()
         end = time.monotonic() + 20.0
         while held.decoding is not None and time.monotonic() < end:
-            textures.arrive()
+            textures.upload_decoded()
             time.sleep(0.001)
     assert held.texture.size == (8, 8) and tuple(held.texture.read()[:3]) == colour
     assert textures.take(source, "base") is held
     textures.give_back(source, "base")
     textures.give_back(source, "base")
     assert len(textures) == 0
-    textures.arrive()
+    textures.upload_decoded()

@@ -16,7 +16,7 @@ from enliven.formats.project import project_of
 from enliven.formats.project.file import project_bytes
 from enliven.sounds import SOUND_RATE, Sound, mix_sounds
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.sound import SoundPlayer, envelope, read_sound
+from enliven_viewer.studio.sound import SoundPlayer, compute_envelope, read_sound
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 BEAT = 0.25
@@ -71,7 +71,7 @@ def test_parts_of_a_mix_are_the_mix(first, count, one, other) -> None:
 
 def test_the_picture_of_a_sound_is_its_loudest_samples() -> None:
     sound = noise(0.5, SOUND_RATE // 2)
-    loud = envelope(sound, 0.0, 2.0, 8)
+    loud = compute_envelope(sound, 0.0, 2.0, 8)
     assert (loud[[0, 1, 4, 5, 6, 7]] == 0).all()
     half = np.abs(sound.samples.astype(int)).reshape(2, -1).max(1) / 32_767
     np.testing.assert_allclose(loud[2:4], half, rtol=1e-6)

@@ -2,17 +2,17 @@
 
 from enliven import History, Project
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.motions import library
-from enliven_viewer.studio.sources.source_view import SourceView, posed_take
+from enliven_viewer.studio.motions import read_library
+from enliven_viewer.studio.sources.source_view import SourceView, pose_take
 
 
 def test_another_take_clears_the_hovered_joint():
     editor = Editor()
-    editor.history = History(Project().with_takes(*library()))
+    editor.history = History(Project().with_takes(*read_library()))
     view = SourceView(editor)
     view.show("wave")
     last = len(view.clip.skeleton) - 1
-    place = view.lens.project(posed_take(view.clip, 0.0).handles)[0][last]
+    place = view.lens.project(pose_take(view.clip, 0.0).handles)[0][last]
     view.move((float(place[0]), float(place[1])))
     assert view.overlay().hovered[1] == last
 

@@ -19,7 +19,7 @@ from enliven.samples import load_sample
 from enliven.takes import has_motion
 from enliven_viewer.studio.editor.editor import Editor
 from enliven_viewer.studio.panels.start import place_arrow, place_card
-from enliven_viewer.studio.start import TOUR, leg_to_cut, legs_of
+from enliven_viewer.studio.start import TOUR_STEPS, find_leg_to_cut, find_legs
 from enliven_viewer.studio.start.tour_steps import ENDING
 from enliven_viewer.studio.workspace import SAMPLES
 from enliven_viewer.studio.workspace.workspace import Workspace
@@ -74,14 +74,14 @@ def test_the_tour_is_taken_by_hand_from_the_start_page_to_the_kept_file(tmp_path
 def test_show_me_does_every_step(tmp_path: Path) -> None:
     report = in_a_window(SESSION, str(tmp_path), "show")
     assert report["done"], json.dumps(report)
-    assert report["titles"] == [step.title for step in TOUR]
+    assert report["titles"] == [step.title for step in TOUR_STEPS]
     chair, project = kept_chair(tmp_path / "My dancing chair.enliven")
     assert has_motion(project, chair) and not report["dirty"] and not report["toasts"]
-    lowest = chair.mesh.vertices[legs_of(chair.mesh)[0], 1].min()
-    assert len(legs_of(chair.mesh)) == 3 and lowest < 0.05, "it stands on three legs"
+    lowest = chair.mesh.vertices[find_legs(chair.mesh)[0], 1].min()
+    assert len(find_legs(chair.mesh)) == 3 and lowest < 0.05, "it stands on three legs"
 
 
-@pytest.mark.parametrize("text", [part.text for step in TOUR for part in step.parts] + [ENDING[1]])
+@pytest.mark.parametrize("text", [part.text for step in TOUR_STEPS for part in step.parts] + [ENDING[1]])
 def test_each_sentence_is_short_and_of_known_words(text: str) -> None:
     for sentence in re.split(r"(?<=[.!?]) ", text):
         assert len(sentence.split()) <= MOST_WORDS, sentence
@@ -90,7 +90,7 @@ def test_each_sentence_is_short_and_of_known_words(text: str) -> None:
 
 
 def test_titles_are_a_few_known_words() -> None:
-    for title in [*(step.title for step in TOUR), ENDING[0]]:
+    for title in [*(step.title for step in TOUR_STEPS), ENDING[0]]:
         words = re.findall(r"[a-z]+", title.lower())
         assert len(words) <= 5 and not {*words} & ({*FORBIDDEN} - {"take"}), title
 
@@ -100,7 +100,7 @@ def test_each_button_that_the_tour_names_has_that_name(workspace: Workspace) -> 
         action.menu for action in workspace.actions
     }
     button_names |= {"A recorded person", "Possess", "Record", "Stop", "Perform", "Animate"}
-    for step in TOUR:
+    for step in TOUR_STEPS:
         for part in step.parts:
             assert {*re.findall("“(.+?)”", part.text)} <= button_names, part.text
 
@@ -145,7 +145,7 @@ def test_back_shows_a_done_step_and_next_goes_on(workspace: Workspace) -> None:
     assert tour.number == 1 and not tour.reviewing
     tour.skip()
     workspace.watch_tour(0.1)
-    assert TOUR[tour.number].title == "Take the scissors", "no step is shown that cannot be done"
+    assert TOUR_STEPS[tour.number].title == "Take the scissors", "no step is shown that cannot be done"
 
 
 def test_the_tour_is_left_and_resumed_where_that_can_be_done(workspace: Workspace, tmp_path: Path) -> None:
@@ -217,7 +217,7 @@ def test_playback_pauses_during_a_stroke_and_resumes(
 
 def test_the_legs_of_the_armchair_are_found() -> None:
     mesh = load_sample("chair")
-    legs = legs_of(mesh)
+    legs = find_legs(mesh)
     assert len(legs) == 4
     middles = np.array([mesh.vertices[leg].mean(0) for leg in legs])
     assert (np.abs(middles[:, 0]) > 0.15).all() and (middles[:, 1] < 0.2).all()
@@ -235,15 +235,15 @@ def test_tour_stroke_cuts_exactly_one_leg(workspace: Workspace, size: tuple[floa
     for turn in np.linspace(0.0, 2 * np.pi, 7, endpoint=False):
         editor.camera.frame(box, size[0] / size[1], reset=True)
         editor.camera.orbit(turn, 0.0)
-        editor.camera.frame(box, size[0] / size[1], room=1.5, at_once=True)
-        path = leg_to_cut(editor, chair).path
+        editor.camera.frame(box, size[0] / size[1], margin=1.5, at_once=True)
+        path = find_leg_to_cut(editor, chair).path
         if not path:
             continue
         strokes += 1
         assert draw_cut(workspace, path)
         kept = {tuple(each) for each in editor.project.graphs[chair.id].mesh.vertices.tolist()}
         gone = np.array([tuple(each) not in kept for each in rest.tolist()])
-        shares = sorted(float(gone[leg].mean()) for leg in legs_of(chair.mesh))
+        shares = sorted(float(gone[leg].mean()) for leg in find_legs(chair.mesh))
         assert shares[-1] > 0.25 and shares[-2] == 0.0, shares
         assert gone.sum() < 0.025 * len(rest), "nothing but the leg"
         workspace.actions.do("edit.undo")

@@ -12,8 +12,8 @@ from made_acting_stage import acting_stage, two_takes
 
 from enliven.document import same
 from enliven.modeling.edits import alternative_takes
-from enliven_viewer.studio.timeline import LABELS, RULER, TimelineInput, TimelineLayout
-from enliven_viewer.studio.timeline.layout import EDGE, END, TAKES
+from enliven_viewer.studio.timeline import LABEL_WIDTH, RULER_HEIGHT, TimelineInput, TimelineLayout
+from enliven_viewer.studio.timeline.layout import EDGE_GRAB_DISTANCE, END_MARGIN, TAKES_BUTTON_WIDTH
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 
@@ -36,7 +36,7 @@ def test_a_lane_shows_the_take_that_is_heard_and_opens_to_all(stage: Workspace) 
     (lane,) = (bar for bar in timeline.layout.bars() if bar.character.id == "limb")
     assert timeline.layout.takes(lane) == (1, 2)
     y = lane.top + 4
-    timeline.press(LABELS - END - TAKES / 2, y)
+    timeline.press(LABEL_WIDTH - END_MARGIN - TAKES_BUTTON_WIDTH / 2, y)
     timeline.release(0.0)
     assert mine(timeline.layout) == ["take 1", "take 2"] and timeline.opened == {"take 1"}
     other = [bar for bar in timeline.layout.bars() if bar.character.id == "limb"][1]
@@ -74,7 +74,7 @@ def test_the_marked_span_is_dragged_by_its_ends_and_as_a_whole(stage_once, span,
     layout = timeline.layout
     low, high = (layout.x(end) for end in span)
     x = {"from": low, "to": high, "marked": (low + high) / 2}[kind]
-    timeline.press(x, RULER - 2.0)
+    timeline.press(x, RULER_HEIGHT - 2.0)
     assert timeline.held.kind == kind
     timeline.drag(x + pixels)
     timeline.release(x + pixels)
@@ -105,7 +105,7 @@ def test_a_dragged_end_sticks_to_the_playhead_and_without_a_span_the_ruler_scrub
     assert editor.marked == (0.2, pytest.approx(1.0)) and stage.perform.recording.span == editor.marked
     bare = replace(layout, marked=None)
     assert bare.handle_at(layout.x(1.6), 4.0).kind == "ruler"
-    assert layout.handle_at(layout.x(1.6) + EDGE + 1, 4.0).kind == "ruler"
+    assert layout.handle_at(layout.x(1.6) + EDGE_GRAB_DISTANCE + 1, 4.0).kind == "ruler"
 
 
 def test_a_take_is_deleted_by_its_row_of_the_list(stage: Workspace) -> None:

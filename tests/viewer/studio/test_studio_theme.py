@@ -13,10 +13,10 @@ from in_a_window import in_a_window
 import enliven_viewer
 from enliven_viewer import theme
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.panels.style import UNDER_TEXT
+from enliven_viewer.studio.panels.style import ACCENT_OPACITY_UNDER_TEXT
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.workspace.workspace import Workspace
-from enliven_viewer.theme import COLOUR_SETS, THEMES, theme_in_use, use_theme
+from enliven_viewer.theme import COLOUR_SETS, THEMES, get_theme, use_theme
 
 SESSION = Path(__file__).parents[1] / "studio_theme_session.py"
 LEAST_CONTRAST = 4.5
@@ -112,7 +112,7 @@ def test_every_text_is_readable_on_every_ground(name) -> None:
     for fill in ("accent", "good", "wait", "bad"):
         pairs.append(("the ink on fills", getattr(colours, theme.ON_FILL.name), fill, getattr(colours, fill)))
     for track in ("raised", "pressed"):
-        grab = over((*colours.accent[:3], UNDER_TEXT), getattr(colours, track))
+        grab = over((*colours.accent[:3], ACCENT_OPACITY_UNDER_TEXT), getattr(colours, track))
         pairs.append(("ink", colours.ink, f"a slider or progress on {track}", grab))
     # Over the stage: its default look; for texts in every look black and white as well.
     stage = (0.30, 0.33, 0.38) if name == "dark" else (0.74, 0.75, 0.77)
@@ -151,16 +151,16 @@ def test_ground_and_air_differ_for_all_eyes_in_the_safe_set() -> None:
 
 def test_a_theme_changes_at_once_and_is_kept(tmp_path) -> None:
     workspace = Workspace.new(Editor(), tmp_path)
-    assert theme_in_use() == ("dark", "usual")
-    dark, lane = tuple(theme.PANEL), tuple(theme.LANES[0])
+    assert get_theme() == ("dark", "usual")
+    dark, lane = tuple(theme.PANEL), tuple(theme.LANE_COLOURS[0])
     assert workspace.actions.do("view.light_theme") and workspace.actions["view.light_theme"].is_on()
     workspace.preferences.set_colours(colours="okabe-ito")
-    assert tuple(theme.PANEL) == THEMES["light"].panel != dark and tuple(theme.LANES[0]) != lane
+    assert tuple(theme.PANEL) == THEMES["light"].panel != dark and tuple(theme.LANE_COLOURS[0]) != lane
     use_theme("dark", "usual")
     again = Preferences(tmp_path)
-    assert (again.theme, again.colours) == theme_in_use() == ("light", "okabe-ito")
+    assert (again.theme, again.colours) == get_theme() == ("light", "okabe-ito")
     workspace.actions.do("view.light_theme")
-    assert theme_in_use() == ("dark", "okabe-ito")
+    assert get_theme() == ("dark", "okabe-ito")
 
 
 def test_unknown_theme_falls_back_to_the_default(tmp_path) -> None:
@@ -168,7 +168,7 @@ def test_unknown_theme_falls_back_to_the_default(tmp_path) -> None:
     assert Preferences(tmp_path).theme == "dark"  # damaged: put aside
     (tmp_path / "preferences.json").write_text('{"theme": "neon", "colours": "none"}')
     preferences = Preferences(tmp_path)
-    assert (preferences.theme, preferences.colours) == theme_in_use() == ("dark", "usual")
+    assert (preferences.theme, preferences.colours) == get_theme() == ("dark", "usual")
 
 
 def test_no_module_of_the_window_has_colours_of_its_own() -> None:

@@ -21,15 +21,15 @@ from enliven.modeling.edits import change_layers
 from enliven.modeling.sketching.sketch import shape_from_stroke
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.motions import library
-from enliven_viewer.studio.panel_layout import LEAST, TIMELINE, lay_out_panels
+from enliven_viewer.studio.motions import read_library
+from enliven_viewer.studio.panel_layout import MIN_TIMELINE_HEIGHT, TIMELINE_HEIGHT, lay_out_panels
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.timeline import TimelineInput
-from enliven_viewer.studio.timeline.lane_names import plain_limb
-from enliven_viewer.studio.timeline.layout import LABELS, LANE, RULER, TimelineLayout
+from enliven_viewer.studio.timeline.lane_names import describe_limb
+from enliven_viewer.studio.timeline.layout import LABEL_WIDTH, LANE_HEIGHT, RULER_HEIGHT, TimelineLayout
 from enliven_viewer.studio.toasts import Toasts
 from enliven_viewer.studio.viewport.project_length import length_of
-from enliven_viewer.studio.window import elapsed_since
+from enliven_viewer.studio.window import measure_elapsed
 from enliven_viewer.studio.workspace import Workspace
 
 
@@ -39,7 +39,7 @@ def project_of(offsets: list[float], speeds: list[float], take: str = "wave") ->
     names = tuple(f"j{k}" for k in range(count))
     joints = np.stack([np.zeros(count), np.arange(count, dtype=float), np.zeros(count)], 1)
     shape = still_shape("s", Skeleton(names, np.arange(-1, count - 1, dtype=np.int32), joints))
-    project = Project().with_takes(*library()).with_characters(shape)
+    project = Project().with_takes(*read_library()).with_characters(shape)
     for k, (offset, speed) in enumerate(zip(offsets, speeds, strict=True)):
         project = bind_chain(project, "s", (k, k + 1), take, (0, 1, 2), offset=offset, speed=speed)
     return project
@@ -57,7 +57,7 @@ def test_timeline_handles_are_hit_where_they_are_drawn(offsets, data, width) -> 
     bars = layout.bars()
     assert len(bars) == len(offsets)
     for bar, offset in zip(bars, offsets, strict=True):
-        y = bar.top + LANE / 2
+        y = bar.top + LANE_HEIGHT / 2
         assert bar.left == pytest.approx(layout.x(offset))
         assert bar.right <= width
         assert layout.handle_at(bar.right - 0.5, y) == layout.handle_at(bar.right + 0.5, y)
@@ -66,7 +66,7 @@ def test_timeline_handles_are_hit_where_they_are_drawn(offsets, data, width) -> 
         if bar.right - bar.left > 20:
             assert layout.handle_at((bar.left + bar.right) / 2, y).kind == "bar"
         assert layout.handle_at(5.0, y).kind == "mute" and layout.handle_at(60.0, y).kind == "label"
-    assert layout.handle_at(LABELS + 30, RULER / 2).kind == "ruler"
+    assert layout.handle_at(LABEL_WIDTH + 30, RULER_HEIGHT / 2).kind == "ruler"
 
 
 @given(st.floats(-2, 10), st.floats(2, 60), st.floats(300, 3000))
@@ -79,7 +79,7 @@ def test_pixels_and_times_are_inverse(time: float, length: float, width: float) 
 def test_numbers_on_the_ruler_do_not_touch(length: float, width: float) -> None:
     layout = TimelineLayout(Project(), length, width)
     numbered = [layout.x(time) for time, number in layout.ticks() if number]
-    assert numbered[0] == LABELS and numbered[-1] <= LABELS + layout.track + 1e-6
+    assert numbered[0] == LABEL_WIDTH and numbered[-1] <= LABEL_WIDTH + layout.track + 1e-6
     if length / layout.track * 60 <= 300:
         assert all(b - a >= 60 - 1e-6 for a, b in pairwise(numbered))
 
@@ -128,10 +128,10 @@ def test_loops_play_on_until_they_begin_again_together() -> None:
     assert length_of(project_of([1.0], [1.0]), 2.0) == pytest.approx(3.0), "what does not loop ends"
 
 
-@given(st.data(), st.floats(RULER + 80.0, 400.0))
+@given(st.data(), st.floats(RULER_HEIGHT + 80.0, 400.0))
 @settings(max_examples=20, deadline=None)
 def test_the_lanes_of_what_is_chosen_or_was_recorded_come_into_sight_and_stay_where_they_are_put(data, tall):
-    project, names = Project().with_takes(*library()), [f"s{number}" for number in range(9)]
+    project, names = Project().with_takes(*read_library()), [f"s{number}" for number in range(9)]
     for name in names:
         bones = Skeleton(("a", "b"), np.array([-1, 0], np.int32), np.array([[0.0, 0, 0], [0.0, 1, 0]]))
         project = bind_chain(project.with_characters(still_shape(name, bones)), name, (0, 1), "wave", (0, 1))
@@ -145,7 +145,7 @@ def test_the_lanes_of_what_is_chosen_or_was_recorded_come_into_sight_and_stay_wh
             editor.choose(wanted)
         timeline.follow(tall, wanted if recorded else "")
         mine = [lane for lane in timeline.layout.lanes() if lane.character.id == wanted]
-        assert min(lane.top for lane in mine) >= RULER
+        assert min(lane.top for lane in mine) >= RULER_HEIGHT
         assert max(lane.top + lane.height for lane in mine) <= tall
         assert timeline.scrolled >= 0.0
     timeline.scrolled = 17.0
@@ -186,19 +186,19 @@ def test_in_and_out_points_are_set_by_actions_and_taken_away(workspace_playing) 
 
 
 def test_the_playhead_follows_the_clock_over_slow_pictures() -> None:
-    assert elapsed_since(10.0, 10.75) == 0.75
-    assert elapsed_since(10.0, 100.0) == 2.0, "a computer that slept does not jump to the end"
+    assert measure_elapsed(10.0, 10.75) == 0.75
+    assert measure_elapsed(10.0, 100.0) == 2.0, "a computer that slept does not jump to the end"
 
 
 def test_lanes_are_named_by_the_limb_first() -> None:
-    assert plain_limb("left leg 1 girdle") == "left hip"
-    assert plain_limb("right arm") == "right arm"
-    assert plain_limb("left arm 2 girdle") == "left shoulder 2"
-    take, clip = "wave of a long name", library()[0]
+    assert describe_limb("left leg 1 girdle") == "left hip"
+    assert describe_limb("right arm") == "right arm"
+    assert describe_limb("left arm 2 girdle") == "left shoulder 2"
+    take, clip = "wave of a long name", read_library()[0]
     project = limb_with_two_layers(clip, take)[1]
     names = [bar.label for bar in TimelineLayout(project, 2.0, 900.0).bars()]
     assert names == [f"left arm, {take}", f"right hip, {take}"]
-    assert plain_limb("way") == "path" and plain_limb("whole") == "whole body"
+    assert describe_limb("way") == "path" and describe_limb("whole") == "whole body"
 
 
 def limb_with_two_layers(clip: Clip, take: str) -> tuple[Shape, Project]:
@@ -212,11 +212,11 @@ def limb_with_two_layers(clip: Clip, take: str) -> tuple[Shape, Project]:
 
 
 def test_the_timeline_has_the_height_that_it_was_given(tmp_path) -> None:
-    assert lay_out_panels(1280, 720).timeline.height == TIMELINE
+    assert lay_out_panels(1280, 720).timeline.height == TIMELINE_HEIGHT
     assert lay_out_panels(1280, 720, timeline_height=400.0).timeline.height == 400.0
     low = lay_out_panels(1280, 720, timeline_height=5000.0)
     assert low.timeline.height == pytest.approx(0.75 * 720) and low.viewport.height > 100
-    assert lay_out_panels(1280, 720, timeline_height=1.0).timeline.height == LEAST
+    assert lay_out_panels(1280, 720, timeline_height=1.0).timeline.height == MIN_TIMELINE_HEIGHT
     preferences = Preferences(tmp_path)
     preferences.timeline_height = 321.0
     preferences.save()
@@ -227,6 +227,6 @@ def test_the_timeline_has_the_height_that_it_was_given(tmp_path) -> None:
 def workspace_playing(tmp_path) -> Workspace:
     """Returns a workspace of two seconds."""
     workspace = Workspace.new(Editor(), tmp_path)
-    workspace.editor.edit("add", lambda _: limb_with_two_layers(library()[0], "wave")[1])
+    workspace.editor.edit("add", lambda _: limb_with_two_layers(read_library()[0], "wave")[1])
     assert workspace.editor.length >= 2.0
     return workspace

@@ -37,7 +37,7 @@ from enliven.mapping.model_clips import play_own_clip
 from enliven.motion.layers.evaluate import Player
 from enliven.motion.layers.retarget import bind_chain
 from enliven_viewer.studio.editor.editor import Editor
-from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.motions import read_library
 from enliven_viewer.studio.tools.map import MapTool
 from enliven_viewer.studio.workspace.workspace import Workspace
 
@@ -304,7 +304,7 @@ def test_playing_begins_again_at_the_end_or_stops_there(workspace: Workspace) ->
 
 
 def test_every_motion_of_the_library_can_be_looped_or_stays(workspace: Workspace) -> None:
-    for clip in library():
+    for clip in read_library():
         turns = np.abs((clip.turns[0] * clip.turns[-1]).sum(1))
         assert clip.id == "quarter turn" or np.allclose(turns, 1.0, atol=1e-9), clip.id
         steps = np.abs((clip.turns[1:] * clip.turns[:-1]).sum(2))

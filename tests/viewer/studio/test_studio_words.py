@@ -13,12 +13,12 @@ import enliven_viewer
 from enliven.mapping import MAX_FLOOR_DISTANCE, MAX_INTERSECTION, MAX_SLIDE_CM_S, MAX_STRETCH
 from enliven.mapping.quality import LimbError, MotionQuality
 from enliven_edge.controls.base import WORDS
-from enliven_viewer.live.hud import late_words
-from enliven_viewer.studio.panels.examples.strip import _status_text as coverage_words
-from enliven_viewer.studio.panels.side import made_of
-from enliven_viewer.studio.panels.source import _quality_lines as motion_words
+from enliven_viewer.live.hud import describe_delay
+from enliven_viewer.studio.panels.examples.strip import _make_status_text as coverage_words
+from enliven_viewer.studio.panels.side import describe_parts
+from enliven_viewer.studio.panels.source import _list_quality_lines as motion_words
 from enliven_viewer.studio.panels.stage import live, scan
-from enliven_viewer.studio.panels.stage.voice import command_words
+from enliven_viewer.studio.panels.stage.voice import describe_command
 
 STUDIO = Path(enliven_viewer.__file__).parent / "studio"
 ENGINEERS = re.compile(
@@ -55,14 +55,14 @@ def test_no_text_of_the_window_has_words_of_engineers() -> None:
 def test_a_character_is_described_by_what_one_can_do_with_it(tmp_path) -> None:
     workspace = acting_stage(tmp_path)
     project = workspace.editor.project
-    assert made_of(project.character("limb")) == "2 bones"
-    assert made_of(project.character("post")).startswith(("bends anywhere", "1 bone"))
+    assert describe_parts(project.character("limb")) == "2 bones"
+    assert describe_parts(project.character("post")).startswith(("bends anywhere", "1 bone"))
 
 
 def test_latency_is_worded_and_shown_only_if_noticeable() -> None:
-    assert late_words(None) == late_words(20.0) == late_words(149.0) == ""
-    assert late_words(200.0) == "a little late"
-    assert late_words(900.0) == "late: move slowly"
+    assert describe_delay(None) == describe_delay(20.0) == describe_delay(149.0) == ""
+    assert describe_delay(200.0) == "a little delayed"
+    assert describe_delay(900.0) == "delayed: move slowly"
 
 
 def test_number_of_examples_is_rated_without_percents() -> None:
@@ -115,12 +115,12 @@ def test_motion_quality_is_worded_with_the_place() -> None:
 
 def test_phrase_list_describes_every_command() -> None:
     for word in WORDS:
-        assert command_words(word) not in WORDS, f"{word} is shown as it stands in the settings"
-    assert command_words("possess left arm") == "steps in: left arm"
-    assert command_words("hop") == "hop", "a word of a newer edge is shown unchanged"
+        assert describe_command(word) not in WORDS, f"{word} is shown as it stands in the settings"
+    assert describe_command("possess left arm") == "steps in: left arm"
+    assert describe_command("hop") == "hop", "a word of a newer edge is shown unchanged"
 
 
 def test_heard_words_are_below_the_advice_of_a_scan() -> None:
-    top = live.utterance_bottom(is_scanned=True) - live._PERFORMER_TEXT_SIZE - live._LINE_PADDING
-    assert top >= scan.ADVICE, "the words lie on each other"
-    assert live.utterance_bottom(is_scanned=False) < live.utterance_bottom(is_scanned=True)
+    top = live.find_utterance_bottom(is_scanned=True) - live._PERFORMER_TEXT_SIZE - live._LINE_PADDING
+    assert top >= scan.ADVICE_BOTTOM, "the words lie on each other"
+    assert live.find_utterance_bottom(is_scanned=False) < live.find_utterance_bottom(is_scanned=True)

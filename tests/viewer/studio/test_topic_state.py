@@ -53,7 +53,7 @@ def test_voice_and_physics_wait_for_a_starting_edge_and_call_only_a_silent_one_o
     assert texts() == (WAITING, WAITING), "an edge that compiles for minutes is not an older edge"
     link.edges[0].instance = 7
     assert texts() == (WAITING, WAITING), "the first message, before the states"
-    clock.seconds += topic_state.GRACE_S + 0.1
+    clock.seconds += topic_state.MAX_FIRST_STATE_DELAY_S + 0.1
     assert all("older" in text for text in texts())
     link.edges[0].instance = 8
     assert texts() == (WAITING, WAITING), "it was restarted"

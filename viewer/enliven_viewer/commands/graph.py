@@ -13,14 +13,16 @@ from enliven.files import require_folder
 
 CHAIR = "chair"
 _MAX_EDGE_M = 0.04
-"""In metres: the edge refines meshes to the same length, so that the graph is the same."""
+"""Maximum edge length in metres after refinement. It is the same value as in the edge, so that both programs
+build the same graph.
+"""
 _IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 
 
 def graph(
     mesh: Annotated[str, typer.Argument(help='A mesh file, or "chair".')],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The picture to make: png, jpg or webp.")],
-    nodes: Annotated[int, typer.Option(min=1, max=65535, help="How many nodes.")] = 128,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output image: png, jpg or webp.")],
+    nodes: Annotated[int, typer.Option(min=1, max=65535, help="Number of nodes.")] = 128,
     radius: Annotated[
         float | None, typer.Option(help="Distance between nodes in metres; replaces --nodes.")
     ] = None,
@@ -38,7 +40,7 @@ def graph(
       enliven graph chair -o chair.png --nodes 256
       enliven graph SCAN.ply -o scan.png --up z --radius 0.1
 
-    Cut vertices and bridges of the graph are marked: KinEtre's E_rig acts there.
+    Cut vertices and bridges of the graph are marked, since KinEtre's energy E_rig acts there.
     """
     if output.suffix.lower() not in _IMAGE_SUFFIXES:
         endings = ", ".join(ending[1:] for ending in _IMAGE_SUFFIXES)

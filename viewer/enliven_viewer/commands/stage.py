@@ -27,7 +27,7 @@ _POLL_INTERVAL_S = 0.005
 """Seconds between two polls of the sockets: far less than a frame."""
 
 stage = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
-Edge = Annotated[str, typer.Option(help="Where the edge is: HOST, or HOST:PORT.")]
+Edge = Annotated[str, typer.Option(help="Address of the edge: HOST, or HOST:PORT.")]
 
 
 @stage.callback()
@@ -45,16 +45,18 @@ def _stage() -> None:
 @stage.command()
 def put(
     character: Annotated[
-        str, typer.Argument(help="A mesh, 'chair', 'lamp', or a project or session, perhaps FILE#NAME.")
+        str,
+        typer.Argument(help="A mesh file, 'chair', 'lamp', a project or session, or FILE#NAME in one."),
     ],
     edge: Edge = "127.0.0.1",
-    name: Annotated[str, typer.Option(help="Its name on the stage; the file's if not given.")] = "",
+    name: Annotated[str, typer.Option(help="Name on the stage. Default: the name of the file.")] = "",
     drive: Annotated[
         Literal["graph", "skeleton"],
-        typer.Option(help="How it is moved: by a graph, or by a glTF's own skeleton."),
+        typer.Option(help="Method that moves it: a deformation graph, or the skeleton of a glTF file."),
     ] = "graph",
     up: Annotated[
-        Literal["x", "y", "z"] | None, typer.Option(help="The mesh's own axis that points up; else guessed.")
+        Literal["x", "y", "z"] | None,
+        typer.Option(help="Axis of the mesh that points up. Default: detected automatically."),
     ] = None,
 ) -> None:
     """Put a character on the stage, or replace the one with its name; its performers stay in control.
@@ -63,27 +65,28 @@ def put(
       enliven stage put HORSE.obj
       enliven stage put SHOW.enliven#wolf --edge 192.168.1.20
     """
-    project, own, fit = _read(character, drive, up)
-    with _joined(edge) as client:
-        replaced = (name or own) in client.characters
+    project, default_name, scales_to_person = _read(character, drive, up)
+    with _connect(edge) as client:
+        replaced = (name or default_name) in client.characters
         answers: list[Answer] = []
-        client.stage.put(project, own, name=name, fit=fit, then=answers.append)
-        _until(client, lambda: answers, _PREPARATION_TIMEOUT_S)
-        _need_done(answers, character)
-    done = "is replaced" if replaced else "stands"
-    say(f"enliven: {name or own} {done} on the stage of {edge}")
+        client.stage.put(project, default_name, name=name, fit=scales_to_person, then=answers.append)
+        _poll_until(client, lambda: answers, _PREPARATION_TIMEOUT_S)
+        _require_done(answers, character)
+    state_text = "is replaced" if replaced else "stands"
+    say(f"enliven: {name or default_name} {state_text} on the stage of {edge}")
 
 
 @stage.command()
 def remove(
-    character: Annotated[str, typer.Argument(help="Its name on the stage.")], edge: Edge = "127.0.0.1"
+    character: Annotated[str, typer.Argument(help="Name of the character on the stage.")],
+    edge: Edge = "127.0.0.1",
 ) -> None:
     """Remove a character from the stage and release its performers."""
-    with _joined(edge) as client:
+    with _connect(edge) as client:
         answers: list[Answer] = []
         client.stage.remove(character, answers.append)
-        _until(client, lambda: answers, _ANSWER_TIMEOUT_S)
-        _need_done(answers, character)
+        _poll_until(client, lambda: answers, _ANSWER_TIMEOUT_S)
+        _require_done(answers, character)
     say(f"enliven: {character} is gone from the stage of {edge}")
 
 
@@ -92,19 +95,18 @@ def list_(edge: Edge = "127.0.0.1") -> None:
     """List the characters on the stage: name, revision, kind, vertices, and performers."""
     from enliven.wire import CUES
 
-    words = {"graph": "a possessed mesh", "bones": "a rigged model", "points": "a puppet"}
-    with _joined(edge) as client:
+    kind_labels = {"graph": "a possessed mesh", "bones": "a rigged model", "points": "a puppet"}
+    with _connect(edge) as client:
         cues = client.latest(CUES)
         for name, character in client.characters.items():
-            description = (
-                f"{words[character.kind]}, {len(character.vertices)} vertices{_holders(cues.get(name))}"
-            )
+            holders = _describe_holders(cues.get(name))
+            description = f"{kind_labels[character.kind]}, {len(character.vertices)} vertices{holders}"
             say(f"{name}: revision {client.edges[0].revision(name)}, {description}")
         if not client.characters:
             say("enliven: the stage is empty")
 
 
-def _holders(cues: ReceivedCues | None) -> str:
+def _describe_holders(cues: ReceivedCues | None) -> str:
     """Returns text about the performers that control a character."""
     if cues is None or cues.state != "possessed":
         return ""
@@ -124,7 +126,7 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
 
         return project_of_mesh(load_sample(spec), spec), spec, False
     if path.suffix.lower() in (".enliven", ".toml"):
-        return _of_project(path, character_id)
+        return _read_project_character(path, character_id)
     if drive == "skeleton":
         from enliven.formats.gltf import read_gltf
 
@@ -140,7 +142,7 @@ def _read(spec: str, drive: str, up: Axis | None) -> tuple[Project, str, bool]:
     return project_of_mesh(mesh, path.stem), path.stem, True
 
 
-def _of_project(path: Path, character_id: str) -> tuple[Project, str, bool]:
+def _read_project_character(path: Path, character_id: str) -> tuple[Project, str, bool]:
     """Returns the named character in a project or session; without a name, the only one."""
     from enliven.example_sessions import read_session
     from enliven.formats.project import read_project
@@ -157,31 +159,31 @@ def _of_project(path: Path, character_id: str) -> tuple[Project, str, bool]:
 
 
 @contextlib.contextmanager
-def _joined(edge: str) -> Iterator[EdgeClient]:
-    """Yields the link to an edge, once the edge has sent the characters on its stage."""
+def _connect(edge: str) -> Iterator[EdgeClient]:
+    """Yields the client of an edge after the edge has sent the characters on its stage."""
     from enliven_viewer.link import EdgeClient
 
     client = EdgeClient([edge], "enliven stage")
     with contextlib.closing(client):
-        _until(client, lambda: client.edges[0].complete, _ANSWER_TIMEOUT_S)
+        _poll_until(client, lambda: client.edges[0].complete, _ANSWER_TIMEOUT_S)
         if client.status is None:
             mend = "Start one with 'enliven edge', or give its address with --edge."
             raise ResourceError("no edge answers", where=edge, mend=mend)
         yield client
 
 
-def _until(client: EdgeClient, done: Callable[[], object], seconds: float) -> None:
+def _poll_until(client: EdgeClient, is_done: Callable[[], object], seconds: float) -> None:
     """Polls the link until a condition is true, or for at most ``seconds``."""
     end = time.monotonic() + seconds
-    while not done() and time.monotonic() < end:
+    while not is_done() and time.monotonic() < end:
         client.poll()
         time.sleep(_POLL_INTERVAL_S)
 
 
-def _need_done(answers: list[Answer], where: str) -> None:
+def _require_done(answers: list[Answer], address: str) -> None:
     from enliven.wire import Done, Refused
 
     if answers and isinstance(answers[0], Done):
         return
     reason = answers[0].reason if answers and isinstance(answers[0], Refused) else "the edge does not answer"
-    raise InputError(reason.rstrip("."), where=where)
+    raise InputError(reason.rstrip("."), where=address)

@@ -20,7 +20,9 @@ def studio(
             help="Models (glb), meshes (obj, ply, stl, off), takes (bvh, mcap), a project (enliven)."
         ),
     ] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.0, help="Close the window after this long.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.0, help="Close the window after this number of seconds.")
+    ] = None,
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
     fullscreen: Annotated[bool, typer.Option("--fullscreen", help="Fill the screen (F11).")] = False,
 ) -> None:
@@ -51,6 +53,6 @@ def studio(
     for file in files or []:
         workspace.open(file)
     workspace.starting = not files
-    if workspace.store.recoverable():
+    if workspace.store.list_recoverable():
         workspace.ask("recover")
     StudioWindow(workspace, opening=WindowStart(full_screen=fullscreen)).run(seconds=seconds)

@@ -19,25 +19,28 @@ from enliven_viewer.settings import ViewerSettings, WindowStart, with_size
 if TYPE_CHECKING:
     from enliven_viewer.link import EdgeFeed, TakeFeed
 
-LOCAL = "127.0.0.1"
+DEFAULT_ADDRESS = "127.0.0.1"
 
 
 def view(
     take: Annotated[Path | None, typer.Argument(help="Play this take instead of following an edge.")] = None,
     edge: Annotated[
         list[str] | None,
-        typer.Option(help=f"Where an edge is: HOST, or HOST:PORT; again for others. Default {LOCAL}."),
+        typer.Option(
+            help=f"Address of an edge: HOST or HOST:PORT. Repeat it for more. Default {DEFAULT_ADDRESS}."
+        ),
     ] = None,
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="Port of the edge's poses.")] = None,
     control_port: Annotated[
-        int | None, typer.Option(min=1, max=65535, help="Port of its commands; by default the next one.")
+        int | None,
+        typer.Option(min=1, max=65535, help="Port of the edge's commands. Default: the next port."),
     ] = None,
-    film: Annotated[Path | None, typer.Option(help="Make this MP4 instead of opening a window.")] = None,
+    film: Annotated[Path | None, typer.Option(help="Write this MP4 instead of opening a window.")] = None,
     sheet: Annotated[
-        Path | None, typer.Option(help="Make this contact sheet (PNG); needs no window.")
+        Path | None, typer.Option(help="Write this contact sheet (PNG); needs no window.")
     ] = None,
     size: Annotated[str | None, typer.Option(help="Size of the window or film, such as 1920x1080.")] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this long.")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.0, help="Stop after this number of seconds.")] = None,
     wait: Annotated[
         float | None,
         typer.Option(min=0.0, help="Seconds that a film waits for an edge; default: the settings."),
@@ -54,7 +57,7 @@ def view(
     \b
       enliven view                                 the edge on this machine, in a window
       enliven view --edge 192.168.1.20             an edge on the network
-      enliven view --edge 10.0.0.5 --edge 10.0.0.6  two of them, beside one another
+      enliven view --edge 10.0.0.5 --edge 10.0.0.6  two edges, side by side
       enliven view TAKE.mcap                       play a take: space, arrows, drag the timeline
       enliven view --fullscreen                    for an audience: no menus, no numbers, no keys
       enliven view --fullscreen --no-hud           an installation: the picture alone
@@ -67,7 +70,7 @@ def view(
     if wait is not None:
         chosen = replace(chosen, film=replace(chosen.film, patience=wait))
     require_folder(film, sheet)
-    _need_take(take)
+    _require_take(take)
     filming = film is not None or sheet is not None
     if not filming and not has_display():
         raise ResourceError(
@@ -75,13 +78,13 @@ def view(
             where="enliven view",
             mend="Render without one: enliven view --film out.mp4 --sheet out.png",
         )
-    addresses = _addresses(edge or [LOCAL], port, control_port)
+    addresses = _parse_addresses(edge or [DEFAULT_ADDRESS], port, control_port)
     with terminate_as_interrupt():
         if filming:
-            _film(take, addresses, film, sheet, chosen, seconds, hud)
+            _make_film(take, addresses, film, sheet, chosen, seconds, hud)
         else:
-            start = WindowStart(_title(take), not hud, fullscreen, escape_ends=True, audience=True)
-            _window(take, addresses, chosen, seconds, start)
+            start = WindowStart(_make_title(take), not hud, fullscreen, escape_ends=True, audience=True)
+            _open_window(take, addresses, chosen, seconds, start)
 
 
 _OTHER_COMMANDS = {
@@ -90,17 +93,17 @@ _OTHER_COMMANDS = {
     ".mp4": "Any player of films shows it",
 }
 _OTHER_COMMANDS |= dict.fromkeys((".gltf", ".vrm", ".bvh"), _OTHER_COMMANDS[".glb"])
-"""By file extension, what to do with a file that is not a take."""
+"""Advice for files that are not takes, by file extension."""
 
 
-def _need_take(take: Path | None) -> None:
-    """Refuses a file that other programs play, with advice."""
+def _require_take(take: Path | None) -> None:
+    """Raises an InputError with advice if the file is of a type that another command plays."""
     if take is not None and take.suffix.lower() in _OTHER_COMMANDS and take.exists():
         mend = _OTHER_COMMANDS[take.suffix.lower()].format(take) + "."
         raise InputError("this is not a take", where=str(take), mend=mend)
 
 
-def _film(
+def _make_film(
     take: Path | None,
     addresses: list[str],
     film: Path | None,
@@ -115,17 +118,17 @@ def _film(
     from enliven_viewer.film import make_film
     from enliven_viewer.playback import Document, Timeline
 
-    feed = _feed(take, addresses)
+    feed = _open_feed(take, addresses)
     document = Document(Timeline(settings.playback, bounded=False))
     with contextlib.closing(feed):
         report = make_film(
-            feed, document, film, sheet, settings, seconds=seconds, title=_title(take), caption=hud
+            feed, document, film, sheet, settings, seconds=seconds, title=_make_title(take), caption=hud
         )
     written = " and ".join(str(path) for path in (film, sheet) if path)
     say(f"enliven: {report.pictures} pictures, {report.seconds:.1f} s, are in {written}")
 
 
-def _window(
+def _open_window(
     take: Path | None,
     addresses: list[str],
     settings: ViewerSettings,
@@ -148,11 +151,11 @@ def _window(
     StudioWindow(workspace, opening=opening).run(seconds=seconds)
 
 
-def _title(take: Path | None) -> str:
+def _make_title(take: Path | None) -> str:
     return f"enliven · {take.name}" if take else "enliven"
 
 
-def _feed(take: Path | None, addresses: list[str]) -> TakeFeed | EdgeFeed:
+def _open_feed(take: Path | None, addresses: list[str]) -> TakeFeed | EdgeFeed:
     """Returns the take's feed, or the edges' feed."""
     if take is not None:
         from enliven_viewer.link import TakeFeed
@@ -163,7 +166,7 @@ def _feed(take: Path | None, addresses: list[str]) -> TakeFeed | EdgeFeed:
     return EdgeFeed(EdgeClient(addresses))
 
 
-def _addresses(edges: list[str], port: int | None, control_port: int | None) -> list[str]:
+def _parse_addresses(edges: list[str], port: int | None, control_port: int | None) -> list[str]:
     """Returns HOST[:PORT[:CONTROL_PORT]] of the options; separately given ports override those in ``edges``.
 
     Raises:
@@ -172,7 +175,10 @@ def _addresses(edges: list[str], port: int | None, control_port: int | None) -> 
     from enliven.wire import Endpoint, parse_endpoint
 
     if len(edges) > 1 and (port or control_port):
-        problem, mend = "one port cannot be that of several edges", "Give each its own: --edge HOST:PORT."
+        problem, mend = (
+            "several edges cannot share one port",
+            "Give each edge its own port: --edge HOST:PORT.",
+        )
         raise InputError(problem, where="--port", mend=mend)
     endpoint = parse_endpoint(edges[0])
     pose = port or endpoint.pose_port

@@ -18,14 +18,14 @@ from enliven.errors import ResourceError
 from enliven.film import FilmWriter
 from enliven_viewer.film.film_strip import FilmStrip
 from enliven_viewer.film.sheet import Tiles, write_sheet
-from enliven_viewer.live import cards_of, draw_cards, time_text
-from enliven_viewer.playback import NS, Document, SolvedSurfaces, TimelineMoment
-from enliven_viewer.render import EMPTY_BOX, FilmCamera, OverlayVisibility, Renderer, SceneStyle, scene_of
-from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.live import draw_cards, format_time, make_cards
+from enliven_viewer.playback import NS_PER_S, Document, SolvedSurfaces, TimelineMoment
+from enliven_viewer.render import EMPTY_BOX, FilmCamera, OverlayVisibility, Renderer, SceneStyle, make_scene
+from enliven_viewer.render.gl import create_offscreen_context
 from enliven_viewer.settings import ViewerSettings
 
 _IDLE_SLEEP_S = 0.005
-"""Sleep in seconds if the feed has nothing new: short compared with the 33 ms between two poses."""
+"""Sleep in seconds while no message arrives. It is short compared with the 33 ms between two poses."""
 _SILENCE_TIMEOUT_S = 3.0
 """Seconds without a pose or a heartbeat after which the edge counts as gone: six missed heartbeats."""
 ENDED = "ended"
@@ -75,16 +75,16 @@ def make_film(
     studio = _Studio(document, settings or ViewerSettings(), caption)
     with ExitStack() as stack:
         # Open the file first, so that an unwritable path is reported before the edge starts.
-        writer = stack.enter_context(studio.writer(film, sound)) if film else None
+        writer = stack.enter_context(studio.open_writer(film, sound)) if film else None
         strip = stack.enter_context(FilmStrip(writer, studio.tiles))
-        progress = stack.enter_context(_progress(console))
+        progress = stack.enter_context(_make_progress(console))
         task = progress.add_task("Waiting for the first pose", total=seconds, told="")
-        for moment, second in _moments(feed, document, studio.settings, seconds):
+        for moment, second in _iterate_moments(feed, document, studio.settings, seconds):
             strip.add(second, studio.draw(moment, second))
-            status = f"{time_text(second)}  {1000 * studio.draw_seconds / studio.count:.0f} ms a picture"
+            status = f"{format_time(second)}  {1000 * studio.draw_seconds / studio.count:.0f} ms a picture"
             progress.update(task, description="Filming", completed=second, told=status)
     if sheet:
-        subtitle = f"{time_text(studio.count / studio.settings.film.rate)} of sensor time"
+        subtitle = f"{format_time(studio.count / studio.settings.film.rate)} of sensor time"
         write_sheet(sheet, studio.tiles.chosen(), studio.settings.film.columns, title, subtitle)
     length = studio.count / studio.settings.film.rate
     draw_ms = 1000 * studio.draw_seconds / max(studio.count, 1)
@@ -97,7 +97,7 @@ class _Studio:
     def __init__(self, document: Document, settings: ViewerSettings, caption: bool) -> None:
         self.document, self.settings = document, settings
         self.size = (settings.width, settings.height)
-        self._renderer = Renderer(offscreen_context(), self.size, settings.render)
+        self._renderer = Renderer(create_offscreen_context(), self.size, settings.render)
         self._text = max(round(settings.height / 35), 10)
         self._canvas: Canvas | None = None
         if caption:
@@ -112,7 +112,7 @@ class _Studio:
         self.tiles = Tiles(film.columns * film.rows, film.tile_width)
         self.count, self.draw_seconds = 0, 0.0
 
-    def writer(self, path: Path, sound: tuple[Int16, int] | None) -> FilmWriter:
+    def open_writer(self, path: Path, sound: tuple[Int16, int] | None) -> FilmWriter:
         """Returns the writer of the film file."""
         film = self.settings.film
         return FilmWriter(path, self.size, film.rate, film.bit_rate, film.encoder, sound)
@@ -121,27 +121,27 @@ class _Studio:
         """Returns (H, W, 4): the image of a moment, ``second`` seconds into the film; bottom row first."""
         began = time.perf_counter()
         style = self._showing.style(SceneStyle(), moment, second)
-        scene = scene_of(self.document, moment, style, self._surfaces)
+        scene = make_scene(self.document, moment, style, self._surfaces)
         aspect = self.size[0] / self.size[1]
         self._camera.follow(scene.box or EMPTY_BOX, 1 / self.settings.film.rate, aspect)
         view = self._camera.view(aspect)
         self._renderer.draw(scene, view)
         if self._canvas:
             with self._canvas.over(self._renderer.picture.resolved):
-                cards = cards_of(scene, view)
+                cards = make_cards(scene, view)
                 draw_cards(self._canvas, self.size, self.size[1] / 720, self._text, cards)
-                self._caption(moment, second)
+                self._draw_caption(moment, second)
         picture = self._renderer.picture.raw()
         self.count += 1
         self.draw_seconds += time.perf_counter() - began
         return picture
 
-    def _caption(self, moment: TimelineMoment, second: float) -> None:
+    def _draw_caption(self, moment: TimelineMoment, second: float) -> None:
         """Draws the time, and whether the mesh is possessed, in the lower right corner."""
         assert self._canvas is not None
         margin, line = 1.4 * self._text, self._text
-        word = "possessed" if moment.possessed else "free"
-        text = f"{time_text(second)}  ·  {word}"
+        state_text = "possessed" if moment.possessed else "free"
+        text = f"{format_time(second)}  ·  {state_text}"
         if moment.props is not None and moment.props.note:
             text = f"{moment.props.note}  ·  {text}"
         right, top = self.size[0] - margin, self.size[1] - margin - line
@@ -149,30 +149,34 @@ class _Studio:
         self._canvas.text(right, top, text, line, (0.95, 0.96, 0.98, 0.8), align=1.0)
 
 
-def _moments(
+def _iterate_moments(
     feed: FilmSource, document: Document, settings: ViewerSettings, seconds: float | None
 ) -> Iterator[tuple[TimelineMoment, float]]:
     """Yields (moment, second of the film) at the film's rate of sensor time, as fast as the feed allows."""
     timeline, rate = document.timeline, settings.film.rate
     _await_first(feed, document, settings.film.patience)
     start, count = timeline.start_ns, 0
-    heard = time.monotonic()
+    last_arrival_time = time.monotonic()
     while not parent_is_gone() and (seconds is None or count < round(seconds * rate)):
-        due = start + round(count * NS / rate)
-        over = document.edge.phase == ENDED
+        due = start + round(count * NS_PER_S / rate)
+        is_stream_over = document.edge.phase == ENDED
         arrived = feed.poll(document)
-        heard = time.monotonic() if arrived else heard
-        over = over and not arrived
-        gone = not document.edge.connected and time.monotonic() - heard > _SILENCE_TIMEOUT_S
-        # A later moment proves that the due one is complete. At the end of the session, accept a last moment
+        last_arrival_time = time.monotonic() if arrived else last_arrival_time
+        is_stream_over = is_stream_over and not arrived
+        is_edge_gone = (
+            not document.edge.connected and time.monotonic() - last_arrival_time > _SILENCE_TIMEOUT_S
+        )
+        # A later moment proves that the moment to be drawn is complete. At the end, accept a last moment
         # that is slightly early.
-        if timeline.end_ns > due or ((over or gone) and timeline.end_ns > due - 0.5 * NS / rate):
+        if timeline.end_ns > due or (
+            (is_stream_over or is_edge_gone) and timeline.end_ns > due - 0.5 * NS_PER_S / rate
+        ):
             moment = timeline.at(due)
             assert moment is not None
             yield moment, count / rate
             timeline.drop_before(due)
             count += 1
-        elif over or gone:
+        elif is_stream_over or is_edge_gone:
             return
         elif not arrived:
             time.sleep(_IDLE_SLEEP_S)
@@ -201,7 +205,7 @@ def _await_first(feed: FilmSource, document: Document, patience: float) -> None:
     )
 
 
-def _progress(console: Console | None) -> Progress:
+def _make_progress(console: Console | None) -> Progress:
     return Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),

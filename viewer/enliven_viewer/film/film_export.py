@@ -71,9 +71,9 @@ def write_film(
     if look:
         settings = replace(settings, render=replace(settings.render, look=look))  # type: ignore[arg-type]
     document = Document(Timeline(settings.playback, bounded=False))
-    heard = None if sound is None else (sound, SOUND_RATE)
+    soundtrack = None if sound is None else (sound, SOUND_RATE)
     source = _SampledSource(performances, settings.film.rate, progress)
-    make_film(source, document, path, None, settings, title=name, caption=False, sound=heard)
+    make_film(source, document, path, None, settings, title=name, caption=False, sound=soundtrack)
 
 
 MP4 = Exporter(write_film, heard=True, check=lambda size=None, **_: with_size(ViewerSettings(), size))

@@ -17,12 +17,12 @@ MAX_QUEUED_IMAGES = 4
 class FilmStrip:
     """A queue that passes images in order to the film and the sheet.
 
-    The end of ``with`` waits for the last one.
+    The end of the ``with`` block waits for the last image.
 
     An encoder error is raised by a later :meth:`add`, or at the end of ``with``.
 
     Args:
-        writer: the film, or None for none.
+        writer: writer of the film file; None for a sheet without a film.
         tiles: the images of the sheet.
     """
 

@@ -14,7 +14,7 @@ from enliven.arrays import Float, Float32, UInt8
 from enliven.deformation.graph import DeformationGraph
 from enliven.document import Character
 from enliven.files import write_picture
-from enliven_viewer.film.sheet import INK, PAPER, QUIET
+from enliven_viewer.film.sheet import BACKGROUND_COLOUR, SUBTITLE_COLOUR, TITLE_COLOUR
 from enliven_viewer.render import (
     Box,
     CameraView,
@@ -25,26 +25,26 @@ from enliven_viewer.render import (
     SceneStyle,
     linear_from_srgb,
 )
-from enliven_viewer.render.gl import offscreen_context
-from enliven_viewer.render.overlay import Tubes, tube_rows
+from enliven_viewer.render.gl import create_offscreen_context
+from enliven_viewer.render.overlay import Tubes, make_tube_rows
 
 MESH_COLOUR = (112, 116, 126)
 """sRGB of the mesh: grey, so that the colours of the graph are clearly visible."""
-NODE = (236, 244, 255)
+NODE_COLOUR = (236, 244, 255)
 """sRGB of nodes: nearly white, the brightest on the grey."""
-EDGE = (92, 178, 255)
+EDGE_COLOUR = (92, 178, 255)
 """sRGB of ordinary edges: cold, since no term acts only on them."""
-BRIDGE = (255, 74, 52)
+BRIDGE_COLOUR = (255, 74, 52)
 """sRGB of bridges, which separate the graph: red, since a limb depends on a single edge."""
-WEAK = (255, 190, 64)
+RIGID_EDGE_COLOUR = (255, 190, 64)
 """sRGB of the other edges with an E_rig term: amber, a weaker warning than a bridge."""
-CUT = (255, 96, 214)
+CUT_VERTEX_COLOUR = (255, 96, 214)
 """sRGB of cut vertices, which also separate the graph: distinct from the red of bridges."""
-SIDES = (math.radians(-24), math.radians(96), math.radians(216))
+VIEW_AZIMUTHS = (math.radians(-24), math.radians(96), math.radians(216))
 """Azimuth of each view in radians from the front right: a third of a turn apart."""
-HEADER = 88
+HEADER_HEIGHT_PX = 88
 """Height in pixels of the title above the panels: one line of 30 pixels with margins."""
-_FOOTER_HEIGHT = 72
+_FOOTER_HEIGHT_PX = 72
 """Height in pixels of the legend below the panels: one line of 20 pixels with margins."""
 _MAX_EXTENT_M = 1.75
 """Largest extent of the drawing in metres, regardless of the mesh's own size."""
@@ -61,7 +61,7 @@ class GraphCounts(NamedTuple):
     radius: float
 
 
-def counts_of(graph: DeformationGraph) -> GraphCounts:
+def count_graph_parts(graph: DeformationGraph) -> GraphCounts:
     """Returns the numbers of a graph."""
     return GraphCounts(
         len(graph.positions),
@@ -78,16 +78,20 @@ def draw_graph(character: Character, graph: DeformationGraph, panel: tuple[int, 
 
     Each is (H, W, 3) sRGB of the size ``panel`` (width, height).
     """
-    shown, nodes, scale = fit_graph(character, graph)
-    renderer = Renderer(offscreen_context(), panel)
+    scaled_character, nodes, scale = fit_graph(character, graph)
+    renderer = Renderer(create_offscreen_context(), panel)
     tubes = Tubes(renderer.ctx)
-    spacing = scale * math.sqrt(_area(character) / len(nodes))
-    scene = Scene((SceneCharacter(shown, shown.rest_pose()),), (), SceneStyle(body=0, reveal=0, cues=0))
-    box = (shown.vertices.min(0).astype(float), shown.vertices.max(0).astype(float))
-    return [_view(renderer, tubes, scene, box, graph, nodes, spacing, turn) for turn in SIDES]
+    spacing = scale * math.sqrt(_measure_area(character) / len(nodes))
+    scene = Scene(
+        (SceneCharacter(scaled_character, scaled_character.rest_pose()),),
+        (),
+        SceneStyle(body=0, reveal=0, cues=0),
+    )
+    box = (scaled_character.vertices.min(0).astype(float), scaled_character.vertices.max(0).astype(float))
+    return [_draw_view(renderer, tubes, scene, box, graph, nodes, spacing, turn) for turn in VIEW_AZIMUTHS]
 
 
-def _view(
+def _draw_view(
     renderer: Renderer,
     tubes: Tubes,
     scene: Scene,
@@ -99,23 +103,23 @@ def _view(
 ) -> UInt8:
     """Returns one image, with the camera turned by ``turn`` radians from the front right."""
     width, height = renderer.size
-    view = view_of(box, width / height, turn)
+    view = make_view(box, width / height, turn)
     renderer.draw(scene, view)
     distance = float(np.linalg.norm(view.eye - (box[0] + box[1]) / 2))
     pixel = distance / (view.clip_from_camera[1, 1] * height / 2)
-    tubes.draw(renderer.picture, graph_rows(graph, nodes, spacing, pixel), 0.3 * spacing)
+    tubes.draw(renderer.picture, make_graph_rows(graph, nodes, spacing, pixel), 0.3 * spacing)
     return renderer.pixels()
 
 
-def view_of(box: Box, aspect: float, turn: float) -> CameraView:
+def make_view(box: Box, aspect: float, turn: float) -> CameraView:
     """Returns a camera that frames the box, turned by ``turn`` radians from the front right."""
     camera = OrbitCamera(math.radians(24))
     camera.orbit(turn, math.radians(3))
-    camera.frame(box, aspect, at_once=True, room=1.08)
+    camera.frame(box, aspect, at_once=True, margin=1.08)
     return camera.view(aspect)
 
 
-def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: float) -> Float32:
+def make_graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: float) -> Float32:
     """Returns (E + N, 12) rows: the tubes of the edges, and the balls of the nodes.
 
     All have a minimum visible thickness.
@@ -126,16 +130,19 @@ def graph_rows(graph: DeformationGraph, nodes: Float, spacing: float, pixel: flo
         pixel: size of a pixel in metres at the mesh.
     """
     thin = max(0.026 * spacing, 0.8 * pixel)
-    edge_tints = np.tile(linear_from_srgb(np.array(EDGE)), (len(graph.edges), 1))
-    edge_tints[graph.rigid] = linear_from_srgb(np.array(WEAK))
-    edge_tints[graph.bridges] = linear_from_srgb(np.array(BRIDGE))
+    edge_tints = np.tile(linear_from_srgb(np.array(EDGE_COLOUR)), (len(graph.edges), 1))
+    edge_tints[graph.rigid] = linear_from_srgb(np.array(RIGID_EDGE_COLOUR))
+    edge_tints[graph.bridges] = linear_from_srgb(np.array(BRIDGE_COLOUR))
     edge_radii = np.where(graph.rigid, 1.9, 1.0) * thin
-    node_tints = np.tile(linear_from_srgb(np.array(NODE)), (len(nodes), 1))
-    node_tints[graph.cut_vertices] = linear_from_srgb(np.array(CUT))
+    node_tints = np.tile(linear_from_srgb(np.array(NODE_COLOUR)), (len(nodes), 1))
+    node_tints[graph.cut_vertices] = linear_from_srgb(np.array(CUT_VERTEX_COLOUR))
     node_radii = np.where(graph.cut_vertices, 3.4, 2.3) * thin
     starts, ends = nodes[graph.edges[:, 0]], nodes[graph.edges[:, 1]]
     return np.concatenate(
-        [tube_rows(starts, ends, edge_radii, edge_tints), tube_rows(nodes, nodes, node_radii, node_tints)]
+        [
+            make_tube_rows(starts, ends, edge_radii, edge_tints),
+            make_tube_rows(nodes, nodes, node_radii, node_tints),
+        ]
     )
 
 
@@ -154,7 +161,7 @@ def fit_graph(character: Character, graph: DeformationGraph) -> tuple[Character,
     )
 
 
-def _area(character: Character) -> float:
+def _measure_area(character: Character) -> float:
     a, b, c = (character.vertices[character.faces[:, k]].astype(np.float64) for k in range(3))
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
@@ -167,7 +174,7 @@ def write_graph_picture(
     Raises:
         ResourceError: if OpenGL is missing, or the file cannot be written.
     """
-    counts = counts_of(graph)
+    counts = count_graph_parts(graph)
     sheet = compose_views(draw_graph(character, graph, panel), title, counts)
     write_picture(path, sheet)
     return counts
@@ -176,33 +183,37 @@ def write_graph_picture(
 def compose_views(panels: list[UInt8], title: str, counts: GraphCounts) -> Image.Image:
     """Returns the panels side by side below a title and above a legend."""
     height, width = panels[0].shape[:2]
-    sheet = Image.new("RGB", (width * len(panels), HEADER + height + _FOOTER_HEIGHT), PAPER)
+    sheet = Image.new(
+        "RGB", (width * len(panels), HEADER_HEIGHT_PX + height + _FOOTER_HEIGHT_PX), BACKGROUND_COLOUR
+    )
     for number, panel in enumerate(panels):
-        sheet.paste(Image.fromarray(panel), (number * width, HEADER))
+        sheet.paste(Image.fromarray(panel), (number * width, HEADER_HEIGHT_PX))
     draw = ImageDraw.Draw(sheet)
-    draw.text((28, 24), title, fill=INK, font=ImageFont.load_default(30))
+    draw.text((28, 24), title, fill=TITLE_COLOUR, font=ImageFont.load_default(30))
     radius_text = f"R = {counts.radius:.3g} m"
     font = ImageFont.load_default(20)
-    draw.text((sheet.width - 28 - font.getlength(radius_text), 33), radius_text, fill=QUIET, font=font)
-    _legend(draw, sheet.width, HEADER + height, counts)
+    draw.text(
+        (sheet.width - 28 - font.getlength(radius_text), 33), radius_text, fill=SUBTITLE_COLOUR, font=font
+    )
+    _draw_legend(draw, sheet.width, HEADER_HEIGHT_PX + height, counts)
     return sheet
 
 
-def _legend(draw: ImageDraw.ImageDraw, width: int, top: int, counts: GraphCounts) -> None:
+def _draw_legend(draw: ImageDraw.ImageDraw, width: int, top: int, counts: GraphCounts) -> None:
     """Draws colour swatches with names and numbers, distributed over the width."""
     items = (
-        (NODE, True, f"{counts.nodes} nodes"),
-        (EDGE, False, f"{counts.edges} edges"),
-        (BRIDGE, False, f"{counts.bridges} bridges"),
-        (WEAK, False, f"{counts.rigid - counts.bridges} at cut vertices"),
-        (CUT, True, f"{counts.cut_vertices} cut vertices"),
+        (NODE_COLOUR, True, f"{counts.nodes} nodes"),
+        (EDGE_COLOUR, False, f"{counts.edges} edges"),
+        (BRIDGE_COLOUR, False, f"{counts.bridges} bridges"),
+        (RIGID_EDGE_COLOUR, False, f"{counts.rigid - counts.bridges} at cut vertices"),
+        (CUT_VERTEX_COLOUR, True, f"{counts.cut_vertices} cut vertices"),
     )
     font = ImageFont.load_default(max(min(20, width // 56), 10))
     step = (width - 56) / len(items)
     for number, (colour, ball, text) in enumerate(items):
-        x, y = 28 + number * step, top + _FOOTER_HEIGHT / 2
+        x, y = 28 + number * step, top + _FOOTER_HEIGHT_PX / 2
         if ball:
             draw.ellipse((x + 6, y - 8, x + 22, y + 8), fill=colour)
         else:
             draw.rounded_rectangle((x, y - 3, x + 28, y + 3), 3, fill=colour)
-        draw.text((x + 40, y), text, fill=INK, font=font, anchor="lm")
+        draw.text((x + 40, y), text, fill=TITLE_COLOUR, font=font, anchor="lm")

@@ -18,16 +18,16 @@ from enliven.mapping import RetargetedShape
 from enliven.motion.layers import Player
 from enliven_viewer.film.sheet import Tile, write_sheet
 from enliven_viewer.render import Box, OrbitCamera, Renderer, Scene, SceneCharacter, SceneStyle
-from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.render.gl import create_offscreen_context
 
-STICK = (120, 190, 255)
+PERFORMER_COLOUR = (120, 190, 255)
 """sRGB of the performer."""
-SIDE = math.radians(38)
+CAMERA_AZIMUTH = math.radians(38)
 """Azimuth of the camera from the front towards the left, in radians."""
 _ELEVATIONS = (math.radians(12), math.radians(38))
 """Elevation of the camera, in radians, for a tall subject and for one that lies flat."""
 _FLAT_RATIO = 0.5
-"""Height over largest extent below which a subject begins to count as flat."""
+"""Ratio of height to largest extent below which a subject begins to count as flat."""
 _MAX_EXTENT_M = 1.75
 """Largest extent of the drawing in metres, since light and floor are made for people."""
 
@@ -48,7 +48,12 @@ class MotionRow:
 
 
 def write_motion_sheet(
-    path: Path, made: RetargetedShape, title: str, *, frames: int = 6, size: tuple[int, int] = (420, 420)
+    path: Path,
+    retargeted: RetargetedShape,
+    title: str,
+    *,
+    frames: int = 6,
+    size: tuple[int, int] = (420, 420),
 ) -> None:
     """Draws the sheet as PNG.
 
@@ -59,52 +64,62 @@ def write_motion_sheet(
     Raises:
         ResourceError: if OpenGL is missing, or the file cannot be written.
     """
-    times = np.linspace(0.0, made.duration, frames)
-    rows = [_take(made, times), _model(made, times)]
-    write_rows(path, rows, times, title, f"{made.duration:.1f} s, {len(made.plan.chains)} chains", size)
+    times = np.linspace(0.0, retargeted.duration, frames)
+    rows = [_make_take_row(retargeted, times), _make_model_row(retargeted, times)]
+    write_rows(
+        path, rows, times, title, f"{retargeted.duration:.1f} s, {len(retargeted.plan.chains)} chains", size
+    )
 
 
 def write_rows(
-    path: Path, rows: Sequence[MotionRow], times: Float, title: str, said: str, size: tuple[int, int]
+    path: Path, rows: Sequence[MotionRow], times: Float, title: str, subtitle: str, size: tuple[int, int]
 ) -> None:
     """Draws rows of images of ``size`` pixels, one below the other, all at the same times."""
-    renderer = Renderer(offscreen_context(), size)
+    renderer = Renderer(create_offscreen_context(), size)
     tiles = [
         Tile(second, picture)
         for row in rows
-        for second, picture in zip(times, pictures_of(renderer, row), strict=True)
+        for second, picture in zip(times, draw_pictures(renderer, row), strict=True)
     ]
-    write_sheet(path, tiles, len(times), title, said)
+    write_sheet(path, tiles, len(times), title, subtitle)
 
 
-def performer_row(clip: Clip, facing: float, travels: bool, seconds: Sequence[float] | Float) -> MotionRow:
+def make_performer_row(
+    clip: Clip, facing: float, travels: bool, seconds: Sequence[float] | Float
+) -> MotionRow:
     """Returns the row of a take's own skeleton at given times; ``facing`` is its azimuth in radians."""
-    project, shape = play_clip(Project(), stick_shape("performer", clip.skeleton), clip)
+    project, shape = play_clip(Project(), make_stick_shape("performer", clip.skeleton), clip)
     if not travels:
         project = project.with_characters(shape.with_changes(travel=None))
     player = Player(project, shape.id)
-    return MotionRow(character_of(shape), [player.pose(second) for second in seconds], facing + SIDE)
+    return MotionRow(
+        character_of(shape), [player.pose(second) for second in seconds], facing + CAMERA_AZIMUTH
+    )
 
 
-def _model(retargeted: RetargetedShape, times: Float) -> MotionRow:
+def _make_model_row(retargeted: RetargetedShape, times: Float) -> MotionRow:
     player = Player(retargeted.project, retargeted.shape_id)
     shape = retargeted.project.shape(retargeted.shape_id)
-    return MotionRow(character_of(shape), [player.pose(t) for t in times], retargeted.model_facing + SIDE)
+    return MotionRow(
+        character_of(shape), [player.pose(t) for t in times], retargeted.model_facing + CAMERA_AZIMUTH
+    )
 
 
-def _take(retargeted: RetargetedShape, times: Float) -> MotionRow:
-    return performer_row(retargeted.clip, retargeted.take_facing, retargeted.plan.travel, times)
+def _make_take_row(retargeted: RetargetedShape, times: Float) -> MotionRow:
+    return make_performer_row(retargeted.clip, retargeted.take_facing, retargeted.plan.travel, times)
 
 
-def stick_shape(name: str, skeleton: Skeleton) -> Shape:
+def make_stick_shape(name: str, skeleton: Skeleton) -> Shape:
     """Returns a shape that displays a skeleton: a slender double pyramid for every bone."""
     mesh, skin = stick_mesh(skeleton)
     if mesh is not None:
-        mesh = replace(mesh, name=name, colours=np.tile(np.array(STICK, np.uint8), (len(mesh.vertices), 1)))
+        mesh = replace(
+            mesh, name=name, colours=np.tile(np.array(PERFORMER_COLOUR, np.uint8), (len(mesh.vertices), 1))
+        )
     return still_shape(name, skeleton, mesh, skin)
 
 
-def pictures_of(renderer: Renderer, film: MotionRow) -> list[UInt8]:
+def draw_pictures(renderer: Renderer, film: MotionRow) -> list[UInt8]:
     """Returns images of all poses from one camera that frames everything they reach."""
     surfaces = film.surfaces or [skin_vertices(film.character, pose) for pose in film.poses]
     reached = np.stack(surfaces)
@@ -120,7 +135,7 @@ def pictures_of(renderer: Renderer, film: MotionRow) -> list[UInt8]:
     camera, aspect = OrbitCamera(math.radians(26)), renderer.size[0] / renderer.size[1]
     flat = 1.0 - min(float(box[1][1] - box[0][1]) / (_FLAT_RATIO * _MAX_EXTENT_M), 1.0)
     camera.face(film.azimuth, _ELEVATIONS[0] + flat * (_ELEVATIONS[1] - _ELEVATIONS[0]))
-    camera.frame(box, aspect, at_once=True, room=1.04)
+    camera.frame(box, aspect, at_once=True, margin=1.04)
     pictures = []
     for pose, surface in zip(film.poses, surfaces, strict=True):
         placed = replace(pose, positions=((pose.positions - foot) * scale).astype(np.float32))

@@ -18,7 +18,7 @@ from enliven.film import FilmWriter
 from enliven.person import Body
 from enliven_viewer.film.project_scenes import ProjectScenes
 from enliven_viewer.render import OrbitCamera, Renderer, Scene
-from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.render.gl import create_offscreen_context
 from enliven_viewer.settings import LookName, RenderSettings
 
 _FIELD_OF_VIEW = math.radians(28)
@@ -93,7 +93,7 @@ def write_project_film(
     if not sum(map(len, points)):
         raise InputError("it is empty", where="project", mend="Add a character or performers.")
     settings = RenderSettings(look=look, shadow_size=_SHADOW_SIZE)
-    renderer, camera = Renderer(offscreen_context(), size, settings), OrbitCamera(_FIELD_OF_VIEW)
+    renderer, camera = Renderer(create_offscreen_context(), size, settings), OrbitCamera(_FIELD_OF_VIEW)
     aspect = size[0] / size[1]
     _frame_points(camera, np.concatenate(points), math.radians(azimuth), math.radians(elevation), aspect)
     images = []

@@ -12,9 +12,9 @@ from enliven.document import Project
 from enliven.person import Body
 from enliven_viewer.film.project_scenes import ProjectScenes
 from enliven_viewer.film.sheet import Tile, write_sheet
-from enliven_viewer.playback import bounds_of
+from enliven_viewer.playback import find_bounds
 from enliven_viewer.render import OrbitCamera, Renderer
-from enliven_viewer.render.gl import offscreen_context
+from enliven_viewer.render.gl import create_offscreen_context
 
 _AZIMUTH, _ELEVATION = math.radians(38), math.radians(14)
 """Azimuth of the camera from the front towards the left, and elevation."""
@@ -48,10 +48,10 @@ def write_project_sheet(
         raise ValueError(f"{len(bodies)} bodies for {len(times)} times")
     source = ProjectScenes()
     scenes = [source.scene(project, time, bodies[index : index + 1]) for index, time in enumerate(times)]
-    box = bounds_of([np.stack(scene.box) for scene in scenes if scene.box is not None])
+    box = find_bounds([np.stack(scene.box) for scene in scenes if scene.box is not None])
     if box is None:
         return
-    renderer, camera = Renderer(offscreen_context(), size), OrbitCamera(math.radians(28))
+    renderer, camera = Renderer(create_offscreen_context(), size), OrbitCamera(math.radians(28))
     camera.face(_AZIMUTH, _ELEVATION)
     camera.frame(box, size[0] / size[1], at_once=True)
     tiles = []

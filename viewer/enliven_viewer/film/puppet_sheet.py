@@ -11,7 +11,7 @@ from enliven.deformation.arap import PuppetSurface
 from enliven.document import Project, Puppet, character_of_puppet
 from enliven.examples import in_world, loop_position, motion_of, pose_of_state, state_of
 from enliven.mapping import facing_of
-from enliven_viewer.film.motion_sheet import SIDE, MotionRow, performer_row, write_rows
+from enliven_viewer.film.motion_sheet import CAMERA_AZIMUTH, MotionRow, make_performer_row, write_rows
 
 
 def write_puppet_sheet(
@@ -35,24 +35,24 @@ def write_puppet_sheet(
         ResourceError: if OpenGL is missing, or the file cannot be written.
     """
     times = np.linspace(*span, frames)
-    rows = [_performer(project, puppet, times), _puppet(project, puppet, times)]
+    rows = [_make_performer_row(project, puppet, times), _make_puppet_row(project, puppet, times)]
     counts_text = f"{len(puppet.poses)} key poses, {len(puppet.points)} control points"
     write_rows(path, rows, times, puppet.id, f"{span[1] - span[0]:.1f} s, {counts_text}", size)
 
 
-def _performer(project: Project, puppet: Puppet, times: Float) -> MotionRow:
+def _make_performer_row(project: Project, puppet: Puppet, times: Float) -> MotionRow:
     """Returns the row of the performer of the lowest unmuted layer, at the frames that it plays."""
     number = next(n for n, layer in enumerate(puppet.layers) if not layer.muted)
     layer, motion = puppet.layers[number], motion_of(project, puppet, number)
     clip = project.takes[layer.take]
     seconds = [loop_position(layer, motion, time)[0] * clip.step for time in times]
-    return performer_row(clip, facing_of(clip.skeleton), motion.travels, seconds)
+    return make_performer_row(clip, facing_of(clip.skeleton), motion.travels, seconds)
 
 
-def _puppet(project: Project, puppet: Puppet, times: Float) -> MotionRow:
+def _make_puppet_row(project: Project, puppet: Puppet, times: Float) -> MotionRow:
     held, weights = zip(*((point.vertex, point.weight) for point in puppet.points), strict=True)
     surface = PuppetSurface(puppet.mesh, held, weights, puppet.surface)
     states = [state_of(project, puppet, time) for time in times]
     surfaces = [in_world(puppet, state, surface.settle(state.places)).astype(np.float32) for state in states]
     poses = [pose_of_state(puppet, state) for state in states]
-    return MotionRow(character_of_puppet(puppet), poses, SIDE, surfaces)
+    return MotionRow(character_of_puppet(puppet), poses, CAMERA_AZIMUTH, surfaces)

@@ -10,13 +10,13 @@ from PIL import Image, ImageDraw, ImageFont
 
 from enliven.arrays import UInt8
 from enliven.files import write_picture
-from enliven_viewer.live import time_text
+from enliven_viewer.live import format_time
 
-PAPER = (19, 21, 27)
+BACKGROUND_COLOUR = (19, 21, 27)
 """sRGB of the background: as dark as the stage, so that the images are brightest."""
-INK = (240, 241, 244)
+TITLE_COLOUR = (240, 241, 244)
 """sRGB of titles."""
-QUIET = (160, 167, 180)
+SUBTITLE_COLOUR = (160, 167, 180)
 """sRGB of subtitles: dimmer than titles."""
 _GAP = 10
 """Gap in pixels between two images, and around all of them."""
@@ -89,20 +89,22 @@ def write_sheet(path: Path, tiles: list[Tile], columns: int, title: str, subtitl
     columns = min(columns, len(tiles))
     rows = -(-len(tiles) // columns)
     size = (columns * (width + _GAP) + _GAP, _TITLE_HEIGHT + rows * (height + _GAP))
-    sheet = Image.new("RGB", size, PAPER)
+    sheet = Image.new("RGB", size, BACKGROUND_COLOUR)
     draw = ImageDraw.Draw(sheet)
-    draw.text((_GAP + 4, 16), title, fill=INK, font=ImageFont.load_default(28))
+    draw.text((_GAP + 4, 16), title, fill=TITLE_COLOUR, font=ImageFont.load_default(28))
     quiet = ImageFont.load_default(18)
-    draw.text((size[0] - _GAP - 4 - quiet.getlength(subtitle), 24), subtitle, fill=QUIET, font=quiet)
+    draw.text(
+        (size[0] - _GAP - 4 - quiet.getlength(subtitle), 24), subtitle, fill=SUBTITLE_COLOUR, font=quiet
+    )
     for index, tile in enumerate(tiles):
         x, y = _GAP + index % columns * (width + _GAP), _TITLE_HEIGHT + index // columns * (height + _GAP)
         sheet.paste(Image.fromarray(tile.picture), (x, y))
-        _stamp(draw, x + 8, y + height - 30, time_text(tile.seconds))
+        _draw_time(draw, x + 8, y + height - 30, format_time(tile.seconds))
     write_picture(path, sheet, "Choose another place with --sheet.", compress_level=_PNG_COMPRESSION)
 
 
-def _stamp(draw: ImageDraw.ImageDraw, x: float, y: float, text: str) -> None:
+def _draw_time(draw: ImageDraw.ImageDraw, x: float, y: float, text: str) -> None:
     """Draws a time on a dark background."""
     font = ImageFont.load_default(15)
     draw.rounded_rectangle((x, y, x + font.getlength(text) + 14, y + 22), 6, fill=(12, 14, 19))
-    draw.text((x + 7, y + 2), text, fill=INK, font=font)
+    draw.text((x + 7, y + 2), text, fill=TITLE_COLOUR, font=font)

@@ -13,12 +13,12 @@ class BoundedQueue(Generic[T]):
     """A queue that drops its oldest values beyond its limits.
 
     Args:
-        most: maximum number of values.
-        most_bytes: maximum bytes of all values. One value is kept regardless of its size.
+        max_values: maximum number of values.
+        max_bytes: maximum bytes of all values. One value is kept regardless of its size.
     """
 
-    def __init__(self, most: int, most_bytes: int) -> None:
-        self._most, self._most_bytes = most, most_bytes
+    def __init__(self, max_values: int, max_bytes: int) -> None:
+        self._most, self._most_bytes = max_values, max_bytes
         self._held: deque[tuple[T, int]] = deque()
         self.bytes = 0
 
@@ -58,13 +58,13 @@ class NewestValues(dict[str, Any]):
     Beyond the limits, the keys that were not updated for longest are dropped.
 
     Args:
-        most: maximum number of keys.
-        most_bytes: maximum bytes of all values. One value is kept regardless of its size.
+        max_values: maximum number of keys.
+        max_bytes: maximum bytes of all values. One value is kept regardless of its size.
     """
 
-    def __init__(self, most: int, most_bytes: int) -> None:
+    def __init__(self, max_values: int, max_bytes: int) -> None:
         super().__init__()
-        self._most, self._most_bytes = most, most_bytes
+        self._most, self._most_bytes = max_values, max_bytes
         self._sizes: dict[str, int] = {}
         self.bytes = 0
 

@@ -1,10 +1,10 @@
 """Estimates the offset between an edge's wall clock and this machine's, to measure latency across machines.
 
-A request is sent at s, answered at e on the edge's clock, and back at r. Then the offset lies between e - r
-and e - s, since nothing arrives before it was sent. Every heartbeat adds a lower bound. The bounds of
-different messages are intersected (Marzullo, "Maintaining the time in a distributed system", 1984). This is
-tighter than using the single message with the smallest round trip: each program reads its socket only once
-per frame, and this delay affects either direction at random.
+A request is sent at time s, answered at time e on the edge's clock, and the answer arrives at time r. Then
+the offset lies between e - r and e - s, since nothing arrives before it was sent. Every heartbeat adds a
+lower bound. The bounds of different messages are intersected (Marzullo, "Maintaining the time in a
+distributed system", 1984). This is tighter than using the single message with the smallest round trip: each
+program reads its socket only once per frame, and this delay affects either direction at random.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class ClockEstimate:
         if received_ns >= sent_ns:
             self._upper.append(edge_ns - sent_ns)
             self._lower.append(edge_ns - received_ns)
-            self._mend()
+            self._drop_contradictions()
 
     def add_heartbeat(self, edge_ns: int, received_ns: int) -> None:
         """Adds a heartbeat: stamped with the edge's clock, received on this clock."""
         self._lower.append(edge_ns - received_ns)
-        self._mend()
+        self._drop_contradictions()
 
     @property
     def is_known(self) -> bool:
@@ -52,7 +52,7 @@ class ClockEstimate:
         low, high = max(self._lower), min(self._upper)
         return 0 if low <= 0 <= high else (low + high) // 2
 
-    def _mend(self) -> None:
+    def _drop_contradictions(self) -> None:
         """Handles contradicting bounds, which mean that a clock was set: keeps only the newest ones."""
         if self._upper and self._lower and max(self._lower) > min(self._upper):
             upper, lower = self._upper[-1], self._lower[-1]

@@ -142,7 +142,7 @@ class EdgeClient:
 
         They are refusals, restarts, version mismatches and name clashes.
         """
-        return _take_all(self._notices)
+        return _drain(self._notices)
 
     def ask(self, order: Order, on_reply: Callable[[Answer], None] | None = None) -> None:
         """Sends an order to the edge of its character, or to all edges. A notice reports a refusal.
@@ -160,8 +160,8 @@ class EdgeClient:
         for edge in self.edges:
             if character in edge.held:
                 prefix = f"{edge.name}/" if self._prefixed else ""
-                own = msgspec.structs.replace(order, character=character.removeprefix(prefix))
-                edge.command(own, on_reply)
+                edge_order = msgspec.structs.replace(order, character=character.removeprefix(prefix))
+                edge.command(edge_order, on_reply)
                 return
         character_names = ", ".join(self.characters) or "none"
         refused = Refused(f"unknown character {character!r}; known: {character_names}"[:400])
@@ -175,9 +175,9 @@ class EdgeClient:
             edge.close()
 
     def _find_clashes(self) -> None:
-        """Marks edges with the same name that are alive at the same time.
+        """Marks two edges with the same name if both send messages at the same time.
 
-        After a restart the old one is silent.
+        After a restart of one edge, its old process is silent, so this is not a clash.
         """
         now = time.monotonic()
         for edge in self.edges:
@@ -202,7 +202,7 @@ class EdgeClient:
         )
 
 
-def _take_all(queue: deque[Any]) -> list[Any]:
+def _drain(queue: deque[Any]) -> list[Any]:
     """Empties a queue and returns its contents."""
     taken = list(queue)
     queue.clear()

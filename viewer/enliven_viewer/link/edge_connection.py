@@ -49,8 +49,8 @@ from enliven_viewer.link.clock import ClockEstimate
 from enliven_viewer.link.received_data import Health, Notice, ReceivedPose
 from enliven_viewer.link.requests import Requests
 from enliven_viewer.link.stage_link import StageLink
-from enliven_viewer.link.topic_health import SILENT_AFTER, TopicHealth, TopicWatch
-from enliven_viewer.link.topic_tracks import labelled, track_of
+from enliven_viewer.link.topic_health import SILENCE_TIMEOUT_S, TopicHealth, TopicWatch
+from enliven_viewer.link.topic_tracks import relabel, track_of
 
 _POLL_BUDGET_S = 0.01
 """Maximum time in seconds that one poll spends on messages, so that a flood of them does not block
@@ -81,14 +81,14 @@ _REQUEST_INTERVAL_S = 1.0
 _FIRST_REQUEST_INTERVAL_S = 0.1
 """Seconds between two requests before the streams arrive. Each request makes the edge publish a heartbeat."""
 _REPLY_TIMEOUT_S = 1.0
-"""Timeout in seconds of a hello or a ping. An edge answers within a frame."""
+"""Timeout in seconds of a hello (login) or a ping. An edge answers within a frame."""
 _CHARACTER_TIMEOUT_S = 10.0
 """Timeout in seconds of a character request, which may transfer megabytes over a slow network."""
 _MAX_PARALLEL_REQUESTS = 4
 """Maximum number of simultaneous character requests, so that poses and heartbeats are not delayed."""
 _FULL_RETRY_INTERVAL_S = 30.0
 """Seconds until a character that exceeds the memory limit is requested again."""
-NO_ANSWER = "does not answer"
+NO_ANSWER_TEXT = "does not answer"
 """End of the refusal text of a command that timed out. A busy edge may still carry it out."""
 _COMMAND_TIMEOUT_S = 3.0
 """Timeout of a command, in seconds. After it, the user gets a message that the edge does not answer."""
@@ -143,9 +143,9 @@ class EdgeConnection:
         self._other_version: int | None = None
         self.last_heard = self._ping_at = -math.inf
         self._unsure: BoundedQueue[bytes] = BoundedQueue(_MAX_STORED_FRAMES, _MAX_UNREAD_BYTES)
-        self._told_full = False
+        self._has_reported_full = False
         self._after_silence = True
-        self._told_listening = False
+        self._has_reported_listening = False
         self.stage = StageLink(self)
         self._begin(None)
 
@@ -184,7 +184,7 @@ class EdgeConnection:
         """Sends a command. A refusal becomes a notice; ``on_reply`` gets the reply."""
 
         def replied(answer: Answer | None) -> None:
-            answer = answer or Refused(f"{self.name} {NO_ANSWER}")
+            answer = answer or Refused(f"{self.name} {NO_ANSWER_TEXT}")
             if isinstance(answer, Refused) and answer.reason != SUPERSEDED:
                 self._notify(Notice("warning", answer.reason))
             if on_reply is not None:
@@ -225,8 +225,8 @@ class EdgeConnection:
         """Returns the state and the text of :class:`Health`."""
         if self._other_version is not None:
             return "version mismatch", (
-                f"the edge at {self.endpoint} speaks version {self._other_version} of the wire and this "
-                "viewer another: install the same release of enliven on both"
+                f"the edge at {self.endpoint} uses version {self._other_version} of the network protocol, "
+                "and this viewer another: install the same release of enliven on both"
             )
         if self.status is None:
             return "waiting", f"waiting for an edge at {self.endpoint}"
@@ -235,7 +235,7 @@ class EdgeConnection:
         if self.status.phase == "ended":
             return "ended", f"{self.name}: the stream has ended"
         silent = now - self.last_heard
-        if silent > SILENT_AFTER or self._after_silence:
+        if silent > SILENCE_TIMEOUT_S or self._after_silence:
             return "stale", f"{self.name} has been silent for {silent:.0f} s"
         if poses.on_rate:
             return "on rate", f"{self.name}: {self.status.phase}"
@@ -266,7 +266,7 @@ class EdgeConnection:
             self._other_version = error.version
             self._notify(Notice("error", self._state(0.0, TopicHealth())[1]))
         if error.kind in STREAMS:
-            self._watch(STREAMS[error.kind]).failed()
+            self._watch(STREAMS[error.kind]).count_failure()
         self._rejects.add(error)
 
     def _receive(self, data: bytes, latched: bool) -> None:
@@ -274,45 +274,47 @@ class EdgeConnection:
         try:
             topic, message = unpack_stream(data)
             if not latched:
-                self._hear(topic)
+                self._record_arrival(topic)
             if topic is STATUS:
-                self._take_status(message)
+                self._handle_status(message)
             elif topic is POSE:
-                self._take_pose(message, latched)
+                self._handle_pose(message, latched)
             elif self._after_silence and not latched:
                 self._unsure.append(data, len(data))
                 return
             elif self.status is not None and self._admits(topic, message):
-                own = labelled(message, lambda character: self._label(self.name, character))
+                relabelled = relabel(message, lambda character: self._label(self.name, character))
                 track = track_of(topic)
-                self._keep(topic, topic.key(own), track.read(own, self.name), track.size_of(len(data)))
+                self._keep(
+                    topic, topic.key(relabelled), track.read(relabelled, self.name), track.size_of(len(data))
+                )
             if not latched:
-                self._watch(topic).took(topic.key(message))
+                self._watch(topic).count_message(topic.key(message))
             if self._after_silence and not latched:
-                self._known_again()
+                self._process_held_back()
         except MalformedMessageError as error:
             self._reject(error)
         except (EnlivenError, ValueError) as error:
-            self._watch(topic).failed()
+            self._watch(topic).count_failure()
             self._rejects.add(error)
 
-    def _hear(self, topic: Topic) -> None:
+    def _record_arrival(self, topic: Topic) -> None:
         """Records that the edge is alive.
 
-        After a silence, only a status or a pose shows whether it has restarted.
+        After a silence, only a status or a pose message shows whether the edge has restarted.
         """
         now = time.monotonic()
-        self._after_silence |= now - self.last_heard > SILENT_AFTER
+        self._after_silence |= now - self.last_heard > SILENCE_TIMEOUT_S
         self.last_heard, self._other_version = now, None
 
-    def _known_again(self) -> None:
+    def _process_held_back(self) -> None:
         """Processes the messages held back after a silence until the sending process was known."""
         self._after_silence = False
         while self._unsure:
             self._receive(self._unsure.popleft(), latched=False)
 
     def _admits(self, topic: Topic, message: Any) -> bool:
-        """Returns whether a message is about a listed character, or one of a few new ones."""
+        """Returns True if a message is about a listed character, or about one of a few unlisted ones."""
         if (
             not topic.is_per_character
             or message.character in self._wanted
@@ -320,7 +322,9 @@ class EdgeConnection:
         ):
             return True
         if len(self._unknown) >= _MAX_UNKNOWN_CHARACTERS:
-            raise MalformedMessageError(topic.name, "it is about a character that the edge does not list")
+            raise MalformedMessageError(
+                topic.name, "the message is about a character that the edge does not list"
+            )
         self._unknown.add(message.character)
         return True
 
@@ -336,7 +340,7 @@ class EdgeConnection:
         """Returns the counts of a topic."""
         return self._watches.setdefault(topic.name, TopicWatch(topic))
 
-    def _take_status(self, message: StatusMessage) -> None:
+    def _handle_status(self, message: StatusMessage) -> None:
         if message.instance != self.instance:
             if self.instance is not None:
                 self._notify(Notice("info", f"{message.edge} has restarted"))
@@ -346,7 +350,7 @@ class EdgeConnection:
         if message.revision != self._known_revision:
             self._hello_at = -math.inf
 
-    def _take_pose(self, message: PoseMessage, latched: bool) -> None:
+    def _handle_pose(self, message: PoseMessage, latched: bool) -> None:
         """Checks a pose's sequence number, and decodes the pose now or once its character has arrived."""
         if message.instance != self.instance:
             if latched:
@@ -367,95 +371,102 @@ class EdgeConnection:
             if message.revision > held_revision:
                 self._waiting.append((message, received_ns), len(message.transforms))
             return
-        shown = self._label(self.name, message.character)
-        held = self.held[shown]
-        pose = replace(message_to_pose(message, held.codec), character=shown)
+        character_id = self._label(self.name, message.character)
+        held = self.held[character_id]
+        pose = replace(message_to_pose(message, held.codec), character=character_id)
         times = (message.captured_ns, message.published_ns, received_ns, self.clock.offset_ns)
-        of = held.character, message.revision
+        revision_of_pose = held.character, message.revision
         size = pose.linear.nbytes + pose.positions.nbytes
-        self._keep(POSE, shown, ReceivedPose(pose, self.name, message.sequence, *times, *of), size)
+        self._keep(
+            POSE,
+            character_id,
+            ReceivedPose(pose, self.name, message.sequence, *times, *revision_of_pose),
+            size,
+        )
 
     def _ask(self) -> None:
         """Sends a hello until it is answered, and requests missing characters and the time."""
         now = time.monotonic()
-        listening = now - self.last_heard < SILENT_AFTER
+        listening = now - self.last_heard < SILENCE_TIMEOUT_S
         # Until the streams arrive, every request triggers a heartbeat of the edge, so ask more often.
-        pause = _REQUEST_INTERVAL_S if listening else _FIRST_REQUEST_INTERVAL_S
+        interval = _REQUEST_INTERVAL_S if listening else _FIRST_REQUEST_INTERVAL_S
         behind = self.status is None or self.status.revision != self._known_revision
-        if behind and now - self._hello_at >= pause and not self._requests.under_way("hello"):
+        if behind and now - self._hello_at >= interval and not self._requests.count_pending("hello"):
             hello = Hello(self._viewer, listening)
-            if self._requests.send(hello, "hello", _REPLY_TIMEOUT_S, self._take_welcome):
+            if self._requests.send(hello, "hello", _REPLY_TIMEOUT_S, self._handle_welcome):
                 self._hello_at = now
-        elif now - self._ping_at >= pause or listening != self._told_listening:
+        elif now - self._ping_at >= interval or listening != self._has_reported_listening:
             ping = Ping(self._viewer, time.time_ns(), listening)
-            if self._requests.send(ping, "ping", _REPLY_TIMEOUT_S, self._take_pong):
-                self._ping_at, self._told_listening = now, listening
+            if self._requests.send(ping, "ping", _REPLY_TIMEOUT_S, self._handle_pong):
+                self._ping_at, self._has_reported_listening = now, listening
         for character, revision in self._wanted.items():
             if (
                 self._revisions.get(character) != revision
-                and now - self._asked_at.get(character, 0.0) > pause
+                and now - self._asked_at.get(character, 0.0) > interval
             ):
                 self._fetch(character, now)
 
     def _fetch(self, character: str, now: float) -> None:
         key = f"character {character}\0"
-        if self._requests.under_way("character ") < _MAX_PARALLEL_REQUESTS and not self._requests.under_way(
-            key
-        ):
+        if self._requests.count_pending(
+            "character "
+        ) < _MAX_PARALLEL_REQUESTS and not self._requests.count_pending(key):
             self._asked_at[character] = now
-            self._requests.send(GetState(character), key, _CHARACTER_TIMEOUT_S, self._take_character)
+            self._requests.send(GetState(character), key, _CHARACTER_TIMEOUT_S, self._handle_character)
 
-    def _take_pong(self, answer: Answer | None) -> None:
+    def _handle_pong(self, answer: Answer | None) -> None:
         if isinstance(answer, Pong):
             self.clock.add_ping(answer.sent_ns, answer.edge_ns, time.time_ns())
 
-    def _take_welcome(self, answer: Answer | None) -> None:
+    def _handle_welcome(self, answer: Answer | None) -> None:
         """Stores the edge's list of characters, and removes those that are no longer listed."""
         if not isinstance(answer, Welcome):
             return
-        self._take_status(answer.status)
+        self._handle_status(answer.status)
         self._known_revision = answer.status.revision
-        wanted = {each.character: each.revision for each in answer.characters}
-        self._asked_at = {c: t for c, t in self._asked_at.items() if wanted.get(c) == self._wanted.get(c)}
-        self._wanted = wanted
-        shown = {self._label(self.name, character) for character in self._wanted}
-        for gone in [name for name in self.held if name not in shown]:
+        listed_revisions = {each.character: each.revision for each in answer.characters}
+        self._asked_at = {
+            c: t for c, t in self._asked_at.items() if listed_revisions.get(c) == self._wanted.get(c)
+        }
+        self._wanted = listed_revisions
+        listed_ids = {self._label(self.name, character) for character in self._wanted}
+        for gone in [name for name in self.held if name not in listed_ids]:
             del self.held[gone]
-        self._forget_others(shown)
-        self._revisions = {name: held for name, held in self._revisions.items() if name in wanted}
-        self._sequences = {name: last for name, last in self._sequences.items() if name in wanted}
+        self._forget_unlisted(listed_ids)
+        self._revisions = {name: held for name, held in self._revisions.items() if name in listed_revisions}
+        self._sequences = {name: last for name, last in self._sequences.items() if name in listed_revisions}
         self._unknown.clear()
         for message in answer.latest:
             self._receive(message, latched=True)
 
-    def _forget_others(self, shown: set[str]) -> None:
+    def _forget_unlisted(self, listed_ids: set[str]) -> None:
         """Removes the newest messages about characters that the edge does not list."""
         for name, newest in self.latest.items():
             if STREAMS[name].is_per_character:
-                for gone in newest.keys() - shown:
+                for gone in newest.keys() - listed_ids:
                     newest.forget(gone)
 
-    def _take_character(self, answer: Answer | None) -> None:
+    def _handle_character(self, answer: Answer | None) -> None:
         """Stores a character and decodes the poses that waited for it.
 
         If it is unusable, the old one stays.
         """
         if not isinstance(answer, CharacterMessage) or answer.id not in self._wanted:
             return
-        shown = self._label(self.name, answer.id)
+        character_id = self._label(self.name, answer.id)
         try:
-            character = replace(message_to_character(answer), id=shown)
+            character = replace(message_to_character(answer), id=character_id)
             codec = PoseCodec(character)
         except (EnlivenError, ValueError) as error:
             self._rejects.add(error)
             return
-        size = _bytes_of(answer)
-        others = sum(held.size for name, held in self.held.items() if name != shown)
+        size = _count_bytes(answer)
+        others = sum(held.size for name, held in self.held.items() if name != character_id)
         if others + size > _MAX_CHARACTER_BYTES:
             self._asked_at[answer.id] = time.monotonic() + _FULL_RETRY_INTERVAL_S
-            self._tell_full()
+            self._report_full_memory()
             return
-        self.held[shown] = _HeldCharacter(answer.revision, character, codec, size)
+        self.held[character_id] = _HeldCharacter(answer.revision, character, codec, size)
         self._revisions[answer.id] = answer.revision
         for message, received_ns in self._waiting.take():
             try:
@@ -463,16 +474,17 @@ class EdgeConnection:
             except ValueError as error:
                 self._rejects.add(error)
 
-    def _tell_full(self) -> None:
+    def _report_full_memory(self) -> None:
         """Notifies the user once that not all characters fit into memory."""
-        if not self._told_full:
-            self._told_full = True
-            most = _MAX_CHARACTER_BYTES // 1024**2
-            text = f"the characters of {self.name} have more than {most} MB; some are not shown. Remove some"
+        if not self._has_reported_full:
+            self._has_reported_full = True
+            max_megabytes = _MAX_CHARACTER_BYTES // 1024**2
+            problem = f"the characters of {self.name} have more than {max_megabytes} MB"
+            text = f"{problem}; some are not shown. Remove some of them"
             self._notify(Notice("warning", text))
 
 
-def _bytes_of(message: CharacterMessage) -> int:
+def _count_bytes(message: CharacterMessage) -> int:
     """Returns the bytes of a character's arrays and images."""
     parts = [*astuple(message)]
     if message.materials is not None:

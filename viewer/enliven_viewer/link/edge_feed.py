@@ -9,7 +9,7 @@ from typing import Any
 from enliven.wire import BODIES, CALLS, CUES, POSE, Done, Look, Order, Topic, messages_to_health
 from enliven_viewer.link.edge_client import EdgeClient
 from enliven_viewer.link.received_data import ReceivedPose
-from enliven_viewer.link.topic_tracks import shown_topics, track_of
+from enliven_viewer.link.topic_tracks import list_shown_topics, track_of
 from enliven_viewer.playback import Document, EdgeState
 
 _NOTICE_S = 5.0
@@ -39,9 +39,9 @@ class EdgeFeed:
         self._notice, self._notice_until = "", 0.0
         self._edge_ms: float | None = None
         self._link_ms: float | None = None
-        self._bare_since: float | None = None
+        self._lacks_characters_since: float | None = None
         self._look: Look | None = None
-        self._told_instance: int | None = None
+        self._known_instance: int | None = None
         self._instance: int | None = None
 
     def poll(self, document: Document) -> int:
@@ -49,7 +49,7 @@ class EdgeFeed:
         self.link.poll()
         began_again = self._watch_instance()
         document.characters = dict(self.link.characters)
-        arrived = [(topic, value) for topic in shown_topics() for value in self.link.take(topic)]
+        arrived = [(topic, value) for topic in list_shown_topics() for value in self.link.take(topic)]
         if not began_again:
             # After a restart, the messages may contain times of two clocks, so do not sort them.
             # After a slow frame, several seconds of one topic arrive before those of the next topic. So sort
@@ -63,8 +63,8 @@ class EdgeFeed:
         self._forget_cues(document)
         poses = [value for topic, value in arrived if topic is POSE]
         if poses:
-            self._take_latency(poses[-1])
-        self._look_again()
+            self._update_latency(poses[-1])
+        self._resend_view()
         document.edge = self._state()
         return len(arrived)
 
@@ -93,11 +93,11 @@ class EdgeFeed:
             document.forget_cues(name)
         self._shown_cues = set(current)
 
-    def _look_again(self) -> None:
+    def _resend_view(self) -> None:
         """Sends the viewing direction again to a restarted edge."""
         instance = self.link.edges[0].instance
-        if instance != self._told_instance and self.link.status is not None:
-            self._told_instance = instance
+        if instance != self._known_instance and self.link.status is not None:
+            self._known_instance = instance
             if self._look is not None:
                 self.link.ask(self._look)
 
@@ -107,19 +107,21 @@ class EdgeFeed:
         A wrong port is a common reason.
         """
         if not connected or self.link.characters:
-            self._bare_since = None
+            self._lacks_characters_since = None
             return False
-        self._bare_since = self._bare_since or now
-        return now - self._bare_since > _NO_CHARACTERS_TIMEOUT_S
+        self._lacks_characters_since = self._lacks_characters_since or now
+        return now - self._lacks_characters_since > _NO_CHARACTERS_TIMEOUT_S
 
-    def _take_latency(self, newest: ReceivedPose) -> None:
-        edge, whole = newest.sensor_to_pose_ms, newest.age_ms()
-        way = max(whole - edge, 0.0)
+    def _update_latency(self, newest: ReceivedPose) -> None:
+        edge, total_delay = newest.sensor_to_pose_ms, newest.age_ms()
+        link_delay = max(total_delay - edge, 0.0)
         self._edge_ms = (
             edge if self._edge_ms is None else self._edge_ms + _LATENCY_SMOOTHING * (edge - self._edge_ms)
         )
         self._link_ms = (
-            way if self._link_ms is None else self._link_ms + _LATENCY_SMOOTHING * (way - self._link_ms)
+            link_delay
+            if self._link_ms is None
+            else self._link_ms + _LATENCY_SMOOTHING * (link_delay - self._link_ms)
         )
 
     def _state(self) -> EdgeState:

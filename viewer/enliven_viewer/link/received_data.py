@@ -18,7 +18,7 @@ State = Literal["waiting", "connected", "on rate", "stale", "ended", "version mi
 
 @dataclass(frozen=True)
 class ReceivedPose:
-    """A pose with its history.
+    """A pose with the times at which it was captured, sent and received.
 
     Attributes:
         pose: pose of a character that the link holds.

@@ -52,11 +52,11 @@ class Requests:
         self._pending: dict[int, _PendingRequest] = {}
         self._late: deque[int] = deque(maxlen=_MAX_LATE_REQUESTS)
         self._last = 0
-        self._unasked = 0
+        self._unrequested_bytes = 0
         self._reopen_at = 0.0
         self._open()
 
-    def under_way(self, prefix: str) -> int:
+    def count_pending(self, prefix: str) -> int:
         """Returns the number of unanswered requests with a key that begins with ``prefix``."""
         return sum(p.key.startswith(prefix) for p in self._pending.values())
 
@@ -64,7 +64,7 @@ class Requests:
         """Sends a request without blocking. Returns False without a connection to an edge.
 
         Args:
-            key: subject of the request, see :meth:`under_way`.
+            key: subject of the request, see :meth:`count_pending`.
             seconds: timeout of the reply.
             on_reply: called from :meth:`poll` with the reply, or with None after the timeout.
         """
@@ -89,7 +89,7 @@ class Requests:
             except zmq.Again:
                 break
             try:
-                self._take(parts)
+                self._handle_reply(parts)
             except MalformedMessageError as error:
                 malformed(error)
         now = time.monotonic()
@@ -113,7 +113,7 @@ class Requests:
 
     def _open(self) -> None:
         """Connects to the edge."""
-        self._unasked = 0
+        self._unrequested_bytes = 0
         most = REPLY.max_bytes + 64
         self._socket = make_socket(self._context, zmq.DEALER, most, MAX_UNREAD_REPLIES)
         # Send only over an existing connection (IMMEDIATE). Otherwise a request would wait in a queue for an
@@ -121,7 +121,7 @@ class Requests:
         self._socket.setsockopt(zmq.IMMEDIATE, 1)
         self._socket.connect(self._endpoint.control_address)
 
-    def _take(self, parts: list[bytes]) -> None:
+    def _handle_reply(self, parts: list[bytes]) -> None:
         """Processes one reply.
 
         Raises:
@@ -136,14 +136,14 @@ class Requests:
                 self._late.remove(number)
                 return
             self._count_unasked(len(parts[0]))
-            raise MalformedMessageError("reply", "it answers nothing that was asked")
+            raise MalformedMessageError("reply", "it does not answer any request")
         reply: Reply = unpack_control(parts[0], REPLY)
         self._pending.pop(number).on_reply(reply.body)
 
     def _count_unasked(self, size: int) -> None:
         """Counts unrequested bytes. Closes the connection after too many of them."""
-        self._unasked += size
-        if self._unasked > _MAX_UNREQUESTED_BYTES:
+        self._unrequested_bytes += size
+        if self._unrequested_bytes > _MAX_UNREQUESTED_BYTES:
             self.close()
             self._reopen_at = time.monotonic() + _RECONNECT_DELAY_S
             self.forget()

@@ -150,7 +150,7 @@ class StageLink:
                 self._announce(sending)
             if sending.order is not None and now >= sending.ask_at:
                 sending.ask_at = float("inf")
-                self._ask(sending.order, partial(self._take_state, sending))
+                self._ask(sending.order, partial(self._handle_state, sending))
 
     def restart(self) -> None:
         """Discards the revisions of a restarted edge, which counts from the beginning."""
@@ -177,12 +177,12 @@ class StageLink:
         self._last[sending.name] = revision
         sending.order = PutCharacter(sending.name, revision, digest, size, sending.fit)
         sending.ask_at = float("inf")
-        self._ask(sending.order, partial(self._take_state, sending))
+        self._ask(sending.order, partial(self._handle_state, sending))
         # Send the parts together with the announcement, because waiting for its answer would take one frame
         # of the edge.
         self._send_parts(sending)
 
-    def _take_state(self, sending: _Upload, answer: Answer) -> None:
+    def _handle_state(self, sending: _Upload, answer: Answer) -> None:
         """Processes the answer to a state request."""
         if not isinstance(answer, Awaited):
             self._end(sending, answer)
@@ -203,9 +203,9 @@ class StageLink:
             part = CharacterPart(sending.name, sending.order.digest, sending.sent, data)
             sending.sent += len(data)
             sending.under_way += 1
-            self._ask(part, partial(self._take_part_answer, sending))
+            self._ask(part, partial(self._handle_part_answer, sending))
 
-    def _take_part_answer(self, sending: _Upload, answer: Answer) -> None:
+    def _handle_part_answer(self, sending: _Upload, answer: Answer) -> None:
         """Processes the answer to a part. After a refusal, asks where to continue."""
         sending.under_way -= 1
         sending.refused |= not isinstance(answer, Awaited)

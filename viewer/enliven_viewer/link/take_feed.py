@@ -24,7 +24,7 @@ from enliven.wire import (
     message_to_character,
     message_to_pose,
 )
-from enliven_viewer.link.topic_tracks import shown_topics, track_of
+from enliven_viewer.link.topic_tracks import list_shown_topics, track_of
 from enliven_viewer.playback import Document, EdgeState
 
 log = logging.getLogger(__name__)
@@ -47,11 +47,11 @@ class TakeFeed:
 
     def __init__(self, path: Path) -> None:
         recording = Recording(path)
-        topic_names = [CHARACTER.name, *(topic.name for topic in shown_topics())]
+        topic_names = [CHARACTER.name, *(topic.name for topic in list_shown_topics())]
         present = [name for name in topic_names if name in recording.info.topics]
         if not {"character", "pose"} <= set(present):
             raise InputError(
-                "it holds no performance (characters and poses)",
+                "it contains no performance (characters and poses)",
                 where=str(path),
                 mend="Drive a mesh with it: enliven run --recording FILE.",
             )

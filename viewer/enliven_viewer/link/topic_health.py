@@ -9,9 +9,9 @@ from typing import Literal
 
 from enliven.wire import Topic
 
-SILENT_AFTER = 2.0
+SILENCE_TIMEOUT_S = 2.0
 """Seconds without a message after which a topic or an edge counts as silent: four heartbeats."""
-RATE_OVER = 2.0
+RATE_WINDOW_S = 2.0
 """Length in seconds of the window in which messages are counted: long enough for a steady value, short enough
 to react.
 """
@@ -58,12 +58,12 @@ class TopicWatch:
         self._heard = self._failed = float("-inf")
         self._malformed = 0
 
-    def took(self, key: str) -> None:
+    def count_message(self, key: str) -> None:
         """Counts a message, with its key."""
         self._heard = time.monotonic()
         self._arrivals.append((self._heard, key))
 
-    def failed(self) -> None:
+    def count_failure(self) -> None:
         """Counts a message that could not be read."""
         self._failed = time.monotonic()
         self._malformed += 1
@@ -75,11 +75,11 @@ class TopicWatch:
             fps: the edge's announced frames per second; 0 if not announced.
         """
         now = time.monotonic()
-        while self._arrivals and now - self._arrivals[0][0] > RATE_OVER:
+        while self._arrivals and now - self._arrivals[0][0] > RATE_WINDOW_S:
             self._arrivals.popleft()
         keys = {key for _, key in self._arrivals}
-        hz = len(self._arrivals) / RATE_OVER / max(len(keys), 1)
-        alive = now - self._heard <= SILENT_AFTER
-        wanted = min(fps or self._topic.rate_hz, self._topic.rate_hz)
-        on_rate = alive and hz >= _MIN_RATE_FRACTION * wanted
-        return TopicHealth(alive, on_rate, now - self._failed > RATE_OVER, hz, self._malformed)
+        hz = len(self._arrivals) / RATE_WINDOW_S / max(len(keys), 1)
+        alive = now - self._heard <= SILENCE_TIMEOUT_S
+        expected_rate = min(fps or self._topic.rate_hz, self._topic.rate_hz)
+        on_rate = alive and hz >= _MIN_RATE_FRACTION * expected_rate
+        return TopicHealth(alive, on_rate, now - self._failed > RATE_WINDOW_S, hz, self._malformed)

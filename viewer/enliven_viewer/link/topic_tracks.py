@@ -30,7 +30,7 @@ from enliven_viewer.link.received_data import ReceivedBodies, ReceivedCues, Rece
 from enliven_viewer.playback import CueFrame, Document
 
 _OBJECT_OVERHEAD_BYTES = 500
-"""Overhead in bytes of a value in addition to its numbers: object, arrays and strings."""
+"""Bytes that a value needs in addition to its numbers: for the object, arrays and strings."""
 
 
 @dataclass(frozen=True)
@@ -67,14 +67,14 @@ def _put_pose(document: Document, received: ReceivedPose) -> None:
 
 
 def _put_cues(document: Document, cues: ReceivedCues) -> None:
-    shown = CueFrame(cues.character, cues.nodes, cues.strengths, cues.state, cues.owners, cues.held)
-    document.set_cues(shown, cues.time_ns)
+    cue_frame = CueFrame(cues.character, cues.nodes, cues.strengths, cues.state, cues.owners, cues.held)
+    document.set_cues(cue_frame, cues.time_ns)
 
 
 def _put_hold(document: Document, held: HoldMessage) -> None:
-    """Puts a change of attachments at the newest time.
+    """Puts a change of attachments onto the timeline, at the newest time or later.
 
-    A viewer that joins late also gets changes from long ago.
+    A viewer that joins late also receives old changes, which must not be put into the past.
     """
     now = max(held.time_ns, document.timeline.end_ns)
     document.add(HOLDS, msgspec.structs.replace(held, time_ns=now))
@@ -97,21 +97,23 @@ characters.
 
 def track_of(topic: Topic) -> TopicTrack:
     """Returns the track of a topic. Messages without a special track are put onto the timeline unchanged."""
-    plain = TopicTrack(lambda message, edge: message, lambda document, value: document.add(topic, value))
-    return TRACKS.get(topic.name, plain)
+    default_track = TopicTrack(
+        lambda message, edge: message, lambda document, value: document.add(topic, value)
+    )
+    return TRACKS.get(topic.name, default_track)
 
 
-def in_order(topics: Iterable[Topic]) -> list[Topic]:
+def sort_topics(topics: Iterable[Topic]) -> list[Topic]:
     """Returns topics in the order in which their simultaneous messages are applied."""
     return sorted(topics, key=lambda t: list(TRACKS).index(t.name) if t.name in TRACKS else len(TRACKS))
 
 
-def shown_topics() -> list[Topic]:
+def list_shown_topics() -> list[Topic]:
     """Returns the topics that are in a take and on the timeline, in order of application."""
-    return in_order(topic for topic in STREAMS.values() if topic.recorded)
+    return sort_topics(topic for topic in STREAMS.values() if topic.recorded)
 
 
-def labelled(message: Any, label: Callable[[str], str]) -> Any:
+def relabel(message: Any, label: Callable[[str], str]) -> Any:
     """Returns a message with the character id of this viewer, if it is about a character."""
     if "character" not in message.__struct_fields__:
         return message

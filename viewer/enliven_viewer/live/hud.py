@@ -14,7 +14,7 @@ from enliven_viewer.theme import ACCENT, BAD, GLASS, GOOD, INK, QUIET, TRACK, WA
 if TYPE_CHECKING:
     from enliven_viewer.render.overlay import Pen
 
-SEVERITY = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
+SEVERITY_COLOURS = {Severity.NOTE: QUIET, Severity.WARNING: WAIT, Severity.ERROR: BAD}
 """The colour of a health message by its severity."""
 _NOTICEABLE_DELAY_MS = 150.0
 """Delay in milliseconds above which people notice that the image follows them. Below it, it feels like a
@@ -24,9 +24,9 @@ _DISTURBING_DELAY_MS = 350.0
 """Delay in milliseconds above which people overshoot, since they wait for the image."""
 _MIN_SMOOTH_FPS = 20.0
 """Frame rate below which movement looks jerky, in frames per second. Below it, a hint is shown."""
-_NOTICE_TOP = 84.0
+_NOTICE_TOP_PX = 84.0
 """Distance in pixels from the top of a notice over characters: below the active tool's hint."""
-SIGNAL: dict[str, Colour] = {
+SIGNAL_COLOURS: dict[str, Colour] = {
     later("live"): GOOD,
     later("ended"): QUIET,
     later("no edge"): BAD,
@@ -49,8 +49,9 @@ class HudState:
         shown_s, length_s: seconds since the timeline's start, and the timeline's length.
         live, paused, speed: state of the playhead.
         notice: one line over the image, or empty.
-        among: whether characters are visible, which the notice must not cover.
-        near: whether the edge runs on this machine and was started for this window.
+        among: whether characters are visible. Then the notice is small and at the top, so that it does not
+            cover them.
+        near: whether this window has started the edge on this machine.
         possession: description of the next possession, or empty.
         score: text about loose objects, or empty.
         cards: the match candidates of a pose.
@@ -101,11 +102,11 @@ class Hud:
 
     def draw(self, size: tuple[int, int], state: HudState) -> None:
         """Draws everything into an area with a width and height in pixels."""
-        below = self._state_panel(state)
+        below = self._draw_state_panel(state)
         if state.edge is not None and state.edge.connected and state.edge.health:
-            self._health_panel(size, below, state.edge.health)
+            self._draw_health_panel(size, below, state.edge.health)
         if state.length_s > 0:
-            self._timeline(size, state)
+            self._draw_timeline(size, state)
         self.draw_choice(size, state.cards, state.notice, state.among)
 
     def draw_choice(
@@ -115,24 +116,24 @@ class Hud:
         if cards:
             draw_cards(self._canvas, size, self.scale, self._small, cards)
         if notice:
-            self._notice(size, notice, among)
+            self._draw_notice(size, notice, among)
 
-    def _state_panel(self, state: HudState) -> float:
+    def _draw_state_panel(self, state: HudState) -> float:
         """Draws link, phase, frame rate and latency at the top left.
 
         Returns the y coordinate of its lower end in pixels.
         """
-        s, canvas, lines = self.scale, self._canvas, "\n".join(_state_lines(state))
+        s, canvas, lines = self.scale, self._canvas, "\n".join(_list_state_lines(state))
         widest, high = canvas.extent(lines, self._small)
         height = 48 * s + high
         canvas.rectangle(16 * s, 16 * s, max(292 * s, 60 * s + widest), height, GLASS, 10 * s)
-        good = state.edge is None or state.edge.connected
-        canvas.disc(33 * s, 36 * s, 5 * s, GOOD if good else WAIT)
-        canvas.text(46 * s, 26 * s, _headline(state), self._normal, INK)
+        is_connected = state.edge is None or state.edge.connected
+        canvas.disc(33 * s, 36 * s, 5 * s, GOOD if is_connected else WAIT)
+        canvas.text(46 * s, 26 * s, _make_headline(state), self._normal, INK)
         canvas.text(46 * s, 50 * s, lines, self._small, QUIET)
         return 16 * s + height
 
-    def _health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
+    def _draw_health_panel(self, size: tuple[int, int], top: float, states: tuple[HealthState, ...]) -> None:
         """Draws problems and advice below the state, most severe first.
 
         If space runs out, shows how many are left.
@@ -140,21 +141,23 @@ class Hud:
         s, canvas, gap = self.scale, self._canvas, 8 * self.scale
         width = min(430 * s, size[0] - 32 * s)
         bottom, y, wrap = size[1] - 62 * s, top + gap, width - 42 * s
-        for shown, state in enumerate(states):
+        for shown_count, state in enumerate(states):
             texts = ((state.what, INK), (state.mend, QUIET))
             height = 18 * s + sum(canvas.extent(text, self._small, wrap)[1] for text, _ in texts)
             if y + height > bottom:
                 if y + self._small < bottom:
-                    canvas.text(30 * s, y, tr("and {0} more", len(states) - shown), self._small, QUIET)
+                    canvas.text(30 * s, y, tr("and {0} more", len(states) - shown_count), self._small, QUIET)
                 return
             canvas.rectangle(16 * s, y, width, height, GLASS, 10 * s)
-            canvas.rectangle(16 * s, y + 8 * s, 4 * s, height - 16 * s, SEVERITY[state.severity], 2 * s)
+            canvas.rectangle(
+                16 * s, y + 8 * s, 4 * s, height - 16 * s, SEVERITY_COLOURS[state.severity], 2 * s
+            )
             line = y + 8 * s
             for text, tint in texts:
                 line += canvas.text(32 * s, line, text, self._small, tint, wrap=wrap)
             y += height + gap
 
-    def _timeline(self, size: tuple[int, int], state: HudState) -> None:
+    def _draw_timeline(self, size: tuple[int, int], state: HudState) -> None:
         """Draws time, track and mode along the bottom."""
         s, canvas = self.scale, self._canvas
         x, y, width, height = timeline_area(size, s)
@@ -163,57 +166,61 @@ class Hud:
         canvas.rectangle(x, y, width * state.fraction, height, ACCENT, height / 2)
         canvas.disc(x + width * state.fraction, y + height / 2, 8 * s, INK)
         top = y + (height - self._small) / 2
-        canvas.text(x - 18 * s, top, time_text(state.shown_s), self._small, INK, align=1.0)
+        canvas.text(x - 18 * s, top, format_time(state.shown_s), self._small, INK, align=1.0)
         if state.live:
-            word = _signal_word(state.edge)
-            canvas.disc(x + width + 22 * s, y + height / 2, 4 * s, SIGNAL.get(word, WAIT))
-            canvas.text(x + width + 32 * s, top, tr(word), self._small, INK)
+            signal_label = _signal_label(state.edge)
+            canvas.disc(x + width + 22 * s, y + height / 2, 4 * s, SIGNAL_COLOURS.get(signal_label, WAIT))
+            canvas.text(x + width + 32 * s, top, tr(signal_label), self._small, INK)
         else:
             mode = "paused" if state.paused else f"{state.speed:g}x"
-            canvas.text(x + width + 20 * s, top, f"{mode} · {time_text(state.length_s)}", self._small, INK)
+            canvas.text(x + width + 20 * s, top, f"{mode} · {format_time(state.length_s)}", self._small, INK)
 
-    def _notice(self, size: tuple[int, int], notice: str, among: bool) -> None:
+    def _draw_notice(self, size: tuple[int, int], notice: str, is_over_characters: bool) -> None:
         """Draws one line: large in the middle of an empty image, or small at the top of others."""
         s, canvas = self.scale, self._canvas
-        letters, around = (self._normal, 12 * s) if among else (self._large, 20 * s)
-        wide, high = canvas.extent(notice, letters)
-        while wide + 3 * around > size[0] and letters > self._small:
-            letters -= 1
-            wide, high = canvas.extent(notice, letters)
-        top = _NOTICE_TOP * s if among else size[1] * 0.42
-        left = (size[0] - wide) / 2 - 1.5 * around
-        canvas.rectangle(left, top - around, wide + 3 * around, high + 2 * around, GLASS, 14 * s)
-        canvas.text(size[0] / 2, top, notice, letters, INK, align=0.5)
+        text_size, padding = (self._normal, 12 * s) if is_over_characters else (self._large, 20 * s)
+        width, height = canvas.extent(notice, text_size)
+        while width + 3 * padding > size[0] and text_size > self._small:
+            text_size -= 1
+            width, height = canvas.extent(notice, text_size)
+        top = _NOTICE_TOP_PX * s if is_over_characters else size[1] * 0.42
+        left = (size[0] - width) / 2 - 1.5 * padding
+        canvas.rectangle(left, top - padding, width + 3 * padding, height + 2 * padding, GLASS, 14 * s)
+        canvas.text(size[0] / 2, top, notice, text_size, INK, align=0.5)
 
 
-def _headline(state: HudState) -> str:
+def _make_headline(state: HudState) -> str:
     if state.edge is None:
         return state.title
     phase = f" · {state.edge.phase}" if state.edge.phase else ""
-    where = tr("on this machine") if state.near else tr("at {0}", state.edge.address.removeprefix("tcp://"))
-    return tr("Stage {0}{1}", where, phase) if state.edge.connected else tr("No stage {0} yet", where)
+    place_text = (
+        tr("on this machine") if state.near else tr("at {0}", state.edge.address.removeprefix("tcp://"))
+    )
+    return (
+        tr("Stage {0}{1}", place_text, phase) if state.edge.connected else tr("No stage {0} yet", place_text)
+    )
 
 
-def _signal_word(edge: EdgeState | None) -> str:
+def _signal_label(edge: EdgeState | None) -> str:
     """Returns one word about the state of the stream, shown next to the timeline."""
     if edge is None or edge.phase == "ended":
         return "live" if edge is None else "ended"
     return edge.signal if edge.connected else "no edge"
 
 
-def late_words(late_ms: float | None) -> str:
+def describe_delay(late_ms: float | None) -> str:
     """Returns a text about the delay of the image; empty if it is too short to notice."""
     if late_ms is None or late_ms < _NOTICEABLE_DELAY_MS:
         return ""
-    return tr("a little late") if late_ms < _DISTURBING_DELAY_MS else tr("late: move slowly")
+    return tr("a little delayed") if late_ms < _DISTURBING_DELAY_MS else tr("delayed: move slowly")
 
 
-def _state_lines(state: HudState) -> list[str]:
+def _list_state_lines(state: HudState) -> list[str]:
     """Returns hints about latency and frame rate, one line each."""
     lines, edge = list[str](), state.edge
     if edge is not None and edge.connected and edge.sensor_to_pose_ms is not None:
-        late = edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)
-        lines += [words] if (words := late_words(late)) else []
+        delay_ms = edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)
+        lines += [delay_text] if (delay_text := describe_delay(delay_ms)) else []
     if 0.5 < state.fps < _MIN_SMOOTH_FPS:
         lines.append(tr("the picture is not smooth: a smaller window is drawn faster"))
     if edge is not None and edge.connected and state.possession:
@@ -225,7 +232,7 @@ def _state_lines(state: HudState) -> list[str]:
     return lines
 
 
-def time_text(seconds: float) -> str:
+def format_time(seconds: float) -> str:
     """Returns seconds as m:ss.t."""
     tenths = max(round(seconds * 10), 0)
     return f"{tenths // 600}:{tenths // 10 % 60:02d}.{tenths % 10}"

@@ -9,27 +9,27 @@ from enliven_viewer.live.live_stage import LiveStage
 from enliven_viewer.render import OrbitCamera
 
 _START_DELAY_S = 1.5
-"""Seconds without the edge before the loop begins. A short network gap is not worth a cut."""
+"""Seconds without the edge before the loop begins. The image does not change during a short network gap."""
 _REPLAY_LENGTH_S = 30.0
 """Length in seconds of the replayed performance: long enough not to look like a loop."""
 _ORBIT_SPEED = 0.05
 """Speed of the idle camera orbit in radians per second: a turn in two minutes, slow enough to be calm."""
 
-Loss = Literal["", "away", "silent", "ended", "waiting"]
-"""Why nothing arrives: "" (it does arrive), the edge is lost, its camera is silent, its recording has ended,
-or it has not started yet.
+LossReason = Literal["", "away", "silent", "ended", "waiting"]
+"""Reason why no new data arrive. "": they do arrive. "away": the edge is lost. "silent": its camera sends
+nothing. "ended": its recording has ended. "waiting": it has not started yet.
 """
-WORDS: dict[Loss, str] = {
+LOSS_TEXTS: dict[LossReason, str] = {
     "": "",
-    "away": later("The stage is away. It comes back by itself."),
-    "silent": later("The camera of the stage is silent."),
+    "away": later("The connection to the stage is lost. It comes back by itself."),
+    "silent": later("The camera of the stage sends no pictures."),
     "ended": later("The performance is over."),
-    "waiting": later("The stage is not here yet."),
+    "waiting": later("The stage is not connected yet."),
 }
 """The text for the audience while the idle loop plays."""
 
 
-def loss_of(live: LiveStage) -> Loss:
+def find_loss_reason(live: LiveStage) -> LossReason:
     """Returns why nothing new arrives from a stage; "" if it does, and for takes."""
     edge, has_moments = live.document.edge, len(live.document.timeline) > 0
     if live.take:
@@ -51,13 +51,13 @@ class IdleLoop:
     """
 
     def __init__(self) -> None:
-        self.loss: Loss = ""
+        self.loss: LossReason = ""
         self._lost_s, self._replays = 0.0, False
 
     @property
     def words(self) -> str:
         """Returns the text for the audience; empty while the stage is live."""
-        return WORDS[self.loss]
+        return LOSS_TEXTS[self.loss]
 
     def advance(self, live: LiveStage | None, camera: OrbitCamera, seconds: float, *, orbits: bool) -> None:
         """Advances time: begins or ends the loop, and turns the camera.
@@ -65,7 +65,7 @@ class IdleLoop:
         Args:
             orbits: whether the camera orbits; off if the user prefers less motion.
         """
-        loss = loss_of(live) if live is not None else ""
+        loss = find_loss_reason(live) if live is not None else ""
         self._lost_s = self._lost_s + seconds if loss else 0.0
         self.loss = loss if self._lost_s >= _START_DELAY_S else ""
         if live is None:

@@ -11,8 +11,8 @@ from enliven_viewer.link import Feed
 from enliven_viewer.live.performer_numbers import PerformerNumbers
 from enliven_viewer.live.possession_choice import PossessionChoice
 from enliven_viewer.live.view_report import ViewReporter, is_end_on, turn_to_bones
-from enliven_viewer.playback import NS, Document, Playhead, SolvedSurfaces
-from enliven_viewer.render import CameraView, OrbitCamera, OverlayVisibility, Scene, SceneStyle, scene_of
+from enliven_viewer.playback import NS_PER_S, Document, Playhead, SolvedSurfaces
+from enliven_viewer.render import CameraView, OrbitCamera, OverlayVisibility, Scene, SceneStyle, make_scene
 from enliven_viewer.settings import ViewerSettings
 
 _SILENCE_TIMEOUT_S = 2.0
@@ -36,7 +36,7 @@ class LiveStage:
         scene: the last displayed scene.
         scrubbing: whether the pointer is dragging the playhead.
         target: the character that orders apply to; None leaves the choice to the edge.
-        held: the possessed characters. holding: ids of the performers that control something.
+        held: the possessed characters. holding: ids of the performers that control a character.
         numbers: numbers of the performers, as shown to people.
         is_local: whether the edge was started on this machine for this window, so that its start takes time.
     """
@@ -67,8 +67,8 @@ class LiveStage:
         self._since = 0.0 if arrived or playing else self._since + seconds
         self.playhead.advance(seconds)
         moment = self.playhead.moment()
-        style = self._showing.style(self.style, moment, self.playhead.time_ns / NS)
-        self.scene = self._without_next_matches(scene_of(self.document, moment, style, self._surfaces))
+        style = self._showing.style(self.style, moment, self.playhead.time_ns / NS_PER_S)
+        self.scene = self._without_next_matches(make_scene(self.document, moment, style, self._surfaces))
         self.numbers.see((*(body.id for body in self.scene.bodies), *self.holding))
 
     @property
@@ -113,18 +113,18 @@ class LiveStage:
         self.possession.next_performer(body.id for body in self.scene.bodies)
         self.possess("preview")
 
-    def smoother(self, step: int) -> None:
+    def change_smoothing(self, step: int) -> None:
         """Asks the feed to smooth the chosen performer, or all in view, more (1) or less (-1)."""
         present = [body.id for body in self.scene.bodies]
-        for body, amount in self.possession.smoother(step, present).items():
+        for body, amount in self.possession.change_smoothing(step, present).items():
             self.feed.ask(Smooth(body, amount))
 
     def toggle_lock(self) -> None:
-        """Asks the feed to admit only the present performers, or everyone again."""
+        """Asks the feed to allow only the present performers to step in, or to allow everyone again."""
         wanted = not self.possession.locked
         self.feed.ask(Lock(wanted), lambda: setattr(self.possession, "locked", wanted))
 
-    def browse(self, step: int) -> None:
+    def show_other_match(self, step: int) -> None:
         """Asks the feed for another match, for every character that waits for a choice."""
         for name in self.scene.boards:
             self.feed.ask(Browse(name, step))
@@ -137,17 +137,20 @@ class LiveStage:
         """Reports the viewing direction to the feed if a match is being chosen and the view has changed."""
         if not self.scene.boards:
             return
-        look = self._view_reporter.changed(view, time.monotonic())
+        look = self._view_reporter.find_change(view, time.monotonic())
         if look is not None:
             self.feed.ask(look)
 
     def switch(self, *names: str) -> None:
         """Switches overlays of the style on, or off if the first of them is on."""
-        shown = 0.0 if getattr(self.style, names[0]) > 0 else 1.0
-        self.style = replace(self.style, **dict.fromkeys(names, shown))
+        new_strength = 0.0 if getattr(self.style, names[0]) > 0 else 1.0
+        self.style = replace(self.style, **dict.fromkeys(names, new_strength))
 
     def words(self, view: CameraView) -> str:
-        """Returns the text about the next possession, or about why bones cannot be seen; empty for a take."""
+        """Returns the text about the next possession, or advice if bones point at the camera.
+
+        Returns an empty text for a take.
+        """
         if self.take:
             return ""
         if is_end_on(self.scene, view):
@@ -163,14 +166,14 @@ class LiveStage:
         if edge.connected:
             return tr("Waiting for the characters of the stage")
         if self.is_local:
-            return edge.message or self.making
+            return edge.message or self.preparation_text
         return edge.message or tr("Waiting for a stage at {0}", edge.address.removeprefix("tcp://"))
 
     @property
-    def making(self) -> str:
+    def preparation_text(self) -> str:
         """Returns the text about a local stage that is still starting."""
-        more = tr(": the first time it takes some minutes") if self._since > _LONG_WAIT_S else ""
-        return tr("The stage is being made ready{0}", more)
+        more = tr(": the first start takes some minutes") if self._since > _LONG_WAIT_S else ""
+        return tr("The stage is being prepared{0}", more)
 
     def close(self) -> None:
         """Closes the feed."""
@@ -188,8 +191,8 @@ class LiveStage:
         }
         return replace(scene, boards=shown)
 
-    def _order_targets(self, meant: str | None) -> list[str | None]:
+    def _order_targets(self, character_id: str | None) -> list[str | None]:
         """Returns the character for an order. With several characters, None lets the edge choose."""
-        if meant in self.document.characters:
-            return [meant]
+        if character_id in self.document.characters:
+            return [character_id]
         return [None] if len(self.document.characters) > 1 else list(self.document.characters)

@@ -12,19 +12,19 @@ from enliven.arrays import Float
 from enliven.matching import MatchList
 from enliven_viewer.language import tr
 from enliven_viewer.render import CameraView, Scene, SceneCharacter
-from enliven_viewer.render.overlay import tints_of
+from enliven_viewer.render.overlay import find_tints
 from enliven_viewer.theme import ACCENT, FAINT, GLASS, INK, QUIET
 
 if TYPE_CHECKING:
     from enliven_viewer.render.overlay import Pen
 
-WIDTH = 124.0
+CARD_WIDTH_PX = 124.0
 """Width of a card in pixels on a standard screen: nine fit side by side in 1280."""
-HEIGHT = 92.0
+CARD_HEIGHT_PX = 92.0
 """Height of a card in pixels: a title line, the picture and a score line."""
-GAP = 8.0
+CARD_GAP_PX = 8.0
 """Gap between two cards in pixels."""
-PAD = 10.0
+CARD_PADDING_PX = 10.0
 """Distance in pixels between the border of a card and its text."""
 PICTURE_ASPECT = 2.0
 """Aspect ratio of the picture on a card."""
@@ -55,21 +55,23 @@ class Card:
     tints: tuple[tuple[float, float, float], ...] = ()
 
 
-def cards_of(scene: Scene, view: CameraView) -> tuple[Card, ...]:
+def make_cards(scene: Scene, view: CameraView) -> tuple[Card, ...]:
     """Returns the cards of each character with match candidates, as seen by the camera."""
     boards = [(actor, scene.boards.get(actor.character.id)) for actor in scene.actors]
     choosing = [(actor, board) for actor, board in boards if board is not None and board.state == "choosing"]
     several = len(choosing) > 1
-    card_rows = [_cards(actor, board, view, row, several) for row, (actor, board) in enumerate(choosing)]
+    card_rows = [
+        _make_character_cards(actor, board, view, row, several) for row, (actor, board) in enumerate(choosing)
+    ]
     return tuple(card for cards in card_rows for card in cards)
 
 
-def _cards(
+def _make_character_cards(
     actor: SceneCharacter, board: MatchList, view: CameraView, number_of_row: int, several: bool
 ) -> list[Card]:
     bones = actor.pose.positions[actor.character.edges].astype(np.float64)
-    every = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]
-    seen = view.project(np.concatenate(every)) * [1.0, -1.0]
+    pivots = [bones.reshape(-1, 3), *(line for row in board.rows for line in row.lines)]
+    seen = view.project(np.concatenate(pivots)) * [1.0, -1.0]
     # Scale by the aspect ratio of the projection, because pixels are square on the card as on the screen.
     seen[:, 0] *= view.clip_from_camera[1, 1] / view.clip_from_camera[0, 0]
     middle, reach = (
@@ -77,19 +79,19 @@ def _cards(
         float((np.ptp(seen, axis=0) / [PICTURE_ASPECT, 1.0]).max()) or 1.0,
     )
     seen = np.array([PICTURE_ASPECT / 2, 0.5]) + (seen - middle) / reach
-    ends = np.cumsum([0, *(len(points) for points in every)])
+    ends = np.cumsum([0, *(len(points) for points in pivots)])
     parts = [seen[a:b] for a, b in itertools.pairwise(ends)]
-    cards, at = [], 1
+    cards, part_start = [], 1
     for number, row in enumerate(board.rows):
-        lines = tuple(parts[at : at + len(row.lines)])
-        at += len(row.lines)
+        lines = tuple(parts[part_start : part_start + len(row.lines)])
+        part_start += len(row.lines)
         title = f"{board.character[:8]} " * several + (
             tr("best match") if row.place == 0 else tr("match {0}", row.place + 1)
         )
-        meant = number == board.shown
+        is_highlighted = number == board.shown
         score = row.name[:16]
-        bones, held = parts[0].reshape(-1, 2, 2), board.held * meant
-        cards.append(Card(title, score, meant, bones, lines, held, number_of_row, tints_of(row)))
+        bones, held = parts[0].reshape(-1, 2, 2), board.held * is_highlighted
+        cards.append(Card(title, score, is_highlighted, bones, lines, held, number_of_row, find_tints(row)))
     return cards
 
 
@@ -100,25 +102,25 @@ def draw_cards(canvas: Pen, size: tuple[int, int], scale: float, text: int, card
         size: width and height of the image in pixels.
         text: text size in pixels.
     """
-    step = (WIDTH + GAP) * scale
-    beside = max(int((size[0] - 32 * scale) // step), 0)
-    for row, of_row in itertools.groupby(cards, lambda card: card.row):
-        shown = list(of_row)[:beside]
-        left = (size[0] - step * len(shown) + GAP * scale) / 2
-        top = size[1] - (HEIGHT + 66 + row * (HEIGHT + GAP)) * scale
+    step = (CARD_WIDTH_PX + CARD_GAP_PX) * scale
+    max_cards = max(int((size[0] - 32 * scale) // step), 0)
+    for row, row_cards in itertools.groupby(cards, lambda card: card.row):
+        shown = list(row_cards)[:max_cards]
+        left = (size[0] - step * len(shown) + CARD_GAP_PX * scale) / 2
+        top = size[1] - (CARD_HEIGHT_PX + 66 + row * (CARD_HEIGHT_PX + CARD_GAP_PX)) * scale
         for number, card in enumerate(shown if top > 0 else ()):
             _draw_card(canvas, left + number * step, top, scale, text, card)
 
 
 def _draw_card(canvas: Pen, x: float, y: float, s: float, text: int, card: Card) -> None:
-    width, height = WIDTH * s, HEIGHT * s
+    width, height = CARD_WIDTH_PX * s, CARD_HEIGHT_PX * s
     if card.meant:
         canvas.rectangle(x - 2 * s, y - 2 * s, width + 4 * s, height + 4 * s, ACCENT, 11 * s)
         canvas.rectangle(x, y, width, height, (*GLASS[:3], 0.96), 9 * s)
     else:
         canvas.rectangle(x, y, width, height, GLASS, 9 * s)
-    canvas.text(x + PAD * s, y + 5 * s, card.title, text, INK if card.meant else QUIET)
-    canvas.text(x + PAD * s, y + height - 7 * s - text, card.score, text, QUIET)
+    canvas.text(x + CARD_PADDING_PX * s, y + 5 * s, card.title, text, INK if card.meant else QUIET)
+    canvas.text(x + CARD_PADDING_PX * s, y + height - 7 * s - text, card.score, text, QUIET)
     side = height - 2 * (text + 8 * s)
     corner = np.array([x + (width - PICTURE_ASPECT * side) / 2, y + text + 8 * s])
     for bone in corner + side * card.bones:

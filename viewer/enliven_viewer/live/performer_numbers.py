@@ -8,9 +8,8 @@ from collections.abc import Iterable
 class PerformerNumbers:
     """Small numbers for the performers in view.
 
-    An edge's own ids only grow, and a performer found again gets a new one.
-
-    The next performer in view gets the lowest free number.
+    The ids of an edge only increase, and a performer that is found again gets a new id. So each new performer
+    in view gets the lowest free number instead.
     """
 
     def __init__(self) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 from enliven_viewer.language import tr
 
-PARTS = (
+PART_CHOICES = (
     "all",
     "upper body",
     "legs",
@@ -20,7 +20,7 @@ PARTS = (
 """The body parts chosen with the keys 1 to 9, names of :data:`enliven.person.body.PARTS`."""
 
 
-SMOOTHING = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
+SMOOTHING_AMOUNTS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Amounts of smoothing that the keys step through: 0 is off, 1 is gentle."""
 _DEFAULT_SMOOTHING_INDEX = 2
 """Index in SMOOTHING of the initial amount: gentle."""
@@ -37,26 +37,28 @@ class PossessionChoice:
 
     def __init__(self) -> None:
         self.body: int | None = None
-        self.parts = PARTS[0]
+        self.parts = PART_CHOICES[0]
         self.locked = False
         self._smoothing: dict[int, int] = {}
 
     def choose(self, number: int) -> None:
         """Chooses the body parts of a key, counted from 0."""
-        self.parts = PARTS[number]
+        self.parts = PART_CHOICES[number]
 
     def next_performer(self, present: Iterable[int]) -> None:
         """Chooses the next performer in view; after the last one, the next performer that appears."""
         order: list[int | None] = [None, *sorted(set(present))]
-        at = order.index(self.body) if self.body in order else 0
-        self.body = order[(at + 1) % len(order)]
+        position = order.index(self.body) if self.body in order else 0
+        self.body = order[(position + 1) % len(order)]
 
-    def smoother(self, step: int, present: Iterable[int]) -> dict[int, float]:
+    def change_smoothing(self, step: int, present: Iterable[int]) -> dict[int, float]:
         """Changes the smoothing of the chosen performer, or of all in view. Returns the amounts by id."""
         amounts = {}
         for body in [self.body] if self.body is not None else present:
-            at = min(max(self._smoothing.get(body, _DEFAULT_SMOOTHING_INDEX) + step, 0), len(SMOOTHING) - 1)
-            self._smoothing[body], amounts[body] = at, SMOOTHING[at]
+            index = min(
+                max(self._smoothing.get(body, _DEFAULT_SMOOTHING_INDEX) + step, 0), len(SMOOTHING_AMOUNTS) - 1
+            )
+            self._smoothing[body], amounts[body] = index, SMOOTHING_AMOUNTS[index]
         return amounts
 
     def words(self, number_of: Callable[[int], int]) -> str:
@@ -64,10 +66,14 @@ class PossessionChoice:
 
         ``number_of`` returns the number of an id.
         """
-        who = tr("the next person") if self.body is None else tr("performer {0}", number_of(self.body))
-        whole = tr(
-            "P steps in: the {0} of {1}", tr("whole body") if self.parts == "all" else tr(self.parts), who
+        performer_text = (
+            tr("the next person") if self.body is None else tr("performer {0}", number_of(self.body))
+        )
+        text = tr(
+            "P steps in: the {0} of {1}",
+            tr("whole body") if self.parts == "all" else tr(self.parts),
+            performer_text,
         )
         if self.body in self._smoothing:
-            whole += tr(" · smoothed by {0:g}", SMOOTHING[self._smoothing[self.body]])
-        return tr("{0} · locked", whole) if self.locked else whole
+            text += tr(" · smoothed by {0:g}", SMOOTHING_AMOUNTS[self._smoothing[self.body]])
+        return tr("{0} · locked", text) if self.locked else text

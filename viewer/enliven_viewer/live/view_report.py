@@ -1,4 +1,4 @@
-"""Reports the viewing direction to the edge, which ranks matches by it, and finds a better direction."""
+"""Reports the viewing direction to the edge, which ranks matches by it. Also finds the best direction."""
 
 from __future__ import annotations
 
@@ -24,22 +24,25 @@ class ViewReporter:
     """The last reported view, which detects changes."""
 
     def __init__(self) -> None:
-        self._told: CameraView | None = None
-        self._when = -math.inf
+        self._reported: CameraView | None = None
+        self._report_time = -math.inf
 
-    def changed(self, view: CameraView, seconds: float) -> Look | None:
+    def find_change(self, view: CameraView, seconds: float) -> Look | None:
         """Returns the view to report at a wall-clock time in seconds; None if it has not changed."""
-        if seconds - self._when < _REPORT_INTERVAL_S:
+        if seconds - self._report_time < _REPORT_INTERVAL_S:
             return None
-        if self._told is not None:
-            turned = np.abs(view.camera_from_world[:3, :3] - self._told.camera_from_world[:3, :3]).max()
-            if turned < _ROTATION_TOLERANCE and np.abs(view.eye - self._told.eye).max() < _POSITION_TOLERANCE:
+        if self._reported is not None:
+            turned = np.abs(view.camera_from_world[:3, :3] - self._reported.camera_from_world[:3, :3]).max()
+            if (
+                turned < _ROTATION_TOLERANCE
+                and np.abs(view.eye - self._reported.eye).max() < _POSITION_TOLERANCE
+            ):
                 return None
-        self._told, self._when = view, seconds
-        return look_of(view)
+        self._reported, self._report_time = view, seconds
+        return make_look(view)
 
 
-def look_of(view: CameraView) -> Look:
+def make_look(view: CameraView) -> Look:
     """Returns a camera view as a message of the wire."""
     rows = view.camera_from_world[:3, :3]
     forward, up, eye = (tuple(float(x) for x in row) for row in (-rows[2], rows[1], view.eye))

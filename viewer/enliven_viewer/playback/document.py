@@ -25,7 +25,7 @@ class EdgeState:
     Attributes:
         connected: whether messages arrive.
         address: address of the edge.
-        phase: the edge's own word, such as "waiting", "possessed" or "ended".
+        phase: state of the edge as it reports it, such as "waiting", "possessed" or "ended".
         message: one sentence for the user, or empty.
         sensor_to_pose_ms: milliseconds from the sensor's frame to its published pose, or None.
         pose_to_screen_ms: milliseconds from publishing to arrival here, or None.
@@ -100,7 +100,7 @@ class Document:
         self.timeline.forget_cues(character_id)
 
 
-def bounds_of(points: Sequence[Float | Float32]) -> tuple[Float, Float] | None:
+def find_bounds(points: Sequence[Float | Float32]) -> tuple[Float, Float] | None:
     """Returns the lowest and highest corner, (3,) each, of several (N, 3) arrays.
 
     Returns None without a finite point.

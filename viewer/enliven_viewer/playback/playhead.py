@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from enliven_viewer.playback.timeline import NS, Timeline, TimelineMoment
+from enliven_viewer.playback.timeline import NS_PER_S, Timeline, TimelineMoment
 
-SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+PLAYBACK_SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Playback speeds that the keys step through; 1 is real time."""
 
 
@@ -51,7 +51,7 @@ class Playhead:
         if self.live or self.paused:
             return
         start, end = self._start_ns, self.timeline.end_ns
-        self._time = max(self._time, start) + seconds * self.speed * NS
+        self._time = max(self._time, start) + seconds * self.speed * NS_PER_S
         if self._time > end:
             self._time = start + (self._time - end) % max(end - start, 1) if self.loop else end
 
@@ -76,9 +76,12 @@ class Playhead:
         self._time = float(time)
 
     def faster(self, steps: int = 1) -> None:
-        """Switches to the next higher (or lower) speed in :data:`SPEEDS`. From live mode, starts playback."""
-        nearest = min(range(len(SPEEDS)), key=lambda k: abs(SPEEDS[k] - self.speed))
-        self.speed = SPEEDS[min(max(nearest + steps, 0), len(SPEEDS) - 1)]
+        """Switches to the next higher (or lower) speed in :data:`PLAYBACK_SPEEDS`.
+
+        From live mode, starts playback.
+        """
+        nearest = min(range(len(PLAYBACK_SPEEDS)), key=lambda k: abs(PLAYBACK_SPEEDS[k] - self.speed))
+        self.speed = PLAYBACK_SPEEDS[min(max(nearest + steps, 0), len(PLAYBACK_SPEEDS) - 1)]
         if self.live:
             self._leave_live()
 
@@ -90,7 +93,7 @@ class Playhead:
     def replay_last(self, seconds: float) -> None:
         """Loops the newest ``seconds`` until :meth:`go_live`."""
         self.live, self.paused, self.speed, self.loop = False, False, 1.0, True
-        self._span_ns = round(seconds * NS)
+        self._span_ns = round(seconds * NS_PER_S)
         self._time = float(self._start_ns)
 
     @property

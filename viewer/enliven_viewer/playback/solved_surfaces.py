@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 _SOLVE_BUDGET_S = 0.012
-"""Maximum time in seconds that a solve may take within a frame. A slower one runs in the background."""
+"""Maximum time in seconds of a solve within a frame. A mesh that takes longer is solved in the background."""
 _SOLVER_ERRORS = (EnlivenError, ArithmeticError, ValueError, RuntimeError, MemoryError)
 """Exceptions of solving a mesh. A mesh from another machine must not end the viewer."""
 _SETTLING_FRAMES = 12
@@ -63,8 +63,8 @@ class SolvedSurfaces:
             self._known[character.id] = surface
         return surface.vertices(pose, wait=self._wait)
 
-    def forget_but(self, characters: Iterable[Character]) -> None:
-        """Discards the puppets that are not among these."""
+    def keep_only(self, characters: Iterable[Character]) -> None:
+        """Discards the surfaces of all other puppets."""
         names = {character.id for character in characters}
         self._known = {name: surface for name, surface in self._known.items() if name in names}
 
@@ -78,11 +78,11 @@ class _SolvedSurface:
         self._solving: Future[Float32] | None = None
         self._local: Float32 | None = None
         self._places: Float | None = None
-        self._alike, self._seconds = 0, 0.0
+        self._unchanged_frames, self._seconds = 0, 0.0
         self._told = False
         self._world: Float32 | None = None
         self._carried_from: Float32 | None = None
-        self._by: Float = np.zeros((3, 4))
+        self._transform: Float = np.zeros((3, 4))
 
     def vertices(self, pose: Pose, *, wait: bool) -> Float32 | None:
         """Returns (V, 3) metres in the world; None before it is prepared, or if that failed."""
@@ -102,11 +102,15 @@ class _SolvedSurface:
     def _place_surface(self, linear: Float, offset: Float) -> Float32:
         """Returns (V, 3): the surface in the world. The same array is returned while nothing moves."""
         assert self._local is not None
-        by = np.concatenate([linear, offset[:, None]], 1)
-        if self._world is None or self._carried_from is not self._local or not np.array_equal(by, self._by):
+        transform = np.concatenate([linear, offset[:, None]], 1)
+        if (
+            self._world is None
+            or self._carried_from is not self._local
+            or not np.array_equal(transform, self._transform)
+        ):
             self._world = np.empty_like(self._local)
-            carry(self._local, by, self._world)
-            self._carried_from, self._by = self._local, by
+            carry(self._local, transform, self._world)
+            self._carried_from, self._transform = self._local, transform
         return self._world
 
     def _surface(self, wait: bool) -> PuppetSurface | None:
@@ -127,10 +131,10 @@ class _SolvedSurface:
             return False
         if not np.isfinite(places).all():
             return False
-        same = self._places is not None and np.array_equal(places, self._places)
-        self._alike = self._alike + 1 if same else 0
+        is_unchanged = self._places is not None and np.array_equal(places, self._places)
+        self._unchanged_frames = self._unchanged_frames + 1 if is_unchanged else 0
         self._places = places
-        return self._alike < _SETTLING_FRAMES
+        return self._unchanged_frames < _SETTLING_FRAMES
 
     def _solve(self, surface: PuppetSurface, places: Float, wait: bool) -> None:
         """Solves the next frame: now, or in a thread if it takes longer than a frame may."""

@@ -16,7 +16,7 @@ from enliven.person import Body
 from enliven_viewer.playback.interpolation import blend_boards, blend_bodies, blend_poses, blend_props
 from enliven_viewer.settings import PlaybackSettings
 
-NS = 1_000_000_000
+NS_PER_S = 1_000_000_000
 """Nanoseconds per second: the sensor's clock counts nanoseconds."""
 
 
@@ -53,8 +53,8 @@ class TimelineMoment:
     """Everything at one time of the sensor's clock: poses, cues, match lists by character, bodies, props.
 
     ``others`` contains the messages of other topics by topic and key; they are not blended. ``characters``
-    contains, for each pose, the revision of its character, if known. ``bodies_ns`` is the time of the bodies:
-    an earlier one until the moment's own have arrived.
+    contains, for each pose, the revision of its character, if known. ``bodies_ns`` is the time of the bodies.
+    Until the bodies of this moment have arrived, it is an earlier time.
     """
 
     time_ns: int
@@ -107,27 +107,27 @@ class Timeline:
 
     def add_pose(self, pose: Pose, character: Character | None = None) -> None:
         """Adds one pose, for a revision of its character, at its time; replaces an earlier one."""
-        old = self._at(pose.time_ns)
+        old = self._moment_near(pose.time_ns)
         self.posed.add(pose.character)
-        of = old.characters if character is None else {**old.characters, pose.character: character}
-        self._insert(replace(old, poses={**old.poses, pose.character: pose}, characters=of))
+        characters = old.characters if character is None else {**old.characters, pose.character: character}
+        self._insert(replace(old, poses={**old.poses, pose.character: pose}, characters=characters))
 
     def add_bodies(self, time_ns: int, bodies: Sequence[Body]) -> None:
         """Adds the bodies of one time; they replace earlier ones at the same time."""
-        self._insert(replace(self._at(time_ns), bodies=tuple(bodies), bodies_ns=time_ns))
+        self._insert(replace(self._moment_near(time_ns), bodies=tuple(bodies), bodies_ns=time_ns))
 
     def add_props(self, props: Props) -> None:
         """Adds the props of one time; they replace earlier ones at the same time."""
-        self._insert(replace(self._at(props.time_ns), props=props))
+        self._insert(replace(self._moment_near(props.time_ns), props=props))
 
     def add_board(self, board: MatchList) -> None:
         """Adds a match list at its time."""
-        old = self._at(board.time_ns)
+        old = self._moment_near(board.time_ns)
         self._insert(replace(old, boards={**old.boards, board.character: board}))
 
     def add(self, topic: str, key: str, message: Any) -> None:
         """Adds a message of another topic at its time, and replaces one with the same key and time."""
-        old = self._at(message.time_ns)
+        old = self._moment_near(message.time_ns)
         same = {**old.others.get(topic, {}), key: message}
         self._insert(replace(old, others={**old.others, topic: same}))
 
@@ -167,7 +167,7 @@ class Timeline:
         if self._times[right] == time_ns:
             return self._complete_moment(right)
         before, after = self._moments[right - 1], self._moments[right]
-        return self._between(before, after, time_ns)
+        return self._blend_moments(before, after, time_ns)
 
     def neighbour(self, time_ns: int, step: int) -> int:
         """Returns the time of the moment ``step`` moments after (or before) a time; clamped to the ends."""
@@ -184,22 +184,22 @@ class Timeline:
         count = max(bisect.bisect_right(self._times, time_ns) - 1, 0)
         del self._times[:count], self._moments[:count]
 
-    def _between(self, before: TimelineMoment, after: TimelineMoment, time_ns: int) -> TimelineMoment:
+    def _blend_moments(self, before: TimelineMoment, after: TimelineMoment, time_ns: int) -> TimelineMoment:
         """Returns the moment between two neighbours."""
-        share = (time_ns - before.time_ns) / (after.time_ns - before.time_ns)
-        if after.time_ns - before.time_ns > self.settings.gap * NS:
-            return before if share < 0.5 else after
-        near, far = (before, after) if share < 0.5 else (after, before)
-        poses, of = {**far.poses, **near.poses}, {**far.characters, **near.characters}
+        fraction = (time_ns - before.time_ns) / (after.time_ns - before.time_ns)
+        if after.time_ns - before.time_ns > self.settings.gap * NS_PER_S:
+            return before if fraction < 0.5 else after
+        near, far = (before, after) if fraction < 0.5 else (after, before)
+        poses, characters = {**far.poses, **near.poses}, {**far.characters, **near.characters}
         for name in before.poses.keys() & after.poses.keys():
             if before.characters.get(name) is after.characters.get(name):
-                poses[name] = blend_poses(before.poses[name], after.poses[name], share, time_ns)
-        bodies = blend_bodies(before.bodies, after.bodies, share)
-        props = blend_props(before.props, after.props, share, time_ns)
-        boards = blend_boards(before.boards, after.boards, share)
+                poses[name] = blend_poses(before.poses[name], after.poses[name], fraction, time_ns)
+        bodies = blend_bodies(before.bodies, after.bodies, fraction)
+        props = blend_props(before.props, after.props, fraction, time_ns)
+        boards = blend_boards(before.boards, after.boards, fraction)
         bodies_ns = near.bodies_ns
         return TimelineMoment(
-            time_ns, poses, bodies, bodies_ns, before.cues, props, boards, before.others, of
+            time_ns, poses, bodies, bodies_ns, before.cues, props, boards, before.others, characters
         )
 
     def _hold(self, cues: dict[str, CueFrame]) -> None:
@@ -208,7 +208,7 @@ class Timeline:
         if self._moments:
             self._moments[-1] = replace(self._moments[-1], cues=cues)
 
-    def _at(self, time_ns: int) -> TimelineMoment:
+    def _moment_near(self, time_ns: int) -> TimelineMoment:
         """Returns the moment at exactly this time, or an empty one."""
         index = bisect.bisect_left(self._times, time_ns)
         is_stored = index < len(self._times) and self._times[index] == time_ns
@@ -217,10 +217,10 @@ class Timeline:
         empty = TimelineMoment(time_ns, cues=self._cues)
         if not index:
             return empty
-        # Match lists and bodies arrive later than the poses of the same time. So keep the previous ones
-        # meanwhile, which must not vanish.
+        # Match lists and bodies arrive later than the poses of the same time. Keep the previous ones until
+        # then, so that they do not flicker.
         before = self._moments[index - 1]
-        held = replace(empty, props=self._still_loose(index, time_ns), boards=before.boards)
+        held = replace(empty, props=self._previous_props(index, time_ns), boards=before.boards)
         if not self._is_fresh(before.bodies_ns, time_ns):
             return held
         return replace(held, bodies=before.bodies, bodies_ns=before.bodies_ns)
@@ -236,14 +236,14 @@ class Timeline:
         late = {name: pose for name, pose in late.items() if self._is_fresh(pose.time_ns, moment.time_ns)}
         if not late:
             return moment
-        of = {**before.characters, **moment.characters}
-        return replace(moment, poses={**late, **moment.poses}, characters=of)
+        characters = {**before.characters, **moment.characters}
+        return replace(moment, poses={**late, **moment.poses}, characters=characters)
 
     def _is_fresh(self, time_ns: int, now_ns: int) -> bool:
         """Returns True if a time is recent enough that its values are shown until their successors arrive."""
-        return 0 <= now_ns - time_ns <= self.settings.gap * NS
+        return 0 <= now_ns - time_ns <= self.settings.gap * NS_PER_S
 
-    def _still_loose(self, index: int, time_ns: int) -> Props | None:
+    def _previous_props(self, index: int, time_ns: int) -> Props | None:
         """Returns the previous moment's props, which stay visible until the moment's own props arrive."""
         props = self._moments[index - 1].props if index else None
         return props if props is not None and self._is_fresh(props.time_ns, time_ns) else None
@@ -253,7 +253,11 @@ class Timeline:
 
         Starts a new timeline if the clock went back; drops the oldest beyond the limits.
         """
-        if self._times and moment.time_ns < self._times[-1] - self.settings.restart * NS and self._bounded:
+        if (
+            self._times
+            and moment.time_ns < self._times[-1] - self.settings.restart * NS_PER_S
+            and self._bounded
+        ):
             self.clear()
         index = bisect.bisect_left(self._times, moment.time_ns)
         if index < len(self._times) and self._times[index] == moment.time_ns:
@@ -267,7 +271,7 @@ class Timeline:
     def _trim(self) -> None:
         """Limits the timeline to the configured minutes, in time and in number."""
         length = self.settings.minutes * 60
-        oldest = self._times[-1] - int(length * NS)
+        oldest = self._times[-1] - int(length * NS_PER_S)
         count = max(
             bisect.bisect_left(self._times, oldest), len(self._times) - int(length * self.settings.rate)
         )

@@ -1,5 +1,5 @@
 from .camera import (
-    DRAG_TURN as DRAG_TURN,
+    TURN_PER_PIXEL as TURN_PER_PIXEL,
     Box as Box,
     CameraView as CameraView,
     FilmCamera as FilmCamera,
@@ -13,7 +13,7 @@ from .scene import (
     Scene as Scene,
     SceneCharacter as SceneCharacter,
     SceneStyle as SceneStyle,
-    scene_of as scene_of,
+    make_scene as make_scene,
 )
 from .overlay_visibility import OverlayVisibility as OverlayVisibility
 from .materials import linear_from_srgb as linear_from_srgb

@@ -9,23 +9,23 @@ import numpy as np
 
 from enliven.arrays import Float32
 from enliven.document import Character, SkinWeights
-from enliven_viewer.render.gl import UNITS
-from enliven_viewer.render.overlay import cue_tints
+from enliven_viewer.render.gl import TEXTURE_UNITS
+from enliven_viewer.render.overlay import find_cue_tints
 from enliven_viewer.render.scene import SceneCharacter
 
-_GLOW_EDGES = 3
+_GLOW_SPREAD_EDGES = 3
 """Spread of the glow beyond attached nodes, in graph edges: about a hand's breadth."""
-_GLOW_PER_EDGE = 0.72
+_GLOW_FRACTION_PER_EDGE = 0.72
 """Fraction of the glow that remains after one edge."""
-_PREVIEW_GLOW = 0.4
+_PREVIEW_GLOW_FRACTION = 0.4
 """Fraction of the glow on previewed parts, which are not attached yet."""
 _GLOW_RADIUS = 0.16
 """Distance from a control point at which its glow has dropped to 1/e, as a fraction of the mesh's size."""
-PER_ROW = 256
+TRANSFORMS_PER_ROW = 256
 """Number of transforms in a row of the texture; shaders/mesh.vert has the same number."""
 
 
-def glow_of_nodes(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32 | None:
+def compute_node_glow(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32 | None:
     """Returns (J, 3) linear RGB of the glow on each transform of an actor; None if nothing is attached.
 
     Args:
@@ -36,31 +36,33 @@ def glow_of_nodes(actor: SceneCharacter, strength: float, bodies: Sequence[int] 
     if cues is None or strength <= 0 or not (is_valid := (cues.nodes >= 0) & (cues.nodes < count)).any():
         return None
     level = (
-        strength * np.clip(cues.strengths[is_valid], 0, 1) * np.where(cues.firm[is_valid], 1.0, _PREVIEW_GLOW)
+        strength
+        * np.clip(cues.strengths[is_valid], 0, 1)
+        * np.where(cues.firm[is_valid], 1.0, _PREVIEW_GLOW_FRACTION)
     )
     light = np.zeros((count, 3), np.float32)
     np.maximum.at(
-        light, cues.nodes[is_valid], (level[:, None] * cue_tints(cues, bodies)[is_valid]).astype("f4")
+        light, cues.nodes[is_valid], (level[:, None] * find_cue_tints(cues, bodies)[is_valid]).astype("f4")
     )
     edges = character.edges if character.kind == "graph" else np.zeros((0, 2), np.int32)
     directed_edges = np.concatenate([edges, edges[:, ::-1]])
-    for _ in range(_GLOW_EDGES):
-        np.maximum.at(light, directed_edges[:, 1], _GLOW_PER_EDGE * light[directed_edges[:, 0]])
+    for _ in range(_GLOW_SPREAD_EDGES):
+        np.maximum.at(light, directed_edges[:, 1], _GLOW_FRACTION_PER_EDGE * light[directed_edges[:, 0]])
     return light
 
 
-def reach_of_points(character: Character) -> SkinWeights:
-    """Returns how strongly the glow of four control points reaches each vertex.
+def compute_point_weights(character: Character) -> SkinWeights:
+    """Returns the four control points with the strongest glow at each vertex, with their weights.
 
     The influence decreases with the distance at rest.
     """
     vertices, points = character.vertices, character.pivots[1:]
-    away = np.linalg.norm(vertices[:, None] - points[None], axis=2)
-    nearest = np.argsort(away, axis=1)[:, :4]
+    distances = np.linalg.norm(vertices[:, None] - points[None], axis=2)
+    nearest = np.argsort(distances, axis=1)[:, :4]
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    share = np.exp(-((np.take_along_axis(away, nearest, 1) / (_GLOW_RADIUS * max(size, 1e-6))) ** 2))
+    fraction = np.exp(-((np.take_along_axis(distances, nearest, 1) / (_GLOW_RADIUS * max(size, 1e-6))) ** 2))
     padding = ((0, 0), (0, 4 - nearest.shape[1]))
-    return SkinWeights(np.pad(nearest + 1, padding).astype("u2"), np.pad(share, padding).astype("f4"))
+    return SkinWeights(np.pad(nearest + 1, padding).astype("u2"), np.pad(fraction, padding).astype("f4"))
 
 
 class AttachmentGlow:
@@ -71,9 +73,9 @@ class AttachmentGlow:
     """
 
     def __init__(self, ctx: moderngl.Context, count: int) -> None:
-        rows = -(-count // PER_ROW)
-        self._staged = np.zeros((rows * PER_ROW, 4), np.float32)
-        self._texture = ctx.texture((PER_ROW, rows), 4, dtype="f4")
+        rows = -(-count // TRANSFORMS_PER_ROW)
+        self._staged = np.zeros((rows * TRANSFORMS_PER_ROW, 4), np.float32)
+        self._texture = ctx.texture((TRANSFORMS_PER_ROW, rows), 4, dtype="f4")
         self._texture.filter = moderngl.NEAREST, moderngl.NEAREST
         self._written: Float32 | None = None
 
@@ -83,7 +85,7 @@ class AttachmentGlow:
             self._staged[: len(light), :3] = light
             self._texture.write(self._staged)
             self._written = light
-        self._texture.use(UNITS["held"])
+        self._texture.use(TEXTURE_UNITS["held"])
 
     def release(self) -> None:
         """Frees the GPU memory."""

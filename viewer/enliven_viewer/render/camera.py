@@ -14,18 +14,18 @@ from enliven.arrays import Float
 Box = tuple[Float, Float]
 """Lowest and highest corner, (3,) each, in metres, world frame."""
 
-FRONT_RIGHT = math.radians(32)
+INITIAL_AZIMUTH = math.radians(32)
 """Initial azimuth in radians about +Y from the front: a face and a side are visible."""
-SLIGHTLY_ABOVE = math.radians(13)
+INITIAL_ELEVATION = math.radians(13)
 """Initial elevation of the camera above the horizon, in radians. From there, the floor shows where the feet
 stand."""
-MARGIN = 0.96
-"""Fraction of the box that must be in view. A subject does not reach the corners of its box."""
-LOWEST = math.radians(1.0)
-"""Minimum elevation in radians above the horizon: the floor has no underside."""
-HIGHEST = math.radians(88)
-"""Maximum elevation in radians: straight down, the upright direction is undefined."""
-DRAG_TURN = 0.008
+MIN_VISIBLE_BOX_FRACTION = 0.96
+"""Fraction of the box that must be in view. It is below 1, since a subject does not reach the box corners."""
+MIN_ELEVATION = math.radians(1.0)
+"""Minimum elevation in radians above the horizon. From below, the floor is not visible."""
+MAX_ELEVATION = math.radians(88)
+"""Maximum elevation in radians. Straight down, the camera's up direction would be undefined."""
+TURN_PER_PIXEL = 0.008
 """Rotation of the camera per pixel of a drag, in radians: half a turn across 400 pixels."""
 
 
@@ -66,7 +66,7 @@ def look_at(eye: Float, target: Float) -> Float:
     return camera_from_world
 
 
-def perspective(field_of_view: float, aspect: float, near: float, far: float) -> Float:
+def make_perspective(field_of_view: float, aspect: float, near: float, far: float) -> Float:
     """Returns the (4, 4) OpenGL perspective projection; ``field_of_view`` is vertical, in radians."""
     focal = 1 / math.tan(field_of_view / 2)
     depth = near - far
@@ -80,7 +80,7 @@ def perspective(field_of_view: float, aspect: float, near: float, far: float) ->
     )
 
 
-def orthographic(low: Float, high: Float) -> Float:
+def make_orthographic(low: Float, high: Float) -> Float:
     """Returns the (4, 4) OpenGL orthographic projection of a box.
 
     The box between ``low`` and ``high``, (3,) each, is in the camera frame.
@@ -96,7 +96,7 @@ def orthographic(low: Float, high: Float) -> Float:
     return projection
 
 
-def fitting_distance(box: Box, rows: Float, field_of_view: float, aspect: float) -> float:
+def find_fitting_distance(box: Box, rows: Float, field_of_view: float, aspect: float) -> float:
     """Returns the distance in metres from a box's centre at which the box fills the image.
 
     Args:
@@ -108,7 +108,7 @@ def fitting_distance(box: Box, rows: Float, field_of_view: float, aspect: float)
     right, up, back = rows @ (signs * np.maximum(box[1] - middle, 0.1)).T
     tangent = math.tan(field_of_view / 2)
     needed = np.maximum(np.abs(right) / (tangent * aspect), np.abs(up) / tangent)
-    return float((MARGIN * needed + back).max())
+    return float((MIN_VISIBLE_BOX_FRACTION * needed + back).max())
 
 
 class OrbitCamera:
@@ -122,13 +122,13 @@ class OrbitCamera:
         self.field_of_view = field_of_view
         # The elements are the target x, y, z (metres), azimuth and elevation (radians), and the logarithm of
         # the distance (metres).
-        self._goal = np.array([0.0, 0.9, 0.0, FRONT_RIGHT, SLIGHTLY_ABOVE, math.log(5.0)])
+        self._goal = np.array([0.0, 0.9, 0.0, INITIAL_AZIMUTH, INITIAL_ELEVATION, math.log(5.0)])
         self._now = self._goal.copy()
 
     def orbit(self, across: float, up: float) -> None:
         """Orbits by ``across`` and ``up`` radians around the target. The camera stays above the floor."""
         self._goal[3] += across
-        self._goal[4] = min(max(self._goal[4] + up, LOWEST), HIGHEST)
+        self._goal[4] = min(max(self._goal[4] + up, MIN_ELEVATION), MAX_ELEVATION)
 
     @property
     def target(self) -> Float:
@@ -139,7 +139,7 @@ class OrbitCamera:
         """Sets the direction in radians: azimuth around the target from +Z towards +X, and elevation."""
         turns = round((self._goal[3] - azimuth) / (2 * math.pi))
         self._goal[3] = azimuth + 2 * math.pi * turns
-        self._goal[4] = min(max(elevation, LOWEST), HIGHEST)
+        self._goal[4] = min(max(elevation, MIN_ELEVATION), MAX_ELEVATION)
 
     @property
     def goal(self) -> tuple[float, float, float, float, float, float]:
@@ -159,9 +159,9 @@ class OrbitCamera:
         self._goal[:3] += span * (across * rows[0] + up * rows[1])
         self._goal[1] = max(self._goal[1], 0.0)
 
-    def move(self, way: Float) -> None:
+    def move(self, offset: Float) -> None:
         """Moves the target, and the camera with it, by (3,) metres."""
-        self._goal[:3] += way
+        self._goal[:3] += offset
 
     def zoom(self, factor: float) -> None:
         """Multiplies the distance by ``factor`` (0.9 moves closer), limited to 0.2 to 60 metres."""
@@ -169,18 +169,18 @@ class OrbitCamera:
         self._goal[5] = min(max(distance, math.log(0.2)), math.log(60))
 
     def frame(
-        self, box: Box, aspect: float, *, at_once: bool = False, reset: bool = False, room: float = 1.0
+        self, box: Box, aspect: float, *, at_once: bool = False, reset: bool = False, margin: float = 1.0
     ) -> None:
         """Frames a whole box. ``reset`` also returns to the initial direction from the front right.
 
         Args:
-            room: size of the view relative to the box.
+            margin: size of the view relative to the box.
         """
         self._goal[:3] = (box[0] + box[1]) / 2
         if reset:
-            self._goal[3:5] = FRONT_RIGHT, SLIGHTLY_ABOVE
+            self._goal[3:5] = INITIAL_AZIMUTH, INITIAL_ELEVATION
         rows = look_at(*self._eye_and_target(self._goal))[:3, :3]
-        self._goal[5] = math.log(room * fitting_distance(box, rows, self.field_of_view, aspect))
+        self._goal[5] = math.log(margin * find_fitting_distance(box, rows, self.field_of_view, aspect))
         if at_once:
             self._now[:] = self._goal
 
@@ -194,7 +194,7 @@ class OrbitCamera:
         distance = math.exp(self._now[5])
         near = max(0.02, distance * 0.02)
         return CameraView(
-            eye, look_at(eye, target), perspective(self.field_of_view, aspect, near, distance + 80)
+            eye, look_at(eye, target), make_perspective(self.field_of_view, aspect, near, distance + 80)
         )
 
     @staticmethod

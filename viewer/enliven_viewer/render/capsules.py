@@ -11,7 +11,7 @@ import numpy as np
 from enliven.arrays import Float32, Int32
 from enliven.person import BONES, Body, Joint
 from enliven_viewer.render.materials import linear_from_srgb
-from enliven_viewer.theme import PERFORMERS
+from enliven_viewer.theme import PERFORMER_COLOURS
 
 MAX_BONES = 64
 """Maximum number of capsules in the mesh shader; shaders/mesh.frag has the same number."""
@@ -42,7 +42,7 @@ _SHADOW_RINGS = 3
 """Number of rings of a shadow-casting hemisphere, for the same reason."""
 
 
-def capsules_of(
+def make_capsule_rows(
     bodies: tuple[Body, ...],
     opacity: float,
     limbs: Mapping[int, Mapping[int, tuple[float, float, float]]] = MappingProxyType({}),
@@ -54,8 +54,8 @@ def capsules_of(
     Args:
         limbs: by body id, the sRGB colours of bones by their outer joint. Other bones have the body's colour.
     """
-    tints = linear_from_srgb(np.array(PERFORMERS, float))
-    rows = [_capsules_of_one(body, tints[k % len(tints)], opacity) for k, body in enumerate(bodies)]
+    tints = linear_from_srgb(np.array(PERFORMER_COLOURS, float))
+    rows = [_make_body_rows(body, tints[k % len(tints)], opacity) for k, body in enumerate(bodies)]
     for body, body_rows in zip(bodies, rows, strict=True):
         for joint, tint in limbs.get(body.id, {}).items():
             bone = [number for number, (_, end) in enumerate(BONES) if end == joint]
@@ -63,34 +63,34 @@ def capsules_of(
     return np.concatenate(rows) if rows else np.zeros((0, 12), np.float32)
 
 
-def _capsules_of_one(body: Body, tint: Float32, opacity: float) -> Float32:
+def _make_body_rows(body: Body, tint: Float32, opacity: float) -> Float32:
     joints, size = body.joints, float(np.clip(body.height / 1.75, 0.4, 1.6))
-    shown = opacity * (0.12 + 0.88 * np.clip(body.confidence, 0, 1))
+    opacities = opacity * (0.12 + 0.88 * np.clip(body.confidence, 0, 1))
     start, end = np.array(BONES).T
     count = len(BONES)
     rows = np.zeros((count + len(joints), 12))
     rows[:count, 0:3], rows[:count, 3] = joints[start], 0.72 * _JOINT_RADII[start]
     rows[:count, 4:7], rows[:count, 7] = joints[end], 0.72 * _JOINT_RADII[end]
-    rows[:count, 11] = np.minimum(shown[start], shown[end])
+    rows[:count, 11] = np.minimum(opacities[start], opacities[end])
     # Draw each joint as a ball, which is a capsule of length zero.
     rows[count:, 0:3] = rows[count:, 4:7] = joints
     rows[count:, 3] = rows[count:, 7] = 1.12 * _JOINT_RADII
     rows[count + Joint.HEAD, [3, 7]] = _HEAD_RADIUS
-    rows[count:, 11] = shown
+    rows[count:, 11] = opacities
     rows[:, [3, 7]] *= size
     rows[:, 8:11] = tint
     return rows.astype(np.float32)
 
 
-def bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]:
+def make_bone_block(bodies: tuple[Body, ...], strength: float) -> tuple[Float32, int]:
     """Returns the uniform block ``Bones`` of shaders/mesh.frag, (3, 64, 4) float32, and its used length."""
     block = np.zeros((3, MAX_BONES, 4), np.float32)
     rows = []
     for body in bodies:
         radius = REVEAL_RADIUS * float(np.clip(body.height / 1.75, 0.4, 1.6))
         for start, end in BONES:
-            shown = strength * float(min(body.confidence[start], body.confidence[end]))
-            rows.append((*body.joints[start], radius, *body.joints[end], radius, shown))
+            bone_strength = strength * float(min(body.confidence[start], body.confidence[end]))
+            rows.append((*body.joints[start], radius, *body.joints[end], radius, bone_strength))
     filled = np.array(rows[:MAX_BONES], np.float32).reshape(-1, 9)
     block[0, : len(filled)] = filled[:, 0:4]
     block[1, : len(filled)] = filled[:, 4:8]
@@ -119,8 +119,8 @@ class CapsulePass:
         self._counts = [0, 0]
         self._instances = [ctx.buffer(reserve=12 * 4 * 64, dynamic=True) for _ in self._counts]
         templates = (
-            capsule_template(segments, 1 if open_limbs else rings),
-            capsule_template(segments, rings, ball=True),
+            make_capsule_template(segments, 1 if open_limbs else rings),
+            make_capsule_template(segments, rings, ball=True),
         )
         self._arrays = [
             ctx.vertex_array(
@@ -136,7 +136,7 @@ class CapsulePass:
         ]
 
     def load(self, rows: Float32) -> None:
-        """Uploads the (N, 12) rows of :func:`capsules_of`."""
+        """Uploads the (N, 12) rows of :func:`make_capsule_rows`."""
         ball = (rows[:, 0:3] == rows[:, 4:7]).all(1)
         for number, some in enumerate((rows[~ball], rows[ball])):
             self._counts[number] = len(some)
@@ -151,7 +151,7 @@ class CapsulePass:
                 array.render(moderngl.TRIANGLES, instances=count)
 
 
-def capsule_template(
+def make_capsule_template(
     segments: int = _SEGMENTS, rings: int = _RINGS, *, ball: bool = False
 ) -> tuple[Float32, Int32]:
     """Returns (N, 4) unit directions with the end they belong to, and (F, 3) faces of a capsule along +Y.

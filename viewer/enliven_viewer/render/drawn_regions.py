@@ -10,17 +10,17 @@ from enliven.arrays import Float, Float32
 from enliven.document import Props
 from enliven_viewer.render.gl import Region, full_region
 from enliven_viewer.render.overlay import CUE_RADIUS
-from enliven_viewer.render.scene import Scene, corners
+from enliven_viewer.render.scene import Scene, find_corners
 
-ROOM = 6
+REGION_MARGIN_PX = 6
 """Margin in pixels around projected points: for marks with a minimum size, and for rounding."""
 _MIN_DISTANCE = 1e-3
 """Minimum distance in metres in front of the camera. The projection of nearer points is unbounded."""
-_UNIT_CORNERS = corners((np.full(3, -1.0), np.ones(3)))
+_UNIT_CORNERS = find_corners((np.full(3, -1.0), np.ones(3)))
 _SQRT3 = math.sqrt(3.0)
 
 
-def ball_corners(middles: Float | Float32, radii: Float | Float32 | float) -> Float:
+def find_ball_corners(middles: Float | Float32, radii: Float | Float32 | float) -> Float:
     """Returns (8 N, 3) metres: the corners of boxes around balls.
 
     The balls have (N, 3) centres, and radii (N,) or a common radius.
@@ -29,33 +29,38 @@ def ball_corners(middles: Float | Float32, radii: Float | Float32 | float) -> Fl
     return np.asarray((middles[:, None] + sizes[:, None, None] * _UNIT_CORNERS).reshape(-1, 3), np.float64)
 
 
-def casters_of(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
+def find_shadow_casters(scene: Scene, capsules: Float32, surfaces: list[Float]) -> Float:
     """Returns (N, 3) metres: points with a convex hull that contains all shadow casters of a scene.
 
     Args:
         capsules: (C, 12) rows of the bodies.
         surfaces: (K, 3) for each mesh, from :meth:`~enliven_viewer.render.skinned_mesh.SkinnedMesh.hull`.
     """
-    bodies = [ball_corners(capsules[:, 0:3], capsules[:, 3]), ball_corners(capsules[:, 4:7], capsules[:, 7])]
-    return np.concatenate([*surfaces, *bodies, _prop_corners(scene.props)])
+    bodies = [
+        find_ball_corners(capsules[:, 0:3], capsules[:, 3]),
+        find_ball_corners(capsules[:, 4:7], capsules[:, 7]),
+    ]
+    return np.concatenate([*surfaces, *bodies, _find_prop_corners(scene.props)])
 
 
-def marks_of(scene: Scene) -> Float:
+def find_mark_points(scene: Scene) -> Float:
     """Returns (N, 3) metres: points with a convex hull that contains the marks of a scene."""
     if scene.style.cues <= 0 and scene.style.graph <= 0:
         return np.zeros((0, 3))
     return np.concatenate(
-        [np.zeros((0, 3)), *(ball_corners(a.pose.positions, CUE_RADIUS) for a in scene.actors)]
+        [np.zeros((0, 3)), *(find_ball_corners(a.pose.positions, CUE_RADIUS) for a in scene.actors)]
     )
 
 
-def visible_region(points: Float, clip_from_world: Float, size: tuple[int, int], room: int = ROOM) -> Region:
+def find_visible_region(
+    points: Float, clip_from_world: Float, size: tuple[int, int], margin: int = REGION_MARGIN_PX
+) -> Region:
     """Returns the pixel region of the hull of (N, 3) points.
 
     Returns the whole image if a point is next to or behind the camera.
 
     Args:
-        room: margin in pixels.
+        margin: margin in pixels.
     """
     if not len(points):
         return 0, 0, 0, 0
@@ -65,19 +70,19 @@ def visible_region(points: Float, clip_from_world: Float, size: tuple[int, int],
     if clip[:, 3].min() <= _MIN_DISTANCE:
         return full_region(size)
     pixels = (clip[:, :2] / clip[:, 3:] + 1) / 2 * size
-    low = np.clip(np.floor(pixels.min(0)) - room, 0, size)
-    high = np.clip(np.ceil(pixels.max(0)) + room, low, size)
+    low = np.clip(np.floor(pixels.min(0)) - margin, 0, size)
+    high = np.clip(np.ceil(pixels.max(0)) + margin, low, size)
     return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
 
 
-def shadow_bounds(points: Float, to_key: Float, room: float) -> tuple[Float, Float]:
+def find_shadow_bounds(points: Float, to_key: Float, margin: float) -> tuple[Float, Float]:
     """Returns the lowest and highest x and z, (2,) each, of the floor below points and their shadow.
 
     The hull of the (N, 3) points casts the shadow.
 
     Args:
         to_key: (3,) unit direction towards the light.
-        room: margin in metres.
+        margin: margin in metres.
     """
     if not len(points):
         return np.zeros(2), np.zeros(2)
@@ -85,12 +90,14 @@ def shadow_bounds(points: Float, to_key: Float, room: float) -> tuple[Float, Flo
         return np.full(2, -np.inf), np.full(2, np.inf)
     thrown = points - np.maximum(points[:, 1:2], 0.0) / to_key[1] * to_key
     both = np.concatenate([points, thrown])[:, [0, 2]]
-    return both.min(0) - room, both.max(0) + room
+    return both.min(0) - margin, both.max(0) + margin
 
 
-def _prop_corners(props: Props | None) -> Float:
+def _find_prop_corners(props: Props | None) -> Float:
     """Returns (N, 3) metres: the corners of boxes around the props."""
     if props is None:
         return np.zeros((0, 3))
-    shown = np.isfinite(props.positions).all(1)
-    return ball_corners(props.positions[shown], _SQRT3 * np.asarray(props.sizes[shown]).max(1, initial=0.0))
+    is_valid = np.isfinite(props.positions).all(1)
+    return find_ball_corners(
+        props.positions[is_valid], _SQRT3 * np.asarray(props.sizes[is_valid]).max(1, initial=0.0)
+    )

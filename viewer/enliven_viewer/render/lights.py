@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.render.camera import Box, look_at, orthographic
-from enliven_viewer.render.scene import corners
+from enliven_viewer.render.camera import Box, look_at, make_orthographic
+from enliven_viewer.render.scene import find_corners
 
 
 def light_from_world(box: Box, to_key: Float) -> Float:
@@ -19,11 +19,11 @@ def light_from_world(box: Box, to_key: Float) -> Float:
     """
     centre = (box[0] + box[1]) / 2
     camera = look_at(centre + to_key, centre)
-    seen = corners(box) @ camera[:3, :3].T + camera[:3, 3]
+    seen = find_corners(box) @ camera[:3, :3].T + camera[:3, 3]
     middle, half = (seen.min(0) + seen.max(0)) / 2, (seen.max(0) - seen.min(0)) / 2
     side = 1.12 * max(half[0], half[1]) + 0.05
     extent = np.array([side, side, half[2] + 0.05])
-    return np.asarray(orthographic(middle - extent, middle + extent) @ camera)
+    return np.asarray(make_orthographic(middle - extent, middle + extent) @ camera)
 
 
 def contact_from_world(box: Box) -> Float:

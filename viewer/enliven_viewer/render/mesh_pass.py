@@ -9,8 +9,8 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.render.capsules import bone_block
-from enliven_viewer.render.gl import BLOCKS, UNITS, RenderTarget, load_program, set_uniform
+from enliven_viewer.render.capsules import make_bone_block
+from enliven_viewer.render.gl import BLOCK_BINDINGS, TEXTURE_UNITS, RenderTarget, load_program, set_uniform
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned_mesh import DrawnPart, SkinnedMesh
 from enliven_viewer.settings import RenderSettings
@@ -44,58 +44,58 @@ class MeshPass:
             eye: (3,) metres, camera position. Transparent meshes are drawn from the farthest to the nearest.
         """
         self.height = picture.size[1]
-        block, count = bone_block(scene.bodies, scene.style.reveal)
+        block, count = make_bone_block(scene.bodies, scene.style.reveal)
         revealing = count > 0 and scene.style.reveal > 0
         if revealing:
             self._bones.write(block.tobytes())
-            self._bones.bind_to_uniform_block(BLOCKS["Bones"])
-            picture.behind().use(UNITS["picture"])
+            self._bones.bind_to_uniform_block(BLOCK_BINDINGS["Bones"])
+            picture.behind().use(TEXTURE_UNITS["picture"])
         self.ctx.depth_func = "<="
         self.ctx.enable_only(moderngl.DEPTH_TEST)
-        clear = list[tuple[SkinnedMesh, DrawnPart]]()
+        transparent_parts = list[tuple[SkinnedMesh, DrawnPart]]()
         for mesh in meshes:
-            for each in mesh.parts:
-                if each.part.alpha == "BLEND":
-                    clear.append((mesh, each))
+            for drawn_part in mesh.parts:
+                if drawn_part.part.alpha == "BLEND":
+                    transparent_parts.append((mesh, drawn_part))
                 else:
-                    self._draw_part(mesh, each, revealing, count)
+                    self._draw_part(mesh, drawn_part, revealing, count)
         for mesh in meshes:
             if mesh.held:
-                self._outline(mesh)
-        if clear:
-            clear.sort(key=lambda entry: -float(np.linalg.norm(entry[0].hull().mean(0) - eye)))
-            self._draw_clear(picture, clear, revealing, count)
+                self._draw_outline(mesh)
+        if transparent_parts:
+            transparent_parts.sort(key=lambda entry: -float(np.linalg.norm(entry[0].hull().mean(0) - eye)))
+            self._draw_clear(picture, transparent_parts, revealing, count)
 
     def cast(self, meshes: Sequence[SkinnedMesh], clip_from_world: Float) -> None:
         """Draws the shadows of parts with holes or transparency. Opaque parts are already drawn."""
         for mesh in meshes:
-            for each in mesh.parts:
-                if each.part.alpha != "OPAQUE":
-                    program = self._program("caster", ("CUT", *each.part.cutter))
+            for drawn_part in mesh.parts:
+                if drawn_part.part.alpha != "OPAQUE":
+                    program = self._get_program("caster", ("CUT", *drawn_part.part.cutter))
                     program["clip_from_caster"] = tuple(clip_from_world.T.astype("f4").ravel())
-                    self._render(mesh, each, program)
+                    self._render(mesh, drawn_part, program)
 
-    def _outline(self, mesh: SkinnedMesh) -> None:
+    def _draw_outline(self, mesh: SkinnedMesh) -> None:
         """Draws an outline around the attached parts of a mesh."""
-        program = self._program("grip", ())
+        program = self._get_program("grip", ())
         program["pixels"] = max(_OUTLINE_WIDTH * self.height, 1.0)
-        mesh.use_hold()
+        mesh.bind_glow()
         self.ctx.enable(moderngl.CULL_FACE | moderngl.BLEND)
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         self.ctx.cull_face = "front"
-        for each in mesh.parts:
-            if each.part.alpha == "OPAQUE":
-                mesh.render(program, each)
+        for drawn_part in mesh.parts:
+            if drawn_part.part.alpha == "OPAQUE":
+                mesh.render(program, drawn_part)
         self.ctx.cull_face = "back"
         self.ctx.disable(moderngl.CULL_FACE | moderngl.BLEND)
 
-    def _draw_part(self, mesh: SkinnedMesh, each: DrawnPart, revealing: bool, count: int) -> None:
-        part = each.part
+    def _draw_part(self, mesh: SkinnedMesh, drawn_part: DrawnPart, revealing: bool, count: int) -> None:
+        part = drawn_part.part
         defines = ("FINE",) * (revealing and mesh.fine) + ("REVEALING",) * revealing + ("HELD",) * mesh.held
         if mesh.held:
-            mesh.use_hold()
-        program = self._program("mesh", (*defines, *part.defines))
+            mesh.bind_glow()
+        program = self._get_program("mesh", (*defines, *part.defines))
         set_uniform(program, "bone_count", count)
         set_uniform(program, "normal_scale", part.normal_scale)
         set_uniform(program, "occlusion_strength", part.occlusion_strength)
@@ -103,14 +103,14 @@ class MeshPass:
         (self.ctx.enable if culled else self.ctx.disable)(moderngl.CULL_FACE)
         if part.alpha == "MASK":
             self.ctx.enable_direct(ALPHA_TO_COVERAGE)
-        self._render(mesh, each, program)
+        self._render(mesh, drawn_part, program)
         if part.alpha == "MASK":
             self.ctx.disable_direct(ALPHA_TO_COVERAGE)
 
     def _draw_clear(
         self,
         picture: RenderTarget,
-        clear: Sequence[tuple[SkinnedMesh, DrawnPart]],
+        transparent_parts: Sequence[tuple[SkinnedMesh, DrawnPart]],
         revealing: bool,
         count: int,
     ) -> None:
@@ -119,26 +119,26 @@ class MeshPass:
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         picture.write_depth(False)
-        for mesh, each in clear:
-            if each.part.double_sided:
+        for mesh, drawn_part in transparent_parts:
+            if drawn_part.part.double_sided:
                 self.ctx.cull_face = "front"
-                one_sided = each._replace(part=replace(each.part, double_sided=False))
+                one_sided = drawn_part._replace(part=replace(drawn_part.part, double_sided=False))
                 self._draw_part(mesh, one_sided, revealing, count)
                 self.ctx.cull_face = "back"
                 self._draw_part(mesh, one_sided, revealing, count)
             else:
-                self._draw_part(mesh, each, revealing, count)
+                self._draw_part(mesh, drawn_part, revealing, count)
         picture.write_depth(True)
         self.ctx.disable(moderngl.BLEND)
 
-    def _render(self, mesh: SkinnedMesh, each: DrawnPart, program: moderngl.Program) -> None:
+    def _render(self, mesh: SkinnedMesh, drawn_part: DrawnPart, program: moderngl.Program) -> None:
         """Draws a part with its textures."""
-        for name, held in each.textures.items():
-            held.texture.use(UNITS[f"{name}_map"])
-        set_uniform(program, "cutoff", each.part.cutoff)
-        mesh.render(program, each)
+        for name, held in drawn_part.textures.items():
+            held.texture.use(TEXTURE_UNITS[f"{name}_map"])
+        set_uniform(program, "cutoff", drawn_part.part.cutoff)
+        mesh.render(program, drawn_part)
 
-    def _program(self, name: str, defines: tuple[str, ...]) -> moderngl.Program:
+    def _get_program(self, name: str, defines: tuple[str, ...]) -> moderngl.Program:
         """Returns the program of two shaders with these defines; compiled once."""
         if (name, defines) not in self._programs:
             program = load_program(self.ctx, f"{name}.vert", f"{name}.frag", defines=defines)

@@ -9,7 +9,7 @@ from enliven.kernels import njit
 from enliven_viewer.render.surface import DrawnSurface
 
 
-def solved_rows(vertices: Float32, faces: Int32, surface: DrawnSurface) -> Float32:
+def make_solved_rows(vertices: Float32, faces: Int32, surface: DrawnSurface) -> Float32:
     """Returns (N, 6) float32: position and unit normal of each drawn vertex.
 
     Faces are weighted by their corner angle at rest. So a mesh at rest looks like a skinned one, and creases

@@ -25,21 +25,24 @@ class OverlayVisibility:
 
     def style(self, wanted: SceneStyle, moment: TimelineMoment | None, second: float) -> SceneStyle:
         """Returns the wanted style adjusted for a moment; ``second`` counts seconds from any start."""
-        shown = self._overlay_strength(moment, second)
-        body = shown
+        overlay_strength = self._overlay_strength(moment, second)
+        body = overlay_strength
         if moment is not None and moment.props is not None and self._when != "never":
             # A performer that plays along without a mesh is visible only as a skeleton, so always show it.
             holding = sum(cues.state == "possessed" for cues in moment.cues.values())
-            body = 1.0 if len(moment.bodies) > holding else shown
+            body = 1.0 if len(moment.bodies) > holding else overlay_strength
         return replace(
-            wanted, body=body * wanted.body, reveal=shown * wanted.reveal, cues=shown * wanted.cues
+            wanted,
+            body=body * wanted.body,
+            reveal=overlay_strength * wanted.reveal,
+            cues=overlay_strength * wanted.cues,
         )
 
     def _overlay_strength(self, moment: TimelineMoment | None, second: float) -> float:
         """Returns the strength of the overlays, 0 to 1."""
         if self._when != "choosing":
             return float(self._when == "always")
-        if moment is None or not moment.possessed or _choosing(moment):
+        if moment is None or not moment.possessed or _is_choosing(moment):
             self._since = None
             return 1.0
         if self._since is None:
@@ -48,7 +51,7 @@ class OverlayVisibility:
         return left * left * (3 - 2 * left)
 
 
-def _choosing(moment: TimelineMoment) -> bool:
+def _is_choosing(moment: TimelineMoment) -> bool:
     """Returns True if a performer sees a preview of a possession, in addition to the current one."""
     previewed = any(len(cues.nodes) and not cues.firm.all() for cues in moment.cues.values())
     return previewed or any(board.state == "choosing" for board in moment.boards.values())

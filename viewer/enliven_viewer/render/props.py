@@ -17,25 +17,25 @@ _TEMPLATE_POINTS = {BOX: 2, BALL: 6}
 """Number of points from the middle of a template's side to its edge."""
 
 
-def prop_rows(props: Props | None, shape: int) -> Float32:
+def make_prop_rows(props: Props | None, shape: int) -> Float32:
     """Returns (N, 14) float32 rows of one shape.
 
     A row has xyz and bevel, rotation (x, y, z, w), half edges, and linear rgb.
     """
     if props is None:
         return np.zeros((0, 14), np.float32)
-    shown = (props.shapes == shape) & np.isfinite(props.positions).all(1)
-    half = np.asarray(props.sizes[shown], np.float64)
-    rows = np.empty((int(shown.sum()), 14), np.float32)
-    rows[:, :3] = props.positions[shown]
+    is_drawn = (props.shapes == shape) & np.isfinite(props.positions).all(1)
+    half = np.asarray(props.sizes[is_drawn], np.float64)
+    rows = np.empty((int(is_drawn.sum()), 14), np.float32)
+    rows[:, :3] = props.positions[is_drawn]
     rows[:, 3] = (
         half[:, 0]
         if shape == BALL
         else np.minimum(_BEVEL_FRACTION * half.min(1, initial=np.inf), _MAX_BEVEL_M)
     )
-    rows[:, 4:8] = np.roll(props.turns[shown], -1, 1)
+    rows[:, 4:8] = np.roll(props.turns[is_drawn], -1, 1)
     rows[:, 8:11] = half
-    rows[:, 11:] = linear_from_srgb(props.colours[shown])
+    rows[:, 11:] = linear_from_srgb(props.colours[is_drawn])
     return rows
 
 
@@ -51,7 +51,7 @@ class PropPass:
         self._counts = dict.fromkeys(_TEMPLATE_POINTS, 0)
         self._arrays = {}
         for shape, fineness in _TEMPLATE_POINTS.items():
-            vertices, faces = block_template(fineness)
+            vertices, faces = make_block_template(fineness)
             names = [n for n in ("in_place", "in_turn", "in_half", "in_albedo") if n in program]
             sizes = {"in_place": "4f", "in_turn": "4f", "in_half": "3f", "in_albedo": "3f"}
             # Skip attributes that the program does not use: a shadow has no colour.
@@ -71,7 +71,7 @@ class PropPass:
     def load(self, props: Props | None) -> None:
         """Uploads the props; None for no props."""
         for shape, buffer in self._rows.items():
-            rows = prop_rows(props, shape)
+            rows = make_prop_rows(props, shape)
             self._counts[shape] = len(rows)
             if len(rows):
                 buffer.orphan(rows.nbytes)
@@ -84,7 +84,7 @@ class PropPass:
                 array.render(moderngl.TRIANGLES, instances=self._counts[shape])
 
 
-def block_template(fineness: int) -> tuple[Float32, Int32]:
+def make_block_template(fineness: int) -> tuple[Float32, Int32]:
     """Returns (N, 6) unit directions with their corners (-1 or 1 along each axis), and (F, 3) faces.
 
     The template is a sphere made of a cube's six sides, with ``2 fineness`` points along each. It is cut

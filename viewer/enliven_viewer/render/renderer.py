@@ -8,29 +8,34 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float, UInt8
-from enliven_viewer.render.attachment_glow import glow_of_nodes
+from enliven_viewer.render.attachment_glow import compute_node_glow
 from enliven_viewer.render.camera import Box, CameraView
-from enliven_viewer.render.capsules import CapsulePass, capsules_of
-from enliven_viewer.render.drawn_regions import casters_of, marks_of, shadow_bounds, visible_region
+from enliven_viewer.render.capsules import CapsulePass, make_capsule_rows
+from enliven_viewer.render.drawn_regions import (
+    find_mark_points,
+    find_shadow_bounds,
+    find_shadow_casters,
+    find_visible_region,
+)
 from enliven_viewer.render.gl import (
-    BLOCKS,
-    UNITS,
+    BLOCK_BINDINGS,
+    TEXTURE_UNITS,
     RenderTarget,
     Size,
     SoftMap,
+    count_spread_texels,
     load_program,
-    reach_of,
     set_uniform,
 )
 from enliven_viewer.render.ground import STAGE_RADIUS, GroundPass, Patch
 from enliven_viewer.render.lights import contact_from_world, light_from_world
 from enliven_viewer.render.materials import Textures
 from enliven_viewer.render.mesh_pass import ALPHA_TO_COVERAGE, MeshPass
-from enliven_viewer.render.overlay import Marks, Tubes, limb_tints, match_rows
+from enliven_viewer.render.overlay import Marks, Tubes, find_limb_tints, make_match_rows
 from enliven_viewer.render.props import PropPass
 from enliven_viewer.render.scene import Scene
 from enliven_viewer.render.skinned_mesh import SkinnedMesh
-from enliven_viewer.render.stage_look import LOOKS, look_rows, to_key
+from enliven_viewer.render.stage_look import LOOKS, find_key_direction, make_look_rows
 from enliven_viewer.settings import RenderSettings
 
 EMPTY_BOX: Box = (np.array([-0.6, 0.0, -0.6]), np.array([0.6, 1.7, 0.6]))
@@ -63,7 +68,7 @@ class Renderer:
         self._mesh_pass = MeshPass(ctx, self.settings)
         self.textures = Textures(ctx, self.settings.texture_size, self.settings.anisotropy)
         self._caster = load_program(ctx, "caster.vert", "caster.frag")
-        self._to_key = to_key(self.settings)
+        self._to_key = find_key_direction(self.settings)
         self._body = load_program(ctx, "capsule.vert", "capsule.frag")
         self._body_caster = load_program(ctx, "capsule.vert", "caster.frag")
         self._capsules = CapsulePass(ctx, self._body, open_limbs=True)
@@ -96,23 +101,23 @@ class Renderer:
         """Draws a scene into :attr:`picture`, and resolves it."""
         # Bind a framebuffer, because without one OpenGL refuses even calls that draw nothing.
         self.picture.drawn.use()
-        self.textures.arrive()
-        meshes = self._skinned(scene)
+        self.textures.upload_decoded()
+        meshes = self._prepare_meshes(scene)
         box = scene.lit_box or EMPTY_BOX
         stage = self._write_frame(box, view)
         bodies = scene.bodies if scene.style.body > 0 else ()
-        capsules = capsules_of(bodies, scene.style.body, limb_tints(scene.boards))
+        capsules = make_capsule_rows(bodies, scene.style.body, find_limb_tints(scene.boards))
         self._capsules.load(capsules)
         self._shadow_capsules.load(capsules)
         self._props.load(scene.props)
         self._shadow_props.load(scene.props)
-        casters = casters_of(scene, capsules, [mesh.hull() for mesh in meshes])
+        casters = find_shadow_casters(scene, capsules, [mesh.hull() for mesh in meshes])
         self._draw_shadows(meshes, casters)
-        self._shadow.texture.use(UNITS["shadow_map"])
-        self._contact.texture.use(UNITS["contact_map"])
-        self._ground.draw(self.picture.ground, stage, self._shaded(casters))
-        filled = np.concatenate([casters, marks_of(scene)])
-        self.picture.begin(visible_region(filled, view.clip_from_world, self.size))
+        self._shadow.texture.use(TEXTURE_UNITS["shadow_map"])
+        self._contact.texture.use(TEXTURE_UNITS["contact_map"])
+        self._ground.draw(self.picture.ground, stage, self._find_shadow_patch(casters))
+        filled = np.concatenate([casters, find_mark_points(scene)])
+        self.picture.begin(find_visible_region(filled, view.clip_from_world, self.size))
         self._draw_props()
         self._draw_bodies()
         self._mesh_pass.draw(self.picture, meshes, scene, view.eye)
@@ -123,7 +128,7 @@ class Renderer:
 
     def _draw_matches(self, scene: Scene) -> None:
         """Draws the matched or driven chains on top of everything."""
-        rows, deepest = match_rows(scene.boards if scene.style.cues > 0 else {})
+        rows, deepest = make_match_rows(scene.boards if scene.style.cues > 0 else {})
         if len(rows):
             self._tubes = self._tubes or Tubes(self.ctx)
             self._tubes.draw(self.picture, rows, deepest)
@@ -141,10 +146,10 @@ class Renderer:
         screen.use()
         self._present["corner"] = corner
         self.ctx.enable_only(moderngl.NOTHING)
-        self.picture.texture.use(UNITS["picture"])
+        self.picture.texture.use(TEXTURE_UNITS["picture"])
         self._present_quad.render(moderngl.TRIANGLES, vertices=3)
 
-    def _skinned(self, scene: Scene) -> list[SkinnedMesh]:
+    def _prepare_meshes(self, scene: Scene) -> list[SkinnedMesh]:
         """Returns the meshes of the scene in their poses.
 
         New characters are uploaded, and removed ones released.
@@ -163,7 +168,7 @@ class Renderer:
                     mesh.release()
                 mesh = new_mesh
                 self._meshes[actor.character.id] = new_mesh
-            mesh.hold(glow_of_nodes(actor, glow, bodies))
+            mesh.set_glow(compute_node_glow(actor, glow, bodies))
             if actor.vertices is None:
                 mesh.skin(actor.pose)
             else:
@@ -182,11 +187,16 @@ class Renderer:
         self._stage = self._stage + 0.03 * (centre - self._stage)
         self._light, self._below = light_from_world(box, self._to_key), contact_from_world(box)
         matrices = [view.clip_from_world, np.linalg.inv(view.clip_from_world), self._light, self._below]
-        where = [[*view.eye, 1.0], [*self._to_key, 0.0], [*self._stage, STAGE_RADIUS], [*self.size, 0.0, 0.0]]
-        look = look_rows(LOOKS[self.look], self.settings)
-        values = np.concatenate([*(m.T.ravel() for m in matrices), np.ravel(where), look.ravel()])
+        positions = [
+            [*view.eye, 1.0],
+            [*self._to_key, 0.0],
+            [*self._stage, STAGE_RADIUS],
+            [*self.size, 0.0, 0.0],
+        ]
+        look = make_look_rows(LOOKS[self.look], self.settings)
+        values = np.concatenate([*(m.T.ravel() for m in matrices), np.ravel(positions), look.ravel()])
         self._frame.write(values.astype("f4").tobytes())
-        self._frame.bind_to_uniform_block(BLOCKS["Frame"])
+        self._frame.bind_to_uniform_block(BLOCK_BINDINGS["Frame"])
         return self._stage
 
     def _draw_shadows(self, meshes: list[SkinnedMesh], casters: Float) -> None:
@@ -208,16 +218,22 @@ class Renderer:
                 self._mesh_pass.cast(meshes, clip)
             self._shadow_capsules.render()
             self._shadow_props.render()
-            target.blur(blur, visible_region(casters, clip, (target.size, target.size), reach_of(blur)))
+            target.blur(
+                blur,
+                find_visible_region(casters, clip, (target.size, target.size), count_spread_texels(blur)),
+            )
 
-    def _shaded(self, casters: Float) -> Patch:
+    def _find_shadow_patch(self, casters: Float) -> Patch:
         """Returns the part of the floor that the casters' blurred shadows may reach."""
         texels = (
             (self._light, self.settings.shadow_size, _SHADOW_BLUR),
             (self._below, self.settings.contact_size, _CONTACT_BLUR),
         )
-        room = max(2 / float(np.linalg.norm(clip[0])) / size * reach_of(blur) for clip, size, blur in texels)
-        return shadow_bounds(casters, self._to_key, room / float(self._to_key[1]))
+        margin = max(
+            2 / float(np.linalg.norm(clip[0])) / size * count_spread_texels(blur)
+            for clip, size, blur in texels
+        )
+        return find_shadow_bounds(casters, self._to_key, margin / float(self._to_key[1]))
 
     def _draw_props(self) -> None:
         """Draws the props; the depth test handles occlusion."""

@@ -10,7 +10,7 @@ from enliven.arrays import Float, Float32
 from enliven.document import BOX, Character, Pose, Props
 from enliven.matching import MatchList
 from enliven.person import Body
-from enliven_viewer.playback import CueFrame, Document, SolvedSurfaces, TimelineMoment, bounds_of
+from enliven_viewer.playback import CueFrame, Document, SolvedSurfaces, TimelineMoment, find_bounds
 from enliven_viewer.render.camera import Box
 
 _LOOSE_VIEW_DISTANCE = 0.7
@@ -81,30 +81,30 @@ class Scene:
         """Returns the box that a camera should show; None if the scene is empty."""
         boxes = None if self.props is None else self.props.positions[self.props.shapes == BOX]
         # Leave out balls, which appear and disappear too fast for a camera to follow.
-        return self._around(boxes, _LOOSE_VIEW_DISTANCE)
+        return self._find_box(boxes, _LOOSE_VIEW_DISTANCE)
 
     @property
     def lit_box(self) -> Box | None:
         """Returns the box in which shadows are drawn: slightly larger than :attr:`box`."""
-        return self._around(None if self.props is None else self.props.positions, _LOOSE_SHADOW_DISTANCE)
+        return self._find_box(None if self.props is None else self.props.positions, _LOOSE_SHADOW_DISTANCE)
 
-    def _around(self, loose: Float | None, reach: float) -> Box | None:
+    def _find_box(self, loose: Float | None, reach: float) -> Box | None:
         """Returns a box with a margin around characters, bodies, and the loose objects near them."""
         points = [actor.extent for actor in self.actors] + [body.joints for body in self.bodies]
         if self.extent is not None:
             points.append(np.stack(self.extent))
-        bounds = bounds_of(points)
+        bounds = find_bounds(points)
         if bounds is None:
             return None
         if loose is not None and len(loose):
-            bounds = bounds_of([np.stack(bounds), _pull_towards(loose, bounds, reach)]) or bounds
+            bounds = find_bounds([np.stack(bounds), _pull_towards(loose, bounds, reach)]) or bounds
         margin = np.array([0.12, 0.12, 0.12])
         low, high = bounds[0] - margin, bounds[1] + margin
         low[1] = min(low[1], 0.0)
         return low, high
 
 
-def scene_of(
+def make_scene(
     document: Document,
     moment: TimelineMoment | None,
     style: SceneStyle,
@@ -129,7 +129,7 @@ def scene_of(
         vertices = None if surfaces is None else surfaces.vertices(character, pose)
         actors.append(SceneCharacter(character, pose, cues, vertices))
     if surfaces is not None:
-        surfaces.forget_but(characters.values())
+        surfaces.keep_only(characters.values())
     bodies = moment.bodies if moment else ()
     present = tuple(b for b in bodies if np.isfinite(b.joints).all())
     boards = {name: b for name, b in moment.boards.items() if name in characters} if moment else {}
@@ -139,16 +139,16 @@ def scene_of(
 def _pull_towards(positions: Float, box: Box, reach: float) -> Float:
     """Returns (N, 3) positions. Those farther from the box than ``reach`` are pulled towards it.
 
-    So an object that rolls away is followed less and less, and not at all beyond twice the reach.
+    So the camera follows an object that rolls away less and less, and not at all beyond twice the reach.
     """
     inside = np.clip(positions, box[0], box[1])
     out = positions - inside
     length = np.linalg.norm(out, axis=1, keepdims=True)
-    share = np.clip(2 * reach / np.maximum(length, 1e-9) - 1, 0.0, 1.0)
-    return np.asarray(inside + share * out)
+    fraction = np.clip(2 * reach / np.maximum(length, 1e-9) - 1, 0.0, 1.0)
+    return np.asarray(inside + fraction * out)
 
 
-def corners(box: Box) -> Float:
+def find_corners(box: Box) -> Float:
     """Returns (8, 3): the corners of a box."""
     grid = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), -1).reshape(8, 3)
     return np.where(grid == 0, box[0], box[1]).astype(np.float64)

@@ -12,11 +12,11 @@ import numpy as np
 from enliven.arrays import Float, Float32
 from enliven.document import Character, Pose
 from enliven.meshes import Texture, longest_edge
-from enliven_viewer.render.attachment_glow import AttachmentGlow, reach_of_points
-from enliven_viewer.render.gl import UNITS
+from enliven_viewer.render.attachment_glow import AttachmentGlow, compute_point_weights
+from enliven_viewer.render.gl import TEXTURE_UNITS
 from enliven_viewer.render.materials import Part, SharedTexture, Textures, paint_keys, paint_surface
-from enliven_viewer.render.normals import solved_rows
-from enliven_viewer.render.scene import corners
+from enliven_viewer.render.normals import make_solved_rows
+from enliven_viewer.render.scene import find_corners
 from enliven_viewer.render.surface import (
     cluster_faces,
     is_closed,
@@ -24,7 +24,7 @@ from enliven_viewer.render.surface import (
     split_creases,
 )
 
-_PER_ROW = 256
+_TRANSFORMS_PER_ROW = 256
 """Number of transforms in a row of the texture; shaders/skin.vert has the same number."""
 _MAX_FINE_EDGE_M = 0.07
 """Maximum edge length in metres of a fine mesh: shorter than the detail of soft shadows and cutaways."""
@@ -69,9 +69,9 @@ class SkinnedMesh:
         keys = paint_keys(character)
         self._surface = surface = split_creases(character.vertices, character.faces, crease, keys)
         self.count = len(surface.source)
-        rows = math.ceil(len(character.pivots) / _PER_ROW)
-        self._staged = np.zeros((rows * _PER_ROW, 3, 4), np.float32)
-        self._transforms = ctx.texture((3 * _PER_ROW, rows), 4, dtype="f4")
+        rows = math.ceil(len(character.pivots) / _TRANSFORMS_PER_ROW)
+        self._staged = np.zeros((rows * _TRANSFORMS_PER_ROW, 3, 4), np.float32)
+        self._transforms = ctx.texture((3 * _TRANSFORMS_PER_ROW, rows), 4, dtype="f4")
         self._transforms.filter = (moderngl.NEAREST, moderngl.NEAREST)
         rest = character.vertices[surface.source].astype("f4")
         self._inputs = [
@@ -98,7 +98,7 @@ class SkinnedMesh:
         self._coarse_faces = ctx.buffer(cluster_faces(rest, faces, _CONTACT_DETAIL_M).tobytes())
         self._paint = ctx.buffer(paint.rows.tobytes())
         self._textures = textures
-        self._boxes = boxes_of(character)
+        self._boxes = find_transform_boxes(character)
         self._placed: Float32 | None = None
         self.held = False
         self._held: AttachmentGlow | None = None
@@ -116,13 +116,13 @@ class SkinnedMesh:
         matrices = pose.matrices(self.character.pivots)
         self._staged[: len(matrices)] = np.nan_to_num(matrices, posinf=0.0, neginf=0.0)
         self._transforms.write(self._staged)
-        self._transforms.use(UNITS["transforms"])
+        self._transforms.use(TEXTURE_UNITS["transforms"])
         self._skin.transform(self._skinned, moderngl.POINTS, vertices=self.count)
 
     def place(self, vertices: Float32) -> None:
         """Sets the vertices (V, 3), in metres in the world, to the positions computed by a solver."""
         if vertices is not self._placed:
-            self._skinned.write(solved_rows(vertices, self.character.faces, self._surface))
+            self._skinned.write(make_solved_rows(vertices, self.character.faces, self._surface))
         self._placed = vertices
 
     def hull(self) -> Float:
@@ -133,9 +133,9 @@ class SkinnedMesh:
         if self._placed is not None:
             # Replace non-finite coordinates by 0, as render.normals does.
             places = np.where(np.isfinite(self._placed), self._placed, 0.0)
-            return corners((places.min(0), places.max(0)))
-        moved = self._staged[: len(self._boxes)]
-        places = np.einsum("jab,jkb->jka", moved[:, :, :3], self._boxes) + moved[:, None, :, 3]
+            return find_corners((places.min(0), places.max(0)))
+        moved_boxes = self._staged[: len(self._boxes)]
+        places = np.einsum("jab,jkb->jka", moved_boxes[:, :, :3], self._boxes) + moved_boxes[:, None, :, 3]
         return np.asarray(places[np.isfinite(self._boxes[:, 0, 0])].reshape(-1, 3), np.float64)
 
     def render(self, program: moderngl.Program, part: DrawnPart) -> None:
@@ -143,7 +143,7 @@ class SkinnedMesh:
 
         The program uses ``in_position`` and optionally other attributes.
         """
-        self._array(program, self._faces).render(
+        self._get_array(program, self._faces).render(
             moderngl.TRIANGLES, vertices=3 * part.count, first=3 * part.start
         )
 
@@ -156,31 +156,31 @@ class SkinnedMesh:
         if self.closed:
             self._ctx.enable(moderngl.CULL_FACE)
         if coarse:
-            self._array(program, self._coarse_faces).render(moderngl.TRIANGLES)
+            self._get_array(program, self._coarse_faces).render(moderngl.TRIANGLES)
         else:
             solid = sum(each.count for each in self.parts if each.part.alpha == "OPAQUE")
-            self._array(program, self._faces).render(moderngl.TRIANGLES, vertices=3 * solid)
+            self._get_array(program, self._faces).render(moderngl.TRIANGLES, vertices=3 * solid)
         if self.closed:
             self._ctx.disable(moderngl.CULL_FACE)
 
-    def hold(self, light: Float32 | None) -> None:
+    def set_glow(self, light: Float32 | None) -> None:
         """Sets the glow (J, 3) on each transform for the following images; None for no glow."""
         self.held = light is not None
         if light is not None:
             self._held = self._held or AttachmentGlow(self._ctx, len(self.character.pivots))
             self._light = light
 
-    def use_hold(self) -> None:
+    def bind_glow(self) -> None:
         """Binds the glow of the transforms."""
         if self._held is not None:
             self._held.use(self._light)
 
     @cached_property
-    def _grip(self) -> list[moderngl.Buffer]:
+    def _glow_buffers(self) -> list[moderngl.Buffer]:
         """Returns the transforms that light each drawn vertex, and their weights."""
         if self.character.kind != "points":
             return self._inputs[1:]
-        reach, source = reach_of_points(self.character), self._surface.source
+        reach, source = compute_point_weights(self.character), self._surface.source
         return [self._ctx.buffer(part[source].tobytes()) for part in (reach.indices, reach.weights)]
 
     def positions(self) -> Float32:
@@ -202,7 +202,7 @@ class SkinnedMesh:
         if self._held is not None:
             self._held.release()
         if self.character.kind == "points" and "_grip" in vars(self):
-            for buffer in self._grip:
+            for buffer in self._glow_buffers:
                 buffer.release()
         for each in self.parts:
             for name, number, _ in each.part.maps:
@@ -215,26 +215,29 @@ class SkinnedMesh:
     def _take(self, part: Part, textures: Textures) -> dict[str, SharedTexture]:
         return {name: textures.take(self._sources[number], name) for name, number, _ in part.maps}
 
-    def _array(self, program: moderngl.Program, faces: moderngl.Buffer) -> moderngl.VertexArray:
+    def _get_array(self, program: moderngl.Program, faces: moderngl.Buffer) -> moderngl.VertexArray:
         key = program.glo, faces.glo
         if key not in self._drawn:
-            self._drawn[key] = self._array_for(program, faces)
+            self._drawn[key] = self._create_array(program, faces)
         return self._drawn[key]
 
-    def _array_for(self, program: moderngl.Program, faces: moderngl.Buffer) -> moderngl.VertexArray:
+    def _create_array(self, program: moderngl.Program, faces: moderngl.Buffer) -> moderngl.VertexArray:
         whole = "in_normal" in program
         layout = ("3f 3f", "in_position", "in_normal") if whole else ("3f 12x", "in_position")
         content = [(self._skinned, *layout)]
         if "in_nodes" in program:
-            content += [(self._grip[0], "4u2", "in_nodes"), (self._grip[1], "4f", "in_weights")]
+            content += [
+                (self._glow_buffers[0], "4u2", "in_nodes"),
+                (self._glow_buffers[1], "4f", "in_weights"),
+            ]
         named = [name for name, _ in _PAINT_ATTRIBUTES if name in program]
         if named:
-            formats = [size if name in named else _padding(size) for name, size in _PAINT_ATTRIBUTES]
+            formats = [size if name in named else _make_padding(size) for name, size in _PAINT_ATTRIBUTES]
             content.append((self._paint, " ".join(formats), *named))
         return self._ctx.vertex_array(program, content, index_buffer=faces, index_element_size=4)
 
 
-def boxes_of(character: Character) -> Float32:
+def find_transform_boxes(character: Character) -> Float32:
     """Returns (J, 8, 3) metres: the corners of the rest box around the vertices of each transform.
 
     The values are NaN if it has none.
@@ -246,10 +249,10 @@ def boxes_of(character: Character) -> Float32:
     used, starts = np.unique(nodes[order], return_index=True)
     boxes = np.full((len(character.pivots), 8, 3), np.nan, np.float32)
     lows, highs = np.minimum.reduceat(vertices, starts), np.maximum.reduceat(vertices, starts)
-    boxes[used] = [corners((low, high)) for low, high in zip(lows, highs, strict=True)]
+    boxes[used] = [find_corners((low, high)) for low, high in zip(lows, highs, strict=True)]
     return boxes
 
 
-def _padding(size: str) -> str:
+def _make_padding(size: str) -> str:
     """Returns the padding in place of floats that a program does not use."""
     return f"{4 * int(size[0])}x"

@@ -104,17 +104,17 @@ LOOKS: dict[LookName, StageLook] = {
         pool=0.1,
     ),
 }
-"""A dusky studio, one by day, a spotlight in the dark, a white cyclorama, low sun, and a lawn at noon."""
+"""The looks: a dark studio, a bright studio, a spotlight at night, a white background, dawn, and a garden."""
 
 
-def to_key(settings: RenderSettings) -> Float:
+def find_key_direction(settings: RenderSettings) -> Float:
     """Returns the (3,) unit direction towards the key light."""
     around, up = math.radians(settings.light_around), math.radians(settings.light_up)
     level = math.cos(up)
     return np.array([math.sin(around) * level, math.sin(up), math.cos(around) * level])
 
 
-def look_rows(look: StageLook, settings: RenderSettings) -> Float:
+def make_look_rows(look: StageLook, settings: RenderSettings) -> Float:
     """Returns (7, 4): the vectors of the uniform block Frame for a look."""
     bright = settings.brightness
     lights = [look.key, look.sky, look.bounce, look.rim, look.horizon, look.zenith, look.floor]
@@ -124,16 +124,16 @@ def look_rows(look: StageLook, settings: RenderSettings) -> Float:
     rows[5, 3] = look.pool
     rows[6, 3] = look.grid if settings.grid else 0.0
     if settings.backdrop:
-        rows[4:6, :3] = light_shown_as(settings.backdrop)
+        rows[4:6, :3] = light_from_colour(settings.backdrop)
     return rows
 
 
-def light_shown_as(colour: str) -> Float:
+def light_from_colour(colour: str) -> Float:
     """Returns (3,) the linear light that is displayed as a colour such as "#22334a".
 
     It inverts the filmic curve of shaders/develop.glsl.
     """
-    shown = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
-    y = np.minimum(shown, _MAX_BACKDROP_WHITE)
+    srgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+    y = np.minimum(srgb, _MAX_BACKDROP_WHITE)
     a, b, c = 6.2 * (1 - y), 0.5 - 1.7 * y, -0.06 * y
     return np.asarray((np.sqrt(b * b - 4 * a * c) - b) / (2 * a))

@@ -12,7 +12,7 @@ from enliven_viewer.studio.toasts import Toasts
 
 
 class Cancelled(EnlivenError):
-    """Work that the artist has cancelled."""
+    """Raised in the thread of a computation that the artist has cancelled."""
 
 
 class WorkProgress:
@@ -29,15 +29,15 @@ class WorkProgress:
         self.seconds = 0.0
         self.cancelled = False
 
-    def report(self, share: float) -> None:
+    def report(self, fraction: float) -> None:
         """Reports the progress. Call it often, so that cancelling is quick.
 
         Raises:
             Cancelled: if the artist has cancelled it.
         """
-        self.share = min(max(share, 0.0), 1.0)
+        self.share = min(max(fraction, 0.0), 1.0)
         if self.cancelled:
-            raise Cancelled("it was cancelled")
+            raise Cancelled("the work was cancelled")
 
 
 class BackgroundTask:
@@ -75,7 +75,7 @@ class BackgroundTask:
         if self._work is not None:
             self._toasts.say(self._busy, tr("Wait until it is done."))
             return
-        self._pool = self._pool or ThreadPoolExecutor(1, "beside the window")
+        self._pool = self._pool or ThreadPoolExecutor(1, "background task")
         self._work = (self._pool.submit(work), then)
         self.progress, self.message = progress, message
         self._toasts.say(f"{message} ...", tr("You can go on working."))

@@ -28,11 +28,11 @@ class Desktop:
         self._workspace, self._title = workspace, ""
         self._window: Any = glfw_window_hello_imgui()
         self._dropped: list[Path] = []
-        self.scale = self._density()
+        self.scale = self._find_density()
         self.path = PointerPath()
         glfw.set_drop_callback(self._window, self._drop)
         self._listen()
-        self._fit()
+        self._fit_to_screen()
 
     def follow(self) -> None:
         """Opens dropped files, and updates the window title. Call once per frame."""
@@ -46,18 +46,18 @@ class Desktop:
     def lay_out(self) -> None:
         """Lays out the window in logical pixels. Call right after ImGui begins a new frame."""
         io, view = imgui.get_io(), imgui.get_main_viewport()
-        raw, own = io.display_size, io.display_framebuffer_scale
-        wanted = self._density() * self._workspace.preferences.text_size
-        most = min(raw.x / _MIN_LAYOUT_SIZE[0], raw.y / _MIN_LAYOUT_SIZE[1])
-        self.scale = max(min(wanted, most), min(self._density(), 1.0))
+        raw, framebuffer_scale = io.display_size, io.display_framebuffer_scale
+        scale = self._find_density() * self._workspace.preferences.text_size
+        max_scale = min(raw.x / _MIN_LAYOUT_SIZE[0], raw.y / _MIN_LAYOUT_SIZE[1])
+        self.scale = max(min(scale, max_scale), min(self._find_density(), 1.0))
         size, density = (
             ImVec2(raw.x / self.scale, raw.y / self.scale),
-            ImVec2(own.x * self.scale, own.y * self.scale),
+            ImVec2(framebuffer_scale.x * self.scale, framebuffer_scale.y * self.scale),
         )
         io.display_size = view.size = view.work_size = size
         io.display_framebuffer_scale = view.framebuffer_scale = density
 
-    def _density(self) -> float:
+    def _find_density(self) -> float:
         """Returns the number of window pixels per logical pixel.
 
         It is 1 on Macs, where windows use logical pixels anyway.
@@ -66,14 +66,14 @@ class Desktop:
         across = glfw.get_window_size(self._window)[0]
         return dense * across / max(glfw.get_framebuffer_size(self._window)[0], 1) if across else 1.0
 
-    def _fit(self) -> None:
+    def _fit_to_screen(self) -> None:
         """Enlarges the window on a high-density screen, as far as the screen has room."""
         monitor = glfw.get_primary_monitor()
         if self.scale == 1.0 or not monitor:
             return
-        room, settings = glfw.get_monitor_workarea(monitor), self._workspace.editor.settings
+        work_area, settings = glfw.get_monitor_workarea(monitor), self._workspace.editor.settings
         size = (round(settings.width * self.scale), round(settings.height * self.scale))
-        glfw.set_window_size(self._window, min(size[0], room[2]), min(size[1], room[3]))
+        glfw.set_window_size(self._window, min(size[0], work_area[2]), min(size[1], work_area[3]))
 
     def _listen(self) -> None:
         """Converts pointer positions to logical pixels.

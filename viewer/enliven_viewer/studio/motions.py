@@ -11,10 +11,10 @@ from pathlib import Path
 from enliven.document import Clip
 from enliven.formats.project import read_project
 
-MOTIONS = Path(__file__).resolve().parent / "motions.enliven"
+MOTIONS_FILE = Path(__file__).resolve().parent / "motions.enliven"
 """The file of the motions: a project that contains only takes."""
 
 
-def library() -> tuple[Clip, ...]:
+def read_library() -> tuple[Clip, ...]:
     """Returns every motion of the library: wave, curl, reach, walk, sway, and a quarter turn."""
-    return tuple(read_project(MOTIONS).takes.values())
+    return tuple(read_project(MOTIONS_FILE).takes.values())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from enliven_viewer.studio.panel_layout import TIMELINE, PanelLayout, lay_out_panels
+from enliven_viewer.studio.panel_layout import TIMELINE_HEIGHT, PanelLayout, lay_out_panels
 from enliven_viewer.studio.panels import (
     draw_curves,
     draw_menu,
@@ -32,49 +32,49 @@ _HIDDEN_PANELS: dict[str, tuple[str, ...]] = {
 """The panels that each workspace hides."""
 
 
-def panel_layout_of(workspace: Workspace, *, bare: bool) -> PanelLayout:
+def make_panel_layout(workspace: Workspace, *, bare: bool) -> PanelLayout:
     """Returns the layout of the panels at the window's size; for a bare window, only the view."""
-    size, room = imgui.get_io().display_size, workspace.perform.active_workspace
-    without = ("menu", "tools", "side", "timeline") if bare else _HIDDEN_PANELS[room]
-    if room == "Play" and workspace.perform.live is not None:
+    size, active_workspace = imgui.get_io().display_size, workspace.perform.active_workspace
+    without = ("menu", "tools", "side", "timeline") if bare else _HIDDEN_PANELS[active_workspace]
+    if active_workspace == "Play" and workspace.perform.live is not None:
         # Leave out the timeline panel, because the timeline of the live stage is drawn over the view.
         without = (*without, "timeline")
-    how = {
+    options = {
         "puppet": edits_puppet(workspace),
         "curves": workspace.curves.on,
-        "hinted": not bare and has_tool(room),
+        "hinted": not bare and has_tool(active_workspace),
     }
-    tall = workspace.preferences.timeline_height or TIMELINE
-    return lay_out_panels(size.x, size.y, without=without, timeline_height=tall, **how)
+    height = workspace.preferences.timeline_height or TIMELINE_HEIGHT
+    return lay_out_panels(size.x, size.y, without=without, timeline_height=height, **options)
 
 
-def has_tool(room: str) -> bool:
+def has_tool(workspace_name: str) -> bool:
     """Returns whether a workspace has tools."""
-    return room in ("Animate", "Model")
+    return workspace_name in ("Animate", "Model")
 
 
 def draw_panels(workspace: Workspace, places: PanelLayout, pictures: WindowPictures) -> None:
     """Draws the menu and the panels of the workspace."""
-    room = workspace.perform.active_workspace
+    active_workspace = workspace.perform.active_workspace
     draw_menu(workspace)
     draw_workspace_tabs(workspace)
     if places.tools.width:
         draw_toolbar(workspace, places.tools)
-    if room == "Perform" and workspace.scan.shown:
+    if active_workspace == "Perform" and workspace.scan.shown:
         draw_scan(workspace, places.side)
-    elif room == "Perform":
+    elif active_workspace == "Perform":
         draw_perform(workspace, places.side)
     elif places.side.width:
-        _side(workspace, places, pictures)
+        _draw_side(workspace, places, pictures)
     if places.timeline.height:
         draw_timeline(workspace, places.timeline)
     if places.curves is not None:
         draw_curves(workspace, places.curves)
     draw_progress_box(workspace, places.viewport)
-    draw_overlay(workspace, places.viewport, tool=has_tool(room), hint=places.hint)
+    draw_overlay(workspace, places.viewport, tool=has_tool(active_workspace), hint=places.hint)
 
 
-def _side(workspace: Workspace, places: PanelLayout, pictures: WindowPictures) -> None:
+def _draw_side(workspace: Workspace, places: PanelLayout, pictures: WindowPictures) -> None:
     """Draws the outliner, with the selection below it."""
     tool, column = workspace.input.tool, places.side
     if isinstance(tool, MapTool):

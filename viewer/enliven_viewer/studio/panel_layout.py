@@ -5,37 +5,37 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import NamedTuple
 
-MENU = 23.0
+MENU_HEIGHT = 23.0
 """Height of the menu bar in pixels: one line of text."""
-TOOLS = 92.0
+TOOLBAR_WIDTH = 92.0
 """Width of the toolbar in pixels: a button of 72 with margins."""
-SIDE = 288.0
+SIDE_PANEL_WIDTH = 288.0
 """Width of the side panel in pixels: two buttons of 126 side by side."""
-TIMELINE = 196.0
+TIMELINE_HEIGHT = 196.0
 """Height of the timeline in pixels: the transport, the ruler and five lanes."""
-TIMELINE_MOST = 0.75
+MAX_TIMELINE_FRACTION = 0.75
 """Maximum fraction of the window's height that an artist can give the timeline."""
-LEAST = 118.0
+MIN_TIMELINE_HEIGHT = 118.0
 """Minimum height of the timeline in pixels, in a low window: the transport, the ruler, and one lane."""
-PICTURE = 270.0
+MIN_VIEW_HEIGHT = 270.0
 """Height of the view in pixels below which the view takes space from the timeline."""
-CURVES = 178.0
+CURVES_HEIGHT = 178.0
 """Height of the curve area in pixels: as much as three lines of values need."""
-STRIP = 142.0
+STRIP_HEIGHT = 142.0
 """Height in pixels of a puppet's strip of key poses: a title and a row of tiles."""
-STRIP_PICTURE = 190.0
+MIN_VIEW_HEIGHT_WITH_STRIP = 190.0
 """Minimum height in pixels of a puppet's view. In a lower window the strip of key poses is hidden."""
-PERFORMER_LEAST = 150.0
+MIN_PERFORMER_WIDTH = 150.0
 """Minimum width in pixels of the performer's view, so that its take can be chosen. It takes at most half of a
 narrow view.
 """
-PERFORMER = 0.36
+PERFORMER_WIDTH_FRACTION = 0.36
 """Fraction of the view's width for the performer, so that the puppet stays larger."""
-HINT = 32.0
+HINT_STRIP_HEIGHT = 32.0
 """Height in pixels of the hint strip below the view: two lines of small text."""
-HINT_OVER = 480.0
+MIN_WIDTH_WITH_HINT = 480.0
 """Minimum width in pixels of a view that shows the hint inside it, above the characters."""
-HOLDER = 48.0
+HOLDER_LINE_HEIGHT = 48.0
 """Height in pixels of a line of large text about the performers and their characters."""
 
 
@@ -72,7 +72,7 @@ def lay_out_panels(
     puppet: bool = False,
     curves: bool = False,
     hinted: bool = False,
-    timeline_height: float = TIMELINE,
+    timeline_height: float = TIMELINE_HEIGHT,
     without: Collection[str] = (),
 ) -> PanelLayout:
     """Returns the areas of the panels and of the view.
@@ -89,31 +89,40 @@ def lay_out_panels(
         hinted: whether the tool has a hint. Below a narrow view the hint has its own strip.
         without: hidden panels, of "menu", "tools", "side" and "timeline"; they have no width or height.
     """
-    menu, left = MENU * ("menu" not in without), TOOLS * ("tools" not in without)
-    right = SIDE * ("side" not in without)
-    room = height - menu - PICTURE - CURVES * curves - STRIP * puppet - HINT * hinted
-    usual = min(max(room, LEAST), TIMELINE)
-    if timeline_height != TIMELINE:
+    menu, left = MENU_HEIGHT * ("menu" not in without), TOOLBAR_WIDTH * ("tools" not in without)
+    right = SIDE_PANEL_WIDTH * ("side" not in without)
+    free_height = (
+        height
+        - menu
+        - MIN_VIEW_HEIGHT
+        - CURVES_HEIGHT * curves
+        - STRIP_HEIGHT * puppet
+        - HINT_STRIP_HEIGHT * hinted
+    )
+    default_height = min(max(free_height, MIN_TIMELINE_HEIGHT), TIMELINE_HEIGHT)
+    if timeline_height != TIMELINE_HEIGHT:
         # The user has chosen the height of the timeline, so the view may be lower than usual.
-        usual = max(min(timeline_height, TIMELINE_MOST * height - CURVES * curves), LEAST)
-    low = height - usual * ("timeline" not in without)
-    timeline, above = Area(0.0, low, width, height - low), None
+        default_height = max(
+            min(timeline_height, MAX_TIMELINE_FRACTION * height - CURVES_HEIGHT * curves), MIN_TIMELINE_HEIGHT
+        )
+    is_low_window = height - default_height * ("timeline" not in without)
+    timeline, above = Area(0.0, is_low_window, width, height - is_low_window), None
     if curves and timeline.height:
-        low -= CURVES
-        above = Area(0.0, low, width, CURVES)
+        is_low_window -= CURVES_HEIGHT
+        above = Area(0.0, is_low_window, width, CURVES_HEIGHT)
     hint = None
-    if hinted and width - left - right < HINT_OVER:
-        low -= HINT
-        hint = Area(0.0, low, width, HINT)
-    tools = Area(0.0, menu, left, low - menu)
-    side = Area(width - right, menu, right, low - menu)
-    rest = Area(left, menu, max(width - left - right, 1.0), max(low - menu, 1.0))
+    if hinted and width - left - right < MIN_WIDTH_WITH_HINT:
+        is_low_window -= HINT_STRIP_HEIGHT
+        hint = Area(0.0, is_low_window, width, HINT_STRIP_HEIGHT)
+    tools = Area(0.0, menu, left, is_low_window - menu)
+    side = Area(width - right, menu, right, is_low_window - menu)
+    rest = Area(left, menu, max(width - left - right, 1.0), max(is_low_window - menu, 1.0))
     if not puppet:
         return PanelLayout(tools, side, timeline, rest, curves=above, hint=hint)
-    stripped = STRIP if rest.height - STRIP >= STRIP_PICTURE else 0.0
-    high = max(rest.height - stripped, 1.0)
-    wide = round(min(max(PERFORMER * rest.width, PERFORMER_LEAST), rest.width / 2))
-    performer = Area(rest.x, rest.y, wide, high)
-    strip = Area(rest.x, rest.y + high, rest.width, STRIP) if stripped else None
-    viewport = Area(rest.x + wide, rest.y, max(rest.width - wide, 1.0), high)
+    stripped = STRIP_HEIGHT if rest.height - STRIP_HEIGHT >= MIN_VIEW_HEIGHT_WITH_STRIP else 0.0
+    height_above_timeline = max(rest.height - stripped, 1.0)
+    wide = round(min(max(PERFORMER_WIDTH_FRACTION * rest.width, MIN_PERFORMER_WIDTH), rest.width / 2))
+    performer = Area(rest.x, rest.y, wide, height_above_timeline)
+    strip = Area(rest.x, rest.y + height_above_timeline, rest.width, STRIP_HEIGHT) if stripped else None
+    viewport = Area(rest.x + wide, rest.y, max(rest.width - wide, 1.0), height_above_timeline)
     return PanelLayout(tools, side, timeline, viewport, performer, strip, above, hint)

@@ -15,7 +15,7 @@ import msgspec
 from enliven.errors import EnlivenError, InputError, ResourceError, refuse_later_version
 from enliven.files import read_file, user_data_folder, write_file
 from enliven_viewer.language import language_in_use, set_language, tr
-from enliven_viewer.theme import theme_in_use, use_theme
+from enliven_viewer.theme import get_theme, use_theme
 
 log = logging.getLogger(__name__)
 
@@ -28,7 +28,7 @@ _VERSION_KEY = "version"
 """Key of the version. The file of enliven 0.1 lacks it and counts as version 1."""
 _MAX_FILE_BYTES = 1 << 20
 """Maximum number of bytes read from the file. A valid file contains a few hundred short lines."""
-SIZES = (0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
+TEXT_SIZES = (0.8, 0.9, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
 """Offered text sizes relative to the default: visible steps, up to double."""
 _MAX_RECENT_FILES = 10
 """Number of recent files: as many as can be read at a glance."""
@@ -84,7 +84,7 @@ class Preferences:
         set_language(kept.language)
         self.language = language_in_use()
         use_theme(kept.theme, kept.colours)
-        self.theme, self.colours = theme_in_use()
+        self.theme, self.colours = get_theme()
         self._begun = self._current_choices()
 
     def save(self) -> None:
@@ -103,8 +103,8 @@ class Preferences:
 
     def resize(self, steps: int) -> None:
         """Makes text and layout larger by some steps, or smaller if negative."""
-        nearest = min(range(len(SIZES)), key=lambda k: abs(SIZES[k] - self.text_size))
-        self.text_size = SIZES[min(max(nearest + steps, 0), len(SIZES) - 1)]
+        nearest = min(range(len(TEXT_SIZES)), key=lambda k: abs(TEXT_SIZES[k] - self.text_size))
+        self.text_size = TEXT_SIZES[min(max(nearest + steps, 0), len(TEXT_SIZES) - 1)]
         self.save()
 
     def set_less_motion(self) -> None:
@@ -115,7 +115,7 @@ class Preferences:
     def set_colours(self, theme: str = "", colours: str = "") -> None:
         """Changes the theme or the palette immediately; an empty argument keeps the current one."""
         use_theme(theme or self.theme, colours or self.colours)
-        self.theme, self.colours = theme_in_use()
+        self.theme, self.colours = get_theme()
         self.save()
 
     def set_language(self, language: str) -> None:
@@ -153,7 +153,7 @@ class Preferences:
                 return _StoredPreferences()
             kept = msgspec.json.decode(data, type=_StoredPreferences)
         except (InputError, msgspec.MsgspecError, OSError, RecursionError) as error:
-            log.warning("preferences cannot be read, and are put aside: %s", error)
+            log.warning("preferences cannot be read, so the file is renamed: %s", error)
             self._put_aside()
             return _StoredPreferences()
         self._stored = stored

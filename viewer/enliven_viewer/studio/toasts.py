@@ -45,8 +45,8 @@ class Toasts:
     def tell(self, error: BaseException, mend: str = "") -> EnlivenError:
         """Shows any error. Internal errors are shown too, since they must not close the window."""
         if not isinstance(error, EnlivenError):
-            log.error("a fault of enliven itself", exc_info=error)
-            message = tr("a fault of enliven itself{0}; the log says more", error_location(error))
+            log.error("internal error of enliven", exc_info=error)
+            message = tr("an internal error of enliven{0}; the log has the details", error_location(error))
             error = EnlivenError(message, mend=mend)
         self.complain(error)
         return error

@@ -16,7 +16,7 @@ from enliven_viewer.live import IdleLoop
 from enliven_viewer.settings import WindowStart
 from enliven_viewer.studio.actions import KEYS, held_keys
 from enliven_viewer.studio.desktop import Desktop
-from enliven_viewer.studio.panel_drawing import draw_panels, panel_layout_of
+from enliven_viewer.studio.panel_drawing import draw_panels, make_panel_layout
 from enliven_viewer.studio.panel_layout import Area, PanelLayout
 from enliven_viewer.studio.panels import (
     apply_colours,
@@ -29,13 +29,13 @@ from enliven_viewer.studio.panels.stage import (
     draw_audience,
     draw_camera_previews,
     draw_live,
-    draw_scan_over,
+    draw_scan_overlay,
     draw_side_view,
 )
 from enliven_viewer.studio.perform import PreviewPlacement
 from enliven_viewer.studio.window_pictures import WindowPictures, hides_live
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import theme_in_use
+from enliven_viewer.theme import get_theme
 from enliven_viewer.window import WindowRectangle, is_minimised, toggle_full_screen
 
 _MAX_STEP_S = 2.0
@@ -58,7 +58,7 @@ _MINIMISED_SLEEP_S = 0.05
 """Sleep per frame in seconds while the window is minimised."""
 
 
-def elapsed_since(last: float, now: float) -> float:
+def measure_elapsed(last: float, now: float) -> float:
     """Returns the time step in seconds between two frames at given clock times."""
     return min(now - last, _MAX_STEP_S)
 
@@ -89,7 +89,7 @@ class StudioWindow:
         self._inset = PreviewPlacement()
         self._last = time.monotonic()
         self._framed = False
-        self._theme = theme_in_use()[0]
+        self._theme = get_theme()[0]
 
     def run(
         self,
@@ -126,9 +126,9 @@ class StudioWindow:
         calls.load_additional_fonts = load_fonts
         calls.setup_imgui_style = apply_style
         calls.post_init = self._start
-        calls.custom_background = self._picture
-        calls.show_gui = self._gui
-        calls.confirm_exit = self._may_close
+        calls.custom_background = self._draw_picture
+        calls.show_gui = self._draw_gui
+        calls.confirm_exit = self._confirm_close
         if register_tests is not None:
             runner.use_imgui_test_engine = True
             calls.register_tests = register_tests
@@ -140,8 +140,8 @@ class StudioWindow:
             if is_minimised(glfw_window_hello_imgui()):
                 time.sleep(_MINIMISED_SLEEP_S)
             runner.fps_idling.enable_idling = register_tests is None and before is None and self._idle
-            if self._theme != theme_in_use()[0]:
-                self._theme = theme_in_use()[0]
+            if self._theme != get_theme()[0]:
+                self._theme = get_theme()[0]
                 apply_colours()
             if before is not None:
                 before(self)
@@ -177,7 +177,7 @@ class StudioWindow:
         """Closes the window after this frame."""
         hello_imgui.get_runner_params().app_shall_exit = True
 
-    def _may_close(self) -> bool:
+    def _confirm_close(self) -> bool:
         """Returns True if the window's close button may close it.
 
         With unsaved work, a dialogue opens instead.
@@ -199,7 +199,7 @@ class StudioWindow:
     @property
     def places(self) -> PanelLayout:
         """Returns the layout of the panels at the window's size."""
-        return panel_layout_of(self.workspace, bare=self.opening.bare or self.audience)
+        return make_panel_layout(self.workspace, bare=self.opening.bare or self.audience)
 
     @property
     def audience(self) -> bool:
@@ -222,10 +222,10 @@ class StudioWindow:
         self._pictures = WindowPictures(self.workspace, films=self.step is not None)
         self.desktop = Desktop(self.workspace)
 
-    def _picture(self) -> None:
+    def _draw_picture(self) -> None:
         """Advances time, and draws the 3D view in the middle of the window."""
         now = time.monotonic()
-        elapsed = elapsed_since(self._last, now) if self.step is None else self.step
+        elapsed = measure_elapsed(self._last, now) if self.step is None else self.step
         self._last = now
         workspace, area = self.workspace, self.places.viewport
         editor = workspace.editor
@@ -245,7 +245,7 @@ class StudioWindow:
         assert self._pictures is not None
         self._pictures.draw(area)
 
-    def _gui(self) -> None:
+    def _draw_gui(self) -> None:
         """Draws the panels, and passes input outside of them to the viewport."""
         places, pictures = self.places, self._pictures
         assert pictures is not None
@@ -259,7 +259,7 @@ class StudioWindow:
                 texture = pictures.source.renderer.picture.texture.glo
                 draw_side_view(self.workspace, places.viewport, texture)
             draw_live(self.workspace, places.viewport, self.pace)
-            draw_scan_over(self.workspace, places.viewport)
+            draw_scan_overlay(self.workspace, places.viewport)
         # Read this before the dialogue is drawn, so that Escape closes only the dialogue and nothing behind
         # it.
         asking = self.workspace.asking
@@ -267,7 +267,7 @@ class StudioWindow:
         if not (self.audience or self.opening.bare):
             draw_tour(self.workspace, places)
         if self.workspace.tour is None or self.workspace.tour.demonstration is None:
-            self._listen(places.viewport, keys=not asking)
+            self._handle_input(places.viewport, keys=not asking)
         self.workspace.store.autosave()
         if self.desktop is not None:
             self.desktop.follow()
@@ -275,31 +275,31 @@ class StudioWindow:
             self.workspace.store.close()
             self.close()
 
-    def _listen(self, area: Area, *, keys: bool = True) -> None:
+    def _handle_input(self, area: Area, *, keys: bool = True) -> None:
         """Passes pointer, buttons, wheel and keys over the viewport to the tools."""
         io, user_input = imgui.get_io(), self.workspace.input
-        at = (io.mouse_pos.x - area.x, io.mouse_pos.y - area.y)
+        pixel = (io.mouse_pos.x - area.x, io.mouse_pos.y - area.y)
         held: dict[str, Any] = {"shift": io.key_shift, "ctrl": io.key_ctrl}
-        free = area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse
+        is_over_view = area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse
         spot = (io.mouse_pos.x, io.mouse_pos.y)
         for x, y in self.desktop.path.take(spot) if self.desktop is not None else [spot]:
             passed = (x - area.x, y - area.y)
-            if passed != user_input.at and (free or user_input.busy):
+            if passed != user_input.at and (is_over_view or user_input.busy):
                 user_input.move(passed, **held)
         for button in (0, 1, 2):
-            if free and imgui.is_mouse_clicked(button):
-                user_input.press(at, button, **held)
+            if is_over_view and imgui.is_mouse_clicked(button):
+                user_input.press(pixel, button, **held)
             if user_input.busy and imgui.is_mouse_released(button):
-                user_input.release(at, button, **held)
-        if free and io.mouse_wheel:
+                user_input.release(pixel, button, **held)
+        if is_over_view and io.mouse_wheel:
             user_input.wheel(io.mouse_wheel)
         if keys and not io.want_text_input and not self.workspace.asking:
             modifiers = held_keys()
             for name, key in KEYS.items():
                 if imgui.is_key_pressed(key, repeat=name in ("left", "right")):
-                    self._key(modifiers + name)
+                    self._handle_key(modifiers + name)
 
-    def _key(self, key: str) -> None:
+    def _handle_key(self, key: str) -> None:
         """Handles a key: for the window itself, or for the workspace."""
         if key == "f11":
             self._windowed = toggle_full_screen(glfw_window_hello_imgui(), self._windowed)

@@ -10,9 +10,9 @@ from imgui_bundle import imgui
 
 from enliven.arrays import UInt8
 from enliven_viewer.render import Scene
-from enliven_viewer.render.gl import window_context
+from enliven_viewer.render.gl import get_window_context
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.stage import place_of_side_view
+from enliven_viewer.studio.panels.stage import find_side_view_area
 from enliven_viewer.studio.performer import PerformerPicture, Thumbnails
 from enliven_viewer.studio.picture import PreviewTextures, Viewport
 from enliven_viewer.studio.tools import MapTool, PaintTool
@@ -36,11 +36,11 @@ class WindowPictures:
 
     def __init__(self, workspace: Workspace, *, films: bool) -> None:
         self.workspace = workspace
-        settings, context = workspace.editor.settings, window_context()
+        settings, context = workspace.editor.settings, get_window_context()
         # Detect the framebuffer now, while the window's own one is bound.
         self._screen: Any = context.detect_framebuffer()
         self.viewport = Viewport(context, (64, 64), settings.render)
-        self.viewport.renderer.textures.beside = not films
+        self.viewport.renderer.textures.decodes_in_background = not films
         self.source = Viewport(context, (64, 64), settings.render)
         self.performer = PerformerPicture(self.source.renderer)
         self.thumbnails = Thumbnails(context, workspace.puppets.stage.surfaces)
@@ -48,7 +48,7 @@ class WindowPictures:
 
     def pixels(self) -> UInt8:
         """Returns (H, W, 3) sRGB of the screen, top row first. Call after a frame."""
-        width, height = _framebuffer_size()
+        width, height = _find_framebuffer_size()
         raw = self._screen.read(viewport=(0, 0, width, height), components=3, alignment=1)
         # Reading clears the error. moderngl causes it, because it queries buffers that the window lacks.
         _ = self.viewport.renderer.ctx.error
@@ -62,7 +62,7 @@ class WindowPictures:
         self._draw_source()
         renderer = self.viewport.renderer
         renderer.look = look_in_theme(editor.look)
-        renderer.resize(_dense(area.width, area.height))
+        renderer.resize(_to_screen_pixels(area.width, area.height))
         stage = [
             character
             for character in editor.visible_characters
@@ -83,10 +83,12 @@ class WindowPictures:
             live=live,
             growing=scan.surface,
         )
-        wide, high = _framebuffer_size()
+        width, height = _find_framebuffer_size()
         scale = imgui.get_io().display_framebuffer_scale.y
-        renderer.present(self._screen, (round(area.x * scale), high - round((area.y + area.height) * scale)))
-        self._screen.viewport = (0, 0, wide, high)
+        renderer.present(
+            self._screen, (round(area.x * scale), height - round((area.y + area.height) * scale))
+        )
+        self._screen.viewport = (0, 0, width, height)
 
     def _draw_source(self) -> None:
         """Draws the take during mapping, or the performer during the editing of a puppet."""
@@ -96,7 +98,7 @@ class WindowPictures:
             return
         posed = tool.source.posed_skeleton() if isinstance(tool, MapTool) else None
         if isinstance(tool, MapTool) and posed is not None:
-            self.source.renderer.resize(_dense(*tool.source.size))
+            self.source.renderer.resize(_to_screen_pixels(*tool.source.size))
             self.source.draw([posed], tool.source.lens, tool.source.selection, tool.source.overlay())
 
     def _draw_side(self, area: Area, stage: Sequence[StageCharacter], live: Scene | None) -> None:
@@ -105,12 +107,12 @@ class WindowPictures:
         While performing, the source view is not needed.
         """
         workspace = self.workspace
-        place = place_of_side_view(workspace, area)
+        place = find_side_view_area(workspace, area)
         lens = workspace.perform.close_up.lens(place.width, place.height)
         if lens is None:
             return
         self.source.renderer.look = look_in_theme(workspace.editor.look)
-        self.source.renderer.resize(_dense(place.width, place.height))
+        self.source.renderer.resize(_to_screen_pixels(place.width, place.height))
         chosen, overlay = workspace.editor.selection, workspace.input.tool.overlay()
         self.source.draw(stage, lens, chosen, overlay, bones=False, live=live)
 
@@ -121,7 +123,7 @@ class WindowPictures:
         self.thumbnails.work()
         figure = view.figure()
         if figure is not None:
-            self.performer.renderer.resize(_dense(*view.size))
+            self.performer.renderer.resize(_to_screen_pixels(*view.size))
             self.performer.draw(figure, view.lens, view.paired(), view.hovered)
 
 
@@ -140,13 +142,13 @@ def hides_live(workspace: Workspace) -> bool:
     return workspace.outliner.live_hidden and workspace.perform.active_workspace in ("Animate", "Model")
 
 
-def _dense(wide: float, high: float) -> tuple[int, int]:
+def _to_screen_pixels(width: float, height: float) -> tuple[int, int]:
     """Returns the size in screen pixels for a size in logical pixels; at least 1."""
     scale = imgui.get_io().display_framebuffer_scale.y
-    return max(round(wide * scale), 1), max(round(high * scale), 1)
+    return max(round(width * scale), 1), max(round(height * scale), 1)
 
 
-def _framebuffer_size() -> tuple[int, int]:
+def _find_framebuffer_size() -> tuple[int, int]:
     """Returns the size of the window's framebuffer in screen pixels."""
     io = imgui.get_io()
     scale = io.display_framebuffer_scale

@@ -1,9 +1,17 @@
-from .context import offscreen_context as offscreen_context, window_context as window_context
+from .context import (
+    create_offscreen_context as create_offscreen_context,
+    get_window_context as get_window_context,
+)
 from .program import (
-    BLOCKS as BLOCKS,
-    UNITS as UNITS,
+    BLOCK_BINDINGS as BLOCK_BINDINGS,
+    TEXTURE_UNITS as TEXTURE_UNITS,
     load_program as load_program,
     set_uniform as set_uniform,
 )
 from .region import Region as Region, full_region as full_region
-from .targets import RenderTarget as RenderTarget, Size as Size, SoftMap as SoftMap, reach_of as reach_of
+from .targets import (
+    RenderTarget as RenderTarget,
+    Size as Size,
+    SoftMap as SoftMap,
+    count_spread_texels as count_spread_texels,
+)

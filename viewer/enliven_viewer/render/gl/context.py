@@ -19,7 +19,7 @@ INSTALL_HINTS = {
 }
 
 
-def offscreen_context() -> moderngl.Context:
+def create_offscreen_context() -> moderngl.Context:
     """Returns an offscreen context: EGL on Linux, the system's own API elsewhere.
 
     Raises:
@@ -29,10 +29,10 @@ def offscreen_context() -> moderngl.Context:
     try:
         return moderngl.create_standalone_context(require=GL_VERSION, **options)
     except Exception as error:  # moderngl raises a plain Exception if its loader does not find OpenGL.
-        raise _missing(error) from None
+        raise _make_missing_error(error) from None
 
 
-def window_context() -> moderngl.Context:
+def get_window_context() -> moderngl.Context:
     """Returns the context of this thread's current window.
 
     Raises:
@@ -41,10 +41,10 @@ def window_context() -> moderngl.Context:
     try:
         return moderngl.create_context(require=GL_VERSION)
     except Exception as error:
-        raise _missing(error) from None
+        raise _make_missing_error(error) from None
 
 
-def _missing(error: Exception) -> ResourceError:
+def _make_missing_error(error: Exception) -> ResourceError:
     reason = str(error).strip() or "the driver gives no reason"
     platform = "linux" if sys.platform.startswith("linux") else sys.platform
     return ResourceError(

@@ -8,9 +8,9 @@ from importlib import resources
 import moderngl
 
 _INCLUDE = re.compile(r'^#include "([a-z_.]+)"$', re.MULTILINE)
-BLOCKS = {"Frame": 0, "Bones": 1}
+BLOCK_BINDINGS = {"Frame": 0, "Bones": 1}
 """Binding point of each uniform block, the same in every program."""
-UNITS = {
+TEXTURE_UNITS = {
     "shadow_map": 0,
     "contact_map": 1,
     "transforms": 2,
@@ -26,7 +26,7 @@ UNITS = {
 """Texture unit of each sampler. Samplers that no program uses together share one."""
 
 
-def shader_source(name: str, defines: tuple[str, ...] = ()) -> str:
+def read_shader_source(name: str, defines: tuple[str, ...] = ()) -> str:
     """Returns the source of one shader file. ``#version`` is moved to the top, before any comments.
 
     Args:
@@ -34,7 +34,7 @@ def shader_source(name: str, defines: tuple[str, ...] = ()) -> str:
             branches.
     """
     text = (resources.files("enliven_viewer.render") / "shaders" / name).read_text(encoding="utf-8")
-    text = _INCLUDE.sub(lambda match: shader_source(match.group(1)), text)
+    text = _INCLUDE.sub(lambda match: read_shader_source(match.group(1)), text)
     if "#version 330 core\n" in text:
         head = "#version 330 core\n" + "".join(f"#define {name}\n" for name in defines)
         text = head + text.replace("#version 330 core\n", "", 1)
@@ -50,16 +50,16 @@ def load_program(
 ) -> moderngl.Program:
     """Returns a program of two shader files. Without a fragment shader, ``varyings`` are captured."""
     program = ctx.program(
-        vertex_shader=shader_source(vertex, defines),
-        fragment_shader=shader_source(fragment, defines) if fragment else None,
+        vertex_shader=read_shader_source(vertex, defines),
+        fragment_shader=read_shader_source(fragment, defines) if fragment else None,
         varyings=varyings,
     )
     for name in program:
         member = program[name]
         if isinstance(member, moderngl.UniformBlock):
-            member.binding = BLOCKS[name]
-        elif isinstance(member, moderngl.Uniform) and name in UNITS:
-            member.value = UNITS[name]
+            member.binding = BLOCK_BINDINGS[name]
+        elif isinstance(member, moderngl.Uniform) and name in TEXTURE_UNITS:
+            member.value = TEXTURE_UNITS[name]
     return program
 
 

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import UInt8
-from enliven_viewer.render.gl.program import UNITS, load_program
+from enliven_viewer.render.gl.program import TEXTURE_UNITS, load_program
 from enliven_viewer.render.gl.region import Region, full_region, regions_around
 
 Size = tuple[int, int]
@@ -29,7 +29,7 @@ class RenderTarget:
 
     def __init__(self, ctx: moderngl.Context, size: Size, samples: int) -> None:
         self.ctx, self.size = ctx, size
-        self.samples = _available(ctx, samples)
+        self.samples = _limit_samples(ctx, samples)
         self.texture = ctx.texture(size, 4)
         near = ctx.depth_renderbuffer(size)
         self.ground = self.drawn = self.resolved = ctx.framebuffer([self.texture], near)
@@ -92,7 +92,7 @@ class RenderTarget:
 
     def pixels(self) -> UInt8:
         """Returns (H, W, 3) sRGB of the resolved image, top row first."""
-        return upright(self.raw())
+        return flip_rows(self.raw())
 
     def raw(self) -> UInt8:
         """Returns (H, W, 4) the resolved image as stored by OpenGL, bottom row first."""
@@ -105,12 +105,12 @@ class RenderTarget:
             item.release()  # type: ignore[attr-defined]
 
 
-def upright(raw: UInt8) -> UInt8:
+def flip_rows(raw: UInt8) -> UInt8:
     """Returns (H, W, 3) sRGB, top row first, of an image (H, W, 4) as stored by OpenGL."""
     return np.ascontiguousarray(raw[::-1, :, :3])
 
 
-def _available(ctx: moderngl.Context, wanted: int) -> int:
+def _limit_samples(ctx: moderngl.Context, wanted: int) -> int:
     """Returns the largest supported number of samples up to ``wanted``; 0 for none."""
     limit = min(wanted, int(ctx.info.get("GL_MAX_SAMPLES", 0) or ctx.max_samples))
     return 0 if limit < 2 else 1 << (limit.bit_length() - 1)
@@ -147,19 +147,19 @@ class SoftMap:
         """Applies nine-tap Gaussian blurs one after the other, with taps ``widths`` texels apart.
 
         Args:
-            drawn: region of the drawing, enlarged by :func:`reach_of` the widths.
+            drawn: region of the drawing, enlarged by :func:`count_spread_texels` the widths.
         """
         self.ctx.enable_only(moderngl.NOTHING)
         for buffer in self._buffers:
             buffer.scissor = drawn
         for width in widths:
             for source, step in ((0, (width / self.size, 0.0)), (1, (0.0, width / self.size))):
-                self._maps[source].use(UNITS["source"])
+                self._maps[source].use(TEXTURE_UNITS["source"])
                 self._buffers[1 - source].use()
                 self._blur["direction"] = step
                 self._quad.render(moderngl.TRIANGLES, vertices=3)
 
 
-def reach_of(widths: tuple[float, ...]) -> int:
+def count_spread_texels(widths: tuple[float, ...]) -> int:
     """Returns the spread of a drawing by :meth:`SoftMap.blur`, in texels."""
     return sum(math.ceil(_OUTER_TAP_DISTANCE * width) + 1 for width in widths)

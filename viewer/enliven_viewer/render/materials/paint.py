@@ -9,8 +9,8 @@ import numpy as np
 from enliven.arrays import Float32, Int, Int32
 from enliven.document import Character
 from enliven.meshes import MeshMaterials
-from enliven_viewer.render.materials.material import SurfaceMaterial, material_of
-from enliven_viewer.render.materials.parts import PLAIN_PART, Part, parts_of
+from enliven_viewer.render.materials.material import SurfaceMaterial, read_material
+from enliven_viewer.render.materials.parts import PLAIN_PART, Part, make_parts
 from enliven_viewer.render.surface import DrawnSurface
 
 DEFAULT_COLOUR = (226, 142, 84)
@@ -40,31 +40,31 @@ def paint_keys(character: Character) -> Int32 | None:
 
     None if all corners are alike.
     """
-    own = character.materials
-    if own is None:
+    mesh_materials = character.materials
+    if mesh_materials is None:
         return None
     faces = np.asarray(character.faces, np.int32)
-    columns = [faces.reshape(-1, 1), np.repeat(own.of, 3)[:, None]]
-    columns.append(own.uvs.reshape(faces.size, -1).view(np.int32))
-    if own.tints is not None:
-        columns.append(own.tints.reshape(faces.size, -1).view(np.int32))
+    columns = [faces.reshape(-1, 1), np.repeat(mesh_materials.of, 3)[:, None]]
+    columns.append(mesh_materials.uvs.reshape(faces.size, -1).view(np.int32))
+    if mesh_materials.tints is not None:
+        columns.append(mesh_materials.tints.reshape(faces.size, -1).view(np.int32))
     return np.ascontiguousarray(np.concatenate(columns, 1))
 
 
 def paint_surface(character: Character, surface: DrawnSurface) -> PaintedFaces:
     """Returns the vertex attributes of a character's colours, and the batches of its faces."""
-    own = character.materials
+    mesh_materials = character.materials
     rows = np.zeros((len(surface.source), 13), np.float32)
-    rows[:, 4:7] = _linear_colours(character)[surface.source]
+    rows[:, 4:7] = _find_linear_colours(character)[surface.source]
     rows[:, 7:10] = 1.0, _DEFAULT_MATERIAL.metallic, _DEFAULT_MATERIAL.roughness
-    if own is None:
+    if mesh_materials is None:
         return PaintedFaces(np.arange(len(surface.faces)), ((PLAIN_PART, 0, len(surface.faces)),), rows)
     # The last material has the index -1, which means no material.
-    materials = [*map(material_of, own.definitions), _DEFAULT_MATERIAL]
-    parts = [*parts_of(materials[:-1], own.textures, own.uvs.shape[2]), PLAIN_PART]
-    _paint(rows, own, materials, parts, surface)
+    materials = [*map(read_material, mesh_materials.definitions), _DEFAULT_MATERIAL]
+    parts = [*make_parts(materials[:-1], mesh_materials.textures, mesh_materials.uvs.shape[2]), PLAIN_PART]
+    _paint(rows, mesh_materials, materials, parts, surface)
     kinds = sorted(set(parts), key=lambda part: part.rank)
-    number = np.array([kinds.index(part) for part in parts])[own.of]
+    number = np.array([kinds.index(part) for part in parts])[mesh_materials.of]
     counts = np.bincount(number, minlength=len(kinds))
     starts = np.concatenate([[0], np.cumsum(counts)])
     drawn = (
@@ -75,28 +75,31 @@ def paint_surface(character: Character, surface: DrawnSurface) -> PaintedFaces:
 
 def _paint(
     rows: Float32,
-    own: MeshMaterials,
+    mesh_materials: MeshMaterials,
     materials: list[SurfaceMaterial],
     parts: list[Part],
     surface: DrawnSurface,
 ) -> None:
     """Fills the rows of the corners that have a material."""
     face, corner = np.divmod(surface.corner, 3)
-    of = own.of[face]
+    material_of_face = mesh_materials.of[face]
     for k, (material, part) in enumerate(zip(materials[:-1], parts, strict=False)):
-        mine = np.flatnonzero(of == k)
-        rows[mine, 4:8] = np.array(material.base, np.float32)
-        rows[mine, 8:10] = material.metallic, material.roughness
-        rows[mine, 10:13] = material.emissive
-        for at, (number, (a, b, c, d, e, f)) in enumerate(part.placings):
-            u, v = own.uvs[face[mine], corner[mine], number].T
-            rows[mine, 2 * at], rows[mine, 2 * at + 1] = a * u + b * v + c, d * u + e * v + f
-    if own.tints is not None:
-        some = np.flatnonzero(of >= 0)
-        rows[some, 4:8] *= own.tints[face[some], corner[some]]
+        rows_of_material = np.flatnonzero(material_of_face == k)
+        rows[rows_of_material, 4:8] = np.array(material.base, np.float32)
+        rows[rows_of_material, 8:10] = material.metallic, material.roughness
+        rows[rows_of_material, 10:13] = material.emissive
+        for at, (number, (a, b, c, d, e, f)) in enumerate(part.texture_mappings):
+            u, v = mesh_materials.uvs[face[rows_of_material], corner[rows_of_material], number].T
+            rows[rows_of_material, 2 * at], rows[rows_of_material, 2 * at + 1] = (
+                a * u + b * v + c,
+                d * u + e * v + f,
+            )
+    if mesh_materials.tints is not None:
+        some = np.flatnonzero(material_of_face >= 0)
+        rows[some, 4:8] *= mesh_materials.tints[face[some], corner[some]]
 
 
-def _linear_colours(character: Character) -> Float32:
+def _find_linear_colours(character: Character) -> Float32:
     """Returns (V, 3) float32 linear RGB of the character's colours."""
     colours = character.colours
     if colours is None:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from enliven.meshes import Texture
-from enliven_viewer.render.materials.material import MAPS, Alpha, SurfaceMaterial, Transform
-from enliven_viewer.render.materials.textures import mirrored_axes
+from enliven_viewer.render.materials.material import MAP_NAMES, Alpha, SurfaceMaterial, Transform
+from enliven_viewer.render.materials.textures import find_mirrored_axes
 
 TextureMapping = tuple[int, Transform]
 """A set of texture coordinates, and its transform."""
@@ -20,8 +20,8 @@ class Part:
     """The draw state of a batch of faces. Materials that differ only in numbers share a batch.
 
     Attributes:
-        maps: name and number of each texture, and which of the two placings it uses.
-        placings: at most two.
+        maps: name and number of each texture, and which of the two texture mappings it uses.
+        texture_mappings: at most two sets of texture coordinates with their transforms.
         glows: whether any material in it emits light.
     """
 
@@ -29,7 +29,7 @@ class Part:
     double_sided: bool = True
     unlit: bool = False
     maps: tuple[tuple[str, int, int], ...] = ()
-    placings: tuple[TextureMapping, ...] = ()
+    texture_mappings: tuple[TextureMapping, ...] = ()
     cutoff: float = 0.5
     normal_scale: float = 1.0
     occlusion_strength: float = 1.0
@@ -54,22 +54,22 @@ class Part:
         return (*(define for define in self.defines if define.startswith("BASE_MAP")), self.alpha)
 
 
-def parts_of(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets: int) -> list[Part]:
+def make_parts(materials: list[SurfaceMaterial], textures: Sequence[Texture], sets: int) -> list[Part]:
     """Returns the part of each material.
 
-    A texture with a third placing uses the first one. A texture without coordinates is left out.
+    A texture with a third texture mapping uses the first one. A texture without coordinates is left out.
 
     Args:
         textures: the textures that the materials refer to.
         sets: number of sets of texture coordinates.
     """
-    folds = [mirrored_axes(texture) for texture in textures]
-    return [_part(material, folds, sets) for material in materials]
+    folds = [find_mirrored_axes(texture) for texture in textures]
+    return [_make_part(material, folds, sets) for material in materials]
 
 
-def _part(material: SurfaceMaterial, folds: list[tuple[bool, bool]], sets: int) -> Part:
+def _make_part(material: SurfaceMaterial, folds: list[tuple[bool, bool]], sets: int) -> Part:
     maps, placings = list[tuple[str, int, int]](), list[TextureMapping]()
-    for name in MAPS:
+    for name in MAP_NAMES:
         texture_map = material.maps.get(name)
         if texture_map is None or not sets:
             continue
@@ -86,7 +86,7 @@ def _part(material: SurfaceMaterial, folds: list[tuple[bool, bool]], sets: int) 
         double_sided=material.double_sided,
         unlit=material.unlit,
         maps=tuple(maps),
-        placings=tuple(placings),
+        texture_mappings=tuple(placings),
         cutoff=material.cutoff if material.alpha == "MASK" else 0.5,
         normal_scale=material.normal_scale if "normal" in named else 1.0,
         occlusion_strength=material.occlusion_strength if "occlusion" in named else 1.0,

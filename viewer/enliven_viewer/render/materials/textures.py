@@ -58,21 +58,21 @@ class Textures:
     """The textures of one OpenGL context.
 
     Args:
-        most: maximum side in pixels; larger images are scaled down.
+        max_side: maximum side in pixels; larger images are scaled down.
         anisotropy: samples of anisotropic filtering; 1 for none.
 
     Attributes:
-        beside: whether images are decoded in threads while white is drawn; a window sets it.
+        decodes_in_background: whether images are decoded in threads while white is drawn; a window sets it.
     """
 
-    def __init__(self, ctx: moderngl.Context, most: int, anisotropy: int) -> None:
+    def __init__(self, ctx: moderngl.Context, max_side: int, anisotropy: int) -> None:
         self.ctx = ctx
-        limit = int(ctx.info.get("GL_MAX_TEXTURE_SIZE", most) or most)
-        self._most = min(most, limit)
+        limit = int(ctx.info.get("GL_MAX_TEXTURE_SIZE", max_side) or max_side)
+        self._most = min(max_side, limit)
         by_hand = any(name in ctx.info.get("GL_RENDERER", "").lower() for name in _SOFTWARE_RENDERERS)
         self._anisotropy = 1.0 if by_hand else min(float(anisotropy), ctx.max_anisotropy or 1.0)
         self._held: dict[_Key, SharedTexture] = {}
-        self.beside = False
+        self.decodes_in_background = False
         self._pool: ThreadPoolExecutor | None = None
 
     def take(self, source: Texture, name: str) -> SharedTexture:
@@ -83,7 +83,7 @@ class Textures:
         self._held[key].users += 1
         return self._held[key]
 
-    def arrive(self) -> None:
+    def upload_decoded(self) -> None:
         """Uploads the images that have been decoded since the last call. Call once per frame."""
         for (_, colours), held in self._held.items():
             if held.decoding is not None and held.decoding.done():
@@ -92,10 +92,10 @@ class Textures:
                 held.texture = self._upload(held.source, colours, pixels)
 
     def _create_texture(self, source: Texture, colours: bool) -> SharedTexture:
-        if not self.beside:
-            return SharedTexture(self._upload(source, colours, _pixels(source, self._most)), source)
+        if not self.decodes_in_background:
+            return SharedTexture(self._upload(source, colours, _decode_pixels(source, self._most)), source)
         self._pool = self._pool or ThreadPoolExecutor(2, "textures")
-        decoding = self._pool.submit(_pixels, source, self._most)
+        decoding = self._pool.submit(_decode_pixels, source, self._most)
         return SharedTexture(self._upload(source, colours, _WHITE_PIXEL), source, decoding=decoding)
 
     def give_back(self, source: Texture, name: str) -> None:
@@ -111,7 +111,7 @@ class Textures:
         return len(self._held)
 
     def _upload(self, source: Texture, colours: bool, decoded: UInt8) -> moderngl.Texture:
-        sampler = _sampler(source)
+        sampler = _read_sampler(source)
         pixels = _unfold_mirrored(decoded, sampler)
         options = {"internal_format": _SRGB8_ALPHA8} if colours else {}
         texture = self.ctx.texture(pixels.shape[1::-1], 4, pixels.tobytes(), **options)
@@ -119,42 +119,42 @@ class Textures:
         sharp = sampler.get("magFilter") == _GL_NEAREST
         texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.NEAREST if sharp else moderngl.LINEAR
         texture.repeat_x, texture.repeat_y = (
-            sampler.get(way) != _GL_CLAMP_TO_EDGE for way in ("wrapS", "wrapT")
+            sampler.get(wrap_key) != _GL_CLAMP_TO_EDGE for wrap_key in ("wrapS", "wrapT")
         )
         texture.anisotropy = 1.0 if sharp else self._anisotropy
         return texture
 
 
-def mirrored_axes(source: Texture) -> tuple[bool, bool]:
+def find_mirrored_axes(source: Texture) -> tuple[bool, bool]:
     """Returns whether a texture repeats mirrored across and down.
 
     Such a texture is stored unfolded, twice as long.
     """
-    sampler = _sampler(source)
+    sampler = _read_sampler(source)
     return sampler.get("wrapS") == _GL_MIRRORED_REPEAT, sampler.get("wrapT") == _GL_MIRRORED_REPEAT
 
 
-def _sampler(source: Texture) -> dict[str, object]:
+def _read_sampler(source: Texture) -> dict[str, object]:
     return json.loads(source.sampler) if source.sampler else {}
 
 
 def _unfold_mirrored(pixels: UInt8, sampler: dict[str, object]) -> UInt8:
     """Returns the image together with its mirror image, along each axis with mirrored repeat."""
-    for axis, way in ((1, "wrapS"), (0, "wrapT")):
-        if sampler.get(way) == _GL_MIRRORED_REPEAT:
+    for axis, wrap_key in ((1, "wrapS"), (0, "wrapT")):
+        if sampler.get(wrap_key) == _GL_MIRRORED_REPEAT:
             pixels = np.concatenate([pixels, np.flip(pixels, axis)], axis)
     return np.ascontiguousarray(pixels)
 
 
-def _pixels(source: Texture, most: int) -> UInt8:
+def _decode_pixels(source: Texture, max_side: int) -> UInt8:
     """Returns (H, W, 4): a decoded texture with limited sides; white if it cannot be read."""
     try:
         with open_picture(np.asarray(source.image, np.uint8).tobytes()) as picture:
             if picture.width * picture.height > _MAX_IMAGE_PIXELS:
                 raise InputError(f"it has {picture.width} x {picture.height} pixels")
-            picture.draft("RGB", (most, most))
+            picture.draft("RGB", (max_side, max_side))
             whole = picture.convert("RGBA")
-            whole.thumbnail((most, most), Image.Resampling.BOX)
+            whole.thumbnail((max_side, max_side), Image.Resampling.BOX)
             return np.asarray(whole, np.uint8)
     except Exception as error:  # Third-party decoders may raise any exception for untrusted bytes.
         log.warning("a texture cannot be read (%s): it is drawn white", plain_reason(error))

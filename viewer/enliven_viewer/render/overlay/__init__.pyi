@@ -1,8 +1,8 @@
 from .canvas import Canvas as Canvas, Pen as Pen
-from .marks import CUE_RADIUS as CUE_RADIUS, Marks as Marks, cue_tints as cue_tints
+from .marks import CUE_RADIUS as CUE_RADIUS, Marks as Marks, find_cue_tints as find_cue_tints
 from .match_lines import (
-    limb_tints as limb_tints,
-    match_rows as match_rows,
-    tints_of as tints_of,
+    find_limb_tints as find_limb_tints,
+    make_match_rows as make_match_rows,
+    find_tints as find_tints,
 )
-from .tubes import Tubes as Tubes, tube_rows as tube_rows
+from .tubes import Tubes as Tubes, make_tube_rows as make_tube_rows

@@ -53,10 +53,10 @@ class Pen:
         Returns:
             The text's height in pixels.
         """
-        wide, high = self.extent(text, size, wrap)
-        at = self._at(round(x - align * wide), round(y))
+        width, height = self.extent(text, size, wrap)
+        at = self._at(round(x - align * width), round(y))
         self._list.add_text(imgui.get_font(), size, at, _pack_colour(colour), text, wrap)
-        return high
+        return height
 
     def extent(self, text: str, size: int, wrap: float = 0.0) -> tuple[float, float]:
         """Returns width and height of a text in pixels, with lines of at most ``wrap`` pixels.
@@ -64,9 +64,9 @@ class Pen:
         A ``wrap`` of 0 means a single line.
         """
         imgui.push_font(None, size)
-        wide, high = imgui.calc_text_size(text, wrap_width=wrap or -1.0)
+        width, height = imgui.calc_text_size(text, wrap_width=wrap or -1.0)
         imgui.pop_font()
-        return wide, high
+        return width, height
 
     def _at(self, x: float, y: float) -> tuple[float, float]:
         return x + self._origin[0], y + self._origin[1]

@@ -12,7 +12,7 @@ from enliven_viewer.playback import CueFrame
 from enliven_viewer.render.gl import load_program, set_uniform
 from enliven_viewer.render.materials import linear_from_srgb
 from enliven_viewer.render.scene import Scene, SceneCharacter
-from enliven_viewer.theme import PERFORMERS
+from enliven_viewer.theme import PERFORMER_COLOURS
 
 CUE_TINT = (1.0, 0.74, 0.22)
 """Linear RGB of attachment points if one performer controls a mesh: amber."""
@@ -29,7 +29,7 @@ POINT_RADIUS = 0.020
 _SQUARE = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32)
 
 
-def cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32:
+def make_cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ()) -> Float32:
     """Returns (A, 8) float32 rows of an actor's attachment points: xyz and radius, rgb and strength.
 
     Args:
@@ -44,25 +44,25 @@ def cue_rows(actor: SceneCharacter, strength: float, bodies: Sequence[int] = ())
     rows[:, :3] = actor.pose.positions[cues.nodes[is_valid]]
     rows[:, 3] = CUE_RADIUS * (0.65 + 0.35 * levels)
     several = len(set(cues.owners.tolist())) > 1
-    rows[:, 4:7] = cue_tints(cues, bodies)[is_valid] if several else CUE_TINT
+    rows[:, 4:7] = find_cue_tints(cues, bodies)[is_valid] if several else CUE_TINT
     rows[:, 7] = strength * (0.35 + 0.65 * levels) * np.where(cues.firm[is_valid], 1.0, 0.45)
     return rows
 
 
-def cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
-    """Returns (A, 3) linear RGB of attachment points, as in :func:`cue_rows`.
+def find_cue_tints(cues: CueFrame, bodies: Sequence[int] = ()) -> Float32:
+    """Returns (A, 3) linear RGB of attachment points, as in :func:`make_cue_rows`.
 
     They have the colours of their performers' skeletons.
     """
     owners = cues.owners.tolist() if len(cues.owners) == len(cues.nodes) else [0] * len(cues.nodes)
     everybody = dict.fromkeys([*bodies, *sorted(owners)]) if len(cues.owners) else {0: None}
-    tints = linear_from_srgb(np.array(PERFORMERS, float))
+    tints = linear_from_srgb(np.array(PERFORMER_COLOURS, float))
     number = {body: k % len(tints) for k, body in enumerate(everybody)}
     return np.asarray(tints[[number[owner] for owner in owners]], np.float32)
 
 
-def node_rows(actor: SceneCharacter, strength: float) -> Float32:
-    """Returns (N, 8) float32 rows of an actor's nodes, as in :func:`cue_rows`.
+def make_node_rows(actor: SceneCharacter, strength: float) -> Float32:
+    """Returns (N, 8) float32 rows of an actor's nodes, as in :func:`make_cue_rows`.
 
     For a puppet, they are its control points.
     """
@@ -97,7 +97,7 @@ class Marks:
             for actor in scene.actors:
                 self._draw_graph(actor, scene.style.graph)
         bodies = [body.id for body in scene.bodies]
-        rows = [cue_rows(actor, scene.style.cues, bodies) for actor in scene.actors]
+        rows = [make_cue_rows(actor, scene.style.cues, bodies) for actor in scene.actors]
         self._draw_dots(np.concatenate(rows) if rows else np.zeros((0, 8), np.float32), 3.0, 1.1)
 
     def _draw_graph(self, actor: SceneCharacter, strength: float) -> None:
@@ -106,11 +106,11 @@ class Marks:
             self._points.orphan(ends.nbytes)
             self._points.write(np.ascontiguousarray(ends))
             self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
-            for test, share in (("<=", 1.0), (">", 0.3)):
+            for test, fraction in (("<=", 1.0), (">", 0.3)):
                 self.ctx.depth_func = test
-                self._line["tint"] = (*EDGE_TINT[:3], EDGE_TINT[3] * strength * share)
+                self._line["tint"] = (*EDGE_TINT[:3], EDGE_TINT[3] * strength * fraction)
                 self._lines.render(moderngl.LINES, vertices=len(ends))
-        self._draw_dots(node_rows(actor, strength), 2.0, 0.0)
+        self._draw_dots(make_node_rows(actor, strength), 2.0, 0.0)
 
     def _draw_dots(self, rows: Float32, least_pixels: float, halo: float) -> None:
         if not len(rows):

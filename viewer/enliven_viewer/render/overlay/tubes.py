@@ -9,11 +9,11 @@ from enliven.arrays import Float, Float32
 from enliven_viewer.render.capsules import CapsulePass
 from enliven_viewer.render.gl import RenderTarget, load_program
 
-FAINT = 0.2
+OCCLUDED_OPACITY = 0.2
 """Opacity of occluded parts."""
 
 
-def tube_rows(starts: Float, ends: Float, radii: Float, tints: Float32) -> Float32:
+def make_tube_rows(starts: Float, ends: Float, radii: Float, tints: Float32) -> Float32:
     """Returns (N, 12) float32 rows for :class:`Tubes`.
 
     A row has start xyz and radius, end xyz and radius, rgb and opacity.
@@ -43,7 +43,7 @@ class Tubes:
         self._capsules = CapsulePass(ctx, self._program)
 
     def draw(self, picture: RenderTarget, rows: Float32, bias: float) -> None:
-        """Draws the (N, 12) rows of :func:`tube_rows`, and resolves the image.
+        """Draws the (N, 12) rows of :func:`make_tube_rows`, and resolves the image.
 
         Args:
             bias: depth in metres below a surface up to which a tube is fully visible, such as a bone inside a
@@ -54,7 +54,7 @@ class Tubes:
         self.ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         self.ctx.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         self._program["bias"] = bias
-        for test, opacity in ((">", FAINT), ("<=", 1.0)):
+        for test, opacity in ((">", OCCLUDED_OPACITY), ("<=", 1.0)):
             self.ctx.depth_func = test
             picture.write_depth(test == "<=")
             rows[:, 11] = opacity

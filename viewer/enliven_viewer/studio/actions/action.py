@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 
-def always() -> str:
+def give_no_reason() -> str:
     """Returns an empty reason: the action is always available."""
     return ""
 
@@ -36,7 +36,7 @@ class Action:
     label: str
     keys: tuple[str, ...]
     do: Callable[[], object]
-    why_not: Callable[[], str] = always
+    why_not: Callable[[], str] = give_no_reason
     is_on: Callable[[], bool] | None = None
     about: str = ""
     icon: str = ""
@@ -54,7 +54,7 @@ class Action:
         """Returns its menu path: "Perform/With/legs"."""
         return "/".join(part for part in (self.menu, self.group, self.entry) if part)
 
-    def rivals(self, other: Action) -> bool:
+    def conflicts_with(self, other: Action) -> bool:
         """Returns True if both cannot have the same shortcut.
 
         This applies if they share a workspace, or if both are active everywhere.

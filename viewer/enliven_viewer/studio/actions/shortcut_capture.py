@@ -27,7 +27,7 @@ class ShortcutCapture:
         """Handles a pressed key: assigns it if it is free. Escape cancels."""
         if key == "escape":
             self.begin("")
-        elif table.rival(self.action, key) is None:
+        elif table.find_conflict(self.action, key) is None:
             self.key = key
             self.take(table)
         else:

@@ -43,7 +43,7 @@ class ActionTable:
             InputError: if an id already exists, or a shortcut is taken.
         """
         for action in actions:
-            rivals = [other for other in self if other.rivals(action)]
+            rivals = [other for other in self if other.conflicts_with(action)]
             taken = [(key, other) for key in action.keys for other in rivals if key in other.keys]
             if action.id in self._actions or taken:
                 problem = f"{taken[0][0]} is {taken[0][1].id}'s" if taken else "it is there already"
@@ -82,15 +82,15 @@ class ActionTable:
             self._toasts.tell(error, tr("Save your work, and report it."))
         return True
 
-    def press(self, key: str, *, own: bool = False) -> bool:
+    def press(self, key: str, *, workspace_only: bool = False) -> bool:
         """Runs the action with a shortcut. Returns whether there is one.
 
         Args:
-            own: if True, only consider shortcuts of the current workspace, which take precedence over the
-                active tool.
+            workspace_only: if True, only consider shortcuts of the current workspace. These take precedence
+                over the active tool.
         """
-        room = self.workspace() if own else ""
-        action = self.action_with_keys(key, room) if room or not own else None
+        workspace = self.workspace() if workspace_only else ""
+        action = self.action_with_keys(key, workspace) if workspace or not workspace_only else None
         if action is not None:
             self.do(action.id)
         return action is not None
@@ -103,23 +103,27 @@ class ActionTable:
         """Returns the first shortcut of an action as displayed; empty if it has none."""
         return key_label(self.keys_of(action)[0]) if self.keys_of(action) else ""
 
-    def action_with_keys(self, key: str, room: str = "") -> Action | None:
+    def action_with_keys(self, key: str, workspace: str = "") -> Action | None:
         """Returns the action with a shortcut in a workspace, or everywhere if none is named."""
         with_key = (action for action in self if key in self.keys_of(action))
         return next(
-            (action for action in with_key if (room in action.workspaces if room else not action.workspaces)),
+            (
+                action
+                for action in with_key
+                if (workspace in action.workspaces if workspace else not action.workspaces)
+            ),
             None,
         )
 
-    def rival(self, action_id: str, key: str) -> Action | None:
+    def find_conflict(self, action_id: str, key: str) -> Action | None:
         """Returns another action with the same shortcut that would conflict with this action."""
         wanted = self._actions[action_id]
-        others = (action for action in self if action is not wanted and action.rivals(wanted))
+        others = (action for action in self if action is not wanted and action.conflicts_with(wanted))
         return next((action for action in others if key in self.keys_of(action)), None)
 
     def set_shortcut(self, action_id: str, key: str) -> None:
         """Sets the shortcut of an action in place of its current ones, and removes it from other actions."""
-        while (other := self.rival(action_id, key)) is not None:
+        while (other := self.find_conflict(action_id, key)) is not None:
             self._preferences.keys[other.id] = tuple(
                 other_key for other_key in self.keys_of(other) if other_key != key
             )
@@ -131,7 +135,7 @@ class ActionTable:
         self._preferences.keys[action_id] = ()
         self._save_changes()
 
-    def own_keys(self) -> None:
+    def reset_shortcuts(self) -> None:
         """Restores the default shortcuts of all actions."""
         self._preferences.keys.clear()
         self._preferences.save()
@@ -148,7 +152,7 @@ class ActionTable:
         first = [self._actions[action_id] for action_id in self.recent if action_id in self._actions]
         return [*first, *(action for action in self if action not in first)]
 
-    def tip(self, action: Action) -> str:
+    def make_tooltip(self, action: Action) -> str:
         """Returns the tooltip of an action: its effect, its shortcut, and why it is unavailable."""
         key = self.shown_key(action)
         label = tr(action.label)

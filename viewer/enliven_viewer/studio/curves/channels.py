@@ -31,7 +31,7 @@ from enliven.rotation import (
 )
 
 AXES = ("x", "y", "z")
-NUMBERS: dict[str, Literal["weights", "speeds"]] = {"weight": "weights", "speed": "speeds"}
+LAYER_KEY_ATTRIBUTES: dict[str, Literal["weights", "speeds"]] = {"weight": "weights", "speed": "speeds"}
 """The numeric groups of a layer, with the attribute that holds their keys."""
 
 
@@ -44,7 +44,7 @@ class CurveDot:
         axis: the channel.
         time: time in the project in seconds.
         value: value in the group's unit.
-        ease: interpolation to the next key; empty if the examples decide it.
+        ease: interpolation to the next key; empty for key poses, since the solver interpolates between them.
     """
 
     number: int
@@ -82,54 +82,54 @@ class CurveSubject:
     layer: int | None
 
 
-def groups_of(project: Project, thing: CurveSubject, times: Float) -> dict[str, CurveGroup]:
-    """Returns the curves of an object at times (T,), without its keys, which :func:`key_groups` returns.
+def sample_groups(project: Project, subject: CurveSubject, times: Float) -> dict[str, CurveGroup]:
+    """Returns the curves of an object at times (T,), without its keys, which :func:`make_key_groups` returns.
 
     Raises:
         EnlivenError: if the character cannot be played.
     """
-    character = project.character(thing.character)
+    character = project.character(subject.character)
     groups = list[CurveGroup]()
-    moving = _moving(project, character, thing)
+    moving = _make_motion_function(project, character, subject)
     if moving is not None:
         rows = [moving(float(time)) for time in times]
         turns = remove_sign_jumps(np.stack([turn for turn, _ in rows])[:, None])[:, 0]
         groups.append(CurveGroup("turn", "\u00b0", AXES, _unwrap_rotations(turns)))
         groups.append(CurveGroup("place", "m", AXES, np.stack([place for _, place in rows])))
-    layer = layer_of_thing(project, thing)
+    layer = find_layer(project, subject)
     if layer is not None:
         length = project.length_of(layer)
-        heard = 0.0 if layer.muted else float(getattr(layer, "weight", 1.0))
-        weights = [heard * layer.moment(float(time), length).weight for time in times]
+        layer_weight = 0.0 if layer.muted else float(getattr(layer, "weight", 1.0))
+        weights = [layer_weight * layer.moment(float(time), length).weight for time in times]
         groups.append(CurveGroup("weight", "", ("weight",), np.array(weights)[:, None]))
-        speeds = [_speed(layer, float(time), length) for time in times]
+        speeds = [_find_speed(layer, float(time), length) for time in times]
         groups.append(CurveGroup("speed", "x", ("speed",), np.array(speeds)[:, None]))
     return {group.name: group for group in groups}
 
 
-def key_groups(project: Project, thing: CurveSubject, times: Float) -> dict[str, CurveGroup]:
+def make_key_groups(project: Project, subject: CurveSubject, times: Float) -> dict[str, CurveGroup]:
     """Returns the keys of an object and the curves through them: "keys" in degrees, and "moves" in metres.
 
     The keys are those of the selected bone or node, or else of the whole character. A bone has only
     rotations. Control points of a puppet have key poses instead.
     """
-    character = project.characters.get(thing.character)
-    if character is None or (thing.handle is not None and thing.handle >= character.keyable):
+    character = project.characters.get(subject.character)
+    if character is None or (subject.handle is not None and subject.handle >= character.keyable):
         return {}
-    number, values = key_layer(project, thing.character, thing.handle), np.zeros((len(times), 6))
-    keys = keys_of(project, thing.character, thing.handle)
+    number, values = key_layer(project, subject.character, subject.handle), np.zeros((len(times), 6))
+    keys = keys_of(project, subject.character, subject.handle)
     if number is not None:
         layer = character.playing[number]
         length = project.length_of(layer)
         seconds = [layer.played(float(time), length)[0] for time in times]
         values = key_values([key for _, key in keys], np.array(seconds))
-    groups = {"keys": CurveGroup("keys", "\u00b0", AXES, values[:, :3], _dots(keys, "degrees"))}
-    if thing.handle is None or not isinstance(character, Shape):
-        groups["moves"] = CurveGroup("moves", "m", AXES, values[:, 3:], _dots(keys, "metres"))
+    groups = {"keys": CurveGroup("keys", "\u00b0", AXES, values[:, :3], _make_dots(keys, "degrees"))}
+    if subject.handle is None or not isinstance(character, Shape):
+        groups["moves"] = CurveGroup("moves", "m", AXES, values[:, 3:], _make_dots(keys, "metres"))
     return groups
 
 
-def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[CurveDot, ...]:
+def _make_dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[CurveDot, ...]:
     """Returns a dot for each key and axis. ``values`` names the shown attribute of the keys."""
     return tuple(
         CurveDot(k, axis, time, getattr(key, values)[axis], key.ease)
@@ -138,68 +138,68 @@ def _dots(keys: tuple[tuple[float, MotionKey], ...], values: str) -> tuple[Curve
     )
 
 
-def pose_dots(project: Project, thing: CurveSubject) -> tuple[CurveDot, ...]:
+def make_pose_dots(project: Project, subject: CurveSubject) -> tuple[CurveDot, ...]:
     """Returns the selected control point's positions in the puppet's key poses.
 
     Their times are those at which the key poses are played.
     """
-    puppet, layer = project.characters.get(thing.character), layer_of_thing(project, thing)
-    if not isinstance(puppet, Puppet) or thing.handle is None or layer is None:
+    puppet, layer = project.characters.get(subject.character), find_layer(project, subject)
+    if not isinstance(puppet, Puppet) or subject.handle is None or layer is None:
         return ()
     length = project.length_of(layer)
     return tuple(
-        CurveDot(k, axis, layer.time_of(pose.time, length), float(pose.places[thing.handle, axis]))
+        CurveDot(k, axis, layer.time_of(pose.time, length), float(pose.places[subject.handle, axis]))
         for k, pose in enumerate(puppet.poses)
         if pose.take == layer.take and layer.plays(pose.time, length)
         for axis in range(3)
     )
 
 
-def layer_dots(project: Project, thing: CurveSubject, group: str) -> tuple[CurveDot, ...]:
+def make_layer_dots(project: Project, subject: CurveSubject, group: str) -> tuple[CurveDot, ...]:
     """Returns the keys of the weight or the speed of an object's layer, with the drawn values."""
-    number = layer_number(project, thing)
-    if number is None or group not in NUMBERS:
+    number = find_layer_number(project, subject)
+    if number is None or group not in LAYER_KEY_ATTRIBUTES:
         return ()
-    keys = layer_keys(project, thing.character, number, NUMBERS[group])
-    offset = project.character(thing.character).playing[number].offset
+    keys = layer_keys(project, subject.character, number, LAYER_KEY_ATTRIBUTES[group])
+    offset = project.character(subject.character).playing[number].offset
     return tuple(
         CurveDot(
             k,
             0,
             offset + key.second,
-            key.value * scale_of(project, thing, group, offset + key.second),
+            key.value * find_value_scale(project, subject, group, offset + key.second),
             key.ease,
         )
         for k, key in enumerate(keys)
     )
 
 
-def scale_of(project: Project, thing: CurveSubject, group: str, time: float) -> float:
+def find_value_scale(project: Project, subject: CurveSubject, group: str, time: float) -> float:
     """Returns the drawn value of a layer key with value 1: the layer's own weight or speed."""
-    layer = layer_of_thing(project, thing)
+    layer = find_layer(project, subject)
     if layer is None or group == "weight":
         return float(getattr(layer, "weight", 1.0)) or 1.0
     plain: dict[str, Any] = {"speeds": ()}
-    return _speed(replace(layer, **plain), layer.even(time), project.length_of(layer)) or layer.speed
+    return _find_speed(replace(layer, **plain), layer.even(time), project.length_of(layer)) or layer.speed
 
 
-def layer_of_thing(project: Project, thing: CurveSubject) -> LayerBase | None:
+def find_layer(project: Project, subject: CurveSubject) -> LayerBase | None:
     """Returns the selected layer of an object, or else the first audible one."""
-    number = layer_number(project, thing)
-    return None if number is None else project.character(thing.character).playing[number]
+    number = find_layer_number(project, subject)
+    return None if number is None else project.character(subject.character).playing[number]
 
 
-def layer_number(project: Project, thing: CurveSubject) -> int | None:
+def find_layer_number(project: Project, subject: CurveSubject) -> int | None:
     """Returns the number of that layer; None if no layer is audible."""
-    character = project.characters.get(thing.character)
+    character = project.characters.get(subject.character)
     playing = () if character is None else character.playing
-    if thing.layer is not None and thing.layer < len(playing):
-        return thing.layer
+    if subject.layer is not None and subject.layer < len(playing):
+        return subject.layer
     return next((number for number, layer in enumerate(playing) if not layer.muted), None)
 
 
-def _moving(
-    project: Project, character: RigBase, thing: CurveSubject
+def _make_motion_function(
+    project: Project, character: RigBase, subject: CurveSubject
 ) -> Callable[[float], tuple[Float, Float]] | None:
     """Returns the function that maps a time to the rotation (4,) and position (3,) of an object.
 
@@ -207,9 +207,9 @@ def _moving(
     """
     player = rig_of(character).player(project, character)
     if isinstance(character, GraphShape):
-        if thing.handle is not None:
-            return _of_node(player, thing.handle)
-        number = min(thing.layer or 0, len(character.parts) - 1)
+        if subject.handle is not None:
+            return _make_node_motion_function(player, subject.handle)
+        number = min(subject.layer or 0, len(character.parts) - 1)
         part = slice(character.starts[number], character.starts[number + 1])
 
         def of_part(time: float) -> tuple[Float, Float]:
@@ -218,7 +218,7 @@ def _moving(
             return from_matrix(nearest_rotation(mean)), np.asarray(pose.positions[part], np.float64).mean(0)
 
         return of_part
-    handle = thing.handle
+    handle = subject.handle
     if handle is None or handle >= len(character.handles):
         return None
     above = int(character.parents[handle])
@@ -238,7 +238,7 @@ def _moving(
     return of_handle
 
 
-def _of_node(
+def _make_node_motion_function(
     player: Callable[[float], tuple[Pose, Float]], node: int
 ) -> Callable[[float], tuple[Float, Float]]:
     """Returns the function that maps a time to the rotation and position of a deformation graph's node."""
@@ -262,12 +262,12 @@ def _unwrap_rotations(turns: Float) -> Float:
     return np.asarray(np.degrees(vectors))
 
 
-def _speed(layer: LayerBase, time: float, length: float, wide: float = 1e-4) -> float:
+def _find_speed(layer: LayerBase, time: float, length: float, width: float = 1e-4) -> float:
     """Returns the playback speed at a time: seconds of the take per second of the project.
 
     The speed is 0 if the take stands still.
     """
-    before, after = layer.moment(time, length), layer.moment(time + wide, length)
+    before, after = layer.moment(time, length), layer.moment(time + width, length)
     if before.rounds != after.rounds:
         return float("nan")
-    return (after.second - before.second) / wide
+    return (after.second - before.second) / width

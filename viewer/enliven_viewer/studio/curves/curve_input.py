@@ -16,18 +16,18 @@ from enliven.document import Project, Puppet
 from enliven.errors import EnlivenError
 from enliven_viewer.language import later
 from enliven_viewer.studio.curves.channels import (
-    NUMBERS,
+    LAYER_KEY_ATTRIBUTES,
     CurveDot,
     CurveGroup,
     CurveSubject,
-    groups_of,
-    key_groups,
-    layer_dots,
-    layer_number,
-    pose_dots,
+    find_layer_number,
+    make_key_groups,
+    make_layer_dots,
+    make_pose_dots,
+    sample_groups,
 )
 from enliven_viewer.studio.curves.key_edits import (
-    KEYED,
+    KEY_ATTRIBUTES,
     add_curve_key,
     clamp_warning,
     move_curve_key,
@@ -38,9 +38,9 @@ from enliven_viewer.studio.curves.scale import Scale
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline import TimelineInput
 
-GROUPS = ("keys", "moves", "turn", "place", "weight", "speed")
+GROUP_NAMES = ("keys", "moves", "turn", "place", "weight", "speed")
 """All groups of channels, in the order of their buttons."""
-REACH = 8.0
+KEY_GRAB_DISTANCE_PX = 8.0
 """Distance in pixels within which a key can be grabbed."""
 _CURVE_SAMPLES = 240
 """Number of samples of a curve over the visible time span: one every few pixels."""
@@ -53,15 +53,15 @@ class _CurveRequest:
     """A request for sampled curves."""
 
     project: Project
-    thing: CurveSubject
+    subject: CurveSubject
     start: float
     span: float
 
     def same(self, other: _CurveRequest | None) -> bool:
         if other is None:
             return False
-        return self.project is other.project and (self.thing, self.start, self.span) == (
-            other.thing,
+        return self.project is other.project and (self.subject, self.start, self.span) == (
+            other.subject,
             other.start,
             other.span,
         )
@@ -98,7 +98,7 @@ class CurveInput:
         self.on = not self.on
 
     @property
-    def thing(self) -> CurveSubject | None:
+    def subject(self) -> CurveSubject | None:
         """Returns the object of the curves: the selected character with its handle and layer.
 
         Returns None without a selection.
@@ -119,36 +119,36 @@ class CurveInput:
 
         Call once per frame; does not block.
         """
-        thing = self.thing
-        if thing is None:
+        subject = self.subject
+        if subject is None:
             return
         self._take()
         layout, project = self.timeline.layout, self.editor.project
         if isinstance(self.editor.chosen(), Puppet):
-            project = self.editor.solving.newest_solution(project, thing.character)[0]
-        wanted = _CurveRequest(project, thing, layout.start, layout.visible_s)
-        if self._work is None and not wanted.same(self._known[0] if self._known else None):
+            project = self.editor.solving.newest_solution(project, subject.character)[0]
+        request = _CurveRequest(project, subject, layout.start, layout.visible_s)
+        if self._work is None and not request.same(self._known[0] if self._known else None):
             self._pool = self._pool or ThreadPoolExecutor(1, "curves")
-            self._work = (wanted, self._pool.submit(groups_of, project, thing, self.times))
+            self._work = (request, self._pool.submit(sample_groups, project, subject, self.times))
 
     def groups(self) -> dict[str, CurveGroup]:
         """Returns all groups of curves of the selection that have already been sampled."""
-        thing, project = self.thing, self.editor.project
-        if thing is None:
+        subject, project = self.subject, self.editor.project
+        if subject is None:
             return {}
-        mine = self._known is not None and self._known[0].thing == thing
-        groups = dict(self._known[1]) if self._known is not None and mine else {}
+        is_current = self._known is not None and self._known[0].subject == subject
+        groups = dict(self._known[1]) if self._known is not None and is_current else {}
         layout = self.timeline.layout
-        wanted = _CurveRequest(project, thing, layout.start, layout.visible_s)
-        if self._keys is None or not wanted.same(self._keys[0]):
-            self._keys = (wanted, key_groups(project, thing, self.times))
+        request = _CurveRequest(project, subject, layout.start, layout.visible_s)
+        if self._keys is None or not request.same(self._keys[0]):
+            self._keys = (request, make_key_groups(project, subject, self.times))
         groups.update(self._keys[1])
-        if "place" in groups and (dots := pose_dots(project, thing)):
+        if "place" in groups and (dots := make_pose_dots(project, subject)):
             groups["place"] = replace(groups["place"], dots=dots)
-        for name in NUMBERS:
+        for name in LAYER_KEY_ATTRIBUTES:
             if name in groups:
-                groups[name] = replace(groups[name], dots=layer_dots(project, thing, name))
-        return {name: groups[name] for name in GROUPS if name in groups}
+                groups[name] = replace(groups[name], dots=make_layer_dots(project, subject, name))
+        return {name: groups[name] for name in GROUP_NAMES if name in groups}
 
     def settle(self) -> dict[str, CurveGroup]:
         """Returns all groups of curves, completely solved and sampled.
@@ -171,7 +171,7 @@ class CurveInput:
 
     def sample_times(self) -> Float:
         """Returns (T,) the sample times of :meth:`shown_group`, which may be slightly outdated."""
-        if self._known is None or self.shown_name() in KEYED:
+        if self._known is None or self.shown_name() in KEY_ATTRIBUTES:
             return self.times
         return np.linspace(self._known[0].start, self._known[0].start + self._known[0].span, _CURVE_SAMPLES)
 
@@ -182,14 +182,14 @@ class CurveInput:
 
     def scale(self, group: CurveGroup) -> Scale:
         """Returns the value scale: it fits all values until the user zooms or pans."""
-        if self._seen != (self.thing, group.name):
-            self._seen, self._scale, self.chosen = (self.thing, group.name), None, None
+        if self._seen != (self.subject, group.name):
+            self._seen, self._scale, self.chosen = (self.subject, group.name), None, None
         if self._held is not None:
             return self._held[3]
         if self._scale is not None:
             return replace(self._scale, height=self.height)
         values = np.concatenate([group.values.ravel(), [dot.value for dot in group.dots]])
-        return Scale.around(values, group.unit, self.height)
+        return Scale.fit_values(values, group.unit, self.height)
 
     def fit(self) -> None:
         """Fits the value scale to all values again."""
@@ -199,13 +199,13 @@ class CurveInput:
         """Zooms the value range in or out around a pixel."""
         group = self.shown_group()
         if group is not None:
-            self._scale = self.scale(group).zoomed(_ZOOM_PER_NOTCH**notches, y)
+            self._scale = self.scale(group).zoom(_ZOOM_PER_NOTCH**notches, y)
 
     def pan(self, pixels: float) -> None:
         """Pans the values down by some pixels."""
         group = self.shown_group()
         if group is not None:
-            self._scale = self.scale(group).panned(pixels)
+            self._scale = self.scale(group).pan(pixels)
 
     def dot_at(self, x: float, y: float) -> CurveDot | None:
         """Returns the key at a pixel; x counts from the timeline's left, y from the top of the curves."""
@@ -218,7 +218,7 @@ class CurveInput:
             for dot in group.dots
         ]
         best = min(near, default=None, key=lambda candidate: candidate[:3])
-        return best[3] if best is not None and best[0] <= REACH else None
+        return best[3] if best is not None and best[0] <= KEY_GRAB_DISTANCE_PX else None
 
     def press(self, x: float, y: float) -> None:
         """Handles a press of the left button: grabs a key, or else moves the playhead."""
@@ -238,8 +238,8 @@ class CurveInput:
         """Handles the release of the button: the drag becomes one edit."""
         held = self._held
         if held is not None and self.editor.draft is not None:
-            if self.thing is not None:
-                self._warn(self.thing, self.shown_name(), *self._drag_target(x, y))
+            if self.subject is not None:
+                self._warn(self.subject, self.shown_name(), *self._drag_target(x, y))
             self.editor.edit("move key", self._move_edit(x, y))
         self.editor.draft, self._held = None, None
         dot = self.dot_at(x, y)
@@ -253,23 +253,31 @@ class CurveInput:
 
     def double(self, x: float, y: float) -> None:
         """Handles a double click: adds a key with the value at the pointer to the nearest channel."""
-        thing, group = self.thing, self.shown_group()
-        if thing is None or group is None or group.name not in (*KEYED, *NUMBERS):
+        subject, group = self.subject, self.shown_group()
+        if subject is None or group is None or group.name not in (*KEY_ATTRIBUTES, *LAYER_KEY_ATTRIBUTES):
             return
         if self.dot_at(x, y) is not None:
             return
         name, time, value = group.name, self.timeline.layout.time(x), self.scale(group).value(y)
-        self._warn(thing, name, time, value)
-        self.editor.edit("set key", lambda p: add_curve_key(p, thing, self._lane(thing), name, time, value))
+        self._warn(subject, name, time, value)
+        self.editor.edit(
+            "set key", lambda p: add_curve_key(p, subject, self._find_lane(subject), name, time, value)
+        )
 
     def remove(self) -> None:
         """Removes the selected key."""
-        thing, number, name = self.thing, self.chosen, self.shown_name()
-        if thing is None or number is None:
+        subject, number, name = self.subject, self.chosen, self.shown_name()
+        if subject is None or number is None:
             return
         self.chosen = None
-        word = later("remove key") if name in (*KEYED, *NUMBERS) else later("remove key pose")
-        self.editor.edit(word, lambda p: remove_curve_key(p, thing, self._lane(thing), name, number))
+        edit_name = (
+            later("remove key")
+            if name in (*KEY_ATTRIBUTES, *LAYER_KEY_ATTRIBUTES)
+            else later("remove key pose")
+        )
+        self.editor.edit(
+            edit_name, lambda p: remove_curve_key(p, subject, self._find_lane(subject), name, number)
+        )
 
     def type(self, key: str) -> bool:
         """Handles keyboard input for the selected key: Delete removes it.
@@ -283,27 +291,29 @@ class CurveInput:
 
     def ease(self, ease: str) -> None:
         """Changes the interpolation from the selected key to the next one."""
-        thing, number, name = self.thing, self.chosen, self.shown_name()
-        if thing is not None and number is not None:
+        subject, number, name = self.subject, self.chosen, self.shown_name()
+        if subject is not None and number is not None:
             self.editor.edit(
                 _EASE_TITLES[ease],
-                lambda p: set_interpolation(p, thing, self._lane(thing), name, number, ease),
+                lambda p: set_interpolation(p, subject, self._find_lane(subject), name, number, ease),
             )
 
-    def _lane(self, thing: CurveSubject) -> tuple[int, ...]:
+    def _find_lane(self, subject: CurveSubject) -> tuple[int, ...]:
         """Returns the numbers of the layers that share a timeline bar with the object's layer.
 
         That layer comes first.
         """
-        number = layer_number(self.editor.project, thing) or 0
+        number = find_layer_number(self.editor.project, subject) or 0
         bars = self.timeline.layout.bars()
-        mine = (bar.layers for bar in bars if bar.character.id == thing.character and number in bar.layers)
-        rest = tuple(layer for layer in next(mine, ()) if layer != number)
+        layers_of_bar = (
+            bar.layers for bar in bars if bar.character.id == subject.character and number in bar.layers
+        )
+        rest = tuple(layer for layer in next(layers_of_bar, ()) if layer != number)
         return (number, *rest)
 
-    def _warn(self, thing: CurveSubject, name: str, time: float, value: float) -> None:
+    def _warn(self, subject: CurveSubject, name: str, time: float, value: float) -> None:
         """Reports if a value is outside the playable range, so that the nearest valid value is used."""
-        if warning := clamp_warning(self.editor.project, thing, name, time, value):
+        if warning := clamp_warning(self.editor.project, subject, name, time, value):
             self.editor.toasts.say(warning)
 
     def _drag_target(self, x: float, y: float) -> tuple[float, float]:
@@ -315,31 +325,31 @@ class CurveInput:
         value = dot.value + scale.value(y) - scale.value(from_y)
         # A drag along one axis keeps the value on the other axis.
         return (
-            dot.time if abs(x - from_x) < REACH / 2 else time,
-            dot.value if abs(y - from_y) < REACH / 2 else value,
+            dot.time if abs(x - from_x) < KEY_GRAB_DISTANCE_PX / 2 else time,
+            dot.value if abs(y - from_y) < KEY_GRAB_DISTANCE_PX / 2 else value,
         )
 
     def _move_edit(self, x: float, y: float) -> Edit:
         """Returns the edit that moves the held key to a pixel."""
         assert self._held is not None
-        thing, name, dot, (time, value) = (
-            self.thing,
+        subject, name, dot, (time, value) = (
+            self.subject,
             self.shown_name(),
             self._held[0],
             self._drag_target(x, y),
         )
-        assert thing is not None
-        lane = self._lane(thing)
-        return lambda project: move_curve_key(project, thing, lane, name, dot, time, value)
+        assert subject is not None
+        lane = self._find_lane(subject)
+        return lambda project: move_curve_key(project, subject, lane, name, dot, time, value)
 
     def _take(self) -> None:
         """Takes the finished curves from the background thread."""
         if self._work is None or not self._work[1].done():
             return
-        (wanted, future), self._work = self._work, None
+        (request, future), self._work = self._work, None
         error = future.exception()
         if error is not None and not isinstance(error, EnlivenError):
             # Report only internal errors here, because the panel that plays the character reports the other
             # errors.
             self.editor.toasts.tell(error)
-        self._known = (wanted, {} if error is not None else future.result())
+        self._known = (request, {} if error is not None else future.result())

@@ -9,9 +9,9 @@ import numpy as np
 
 from enliven.arrays import Float
 
-_MARGIN = 0.12
+_MARGIN_FRACTION = 0.12
 """Margin above and below, as a fraction of the value range."""
-_MIN_RANGES = {"\u00b0": 10.0, "m": 0.1, "x": 1.0, "": 1.0}
+_MIN_VALUE_RANGES = {"\u00b0": 10.0, "m": 0.1, "x": 1.0, "": 1.0}
 """Minimum visible value range, by unit."""
 _MIN_LABEL_DISTANCE_PX = 26.0
 """Minimum distance between two labels in pixels."""
@@ -26,13 +26,13 @@ class Scale:
     height: float
 
     @staticmethod
-    def around(values: Float, unit: str, height: float) -> Scale:
+    def fit_values(values: Float, unit: str, height: float) -> Scale:
         """Returns the scale that shows all given values."""
         finite = values[np.isfinite(values)]
         low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
-        wide = max(high - low, _MIN_RANGES.get(unit, 1.0))
+        width = max(high - low, _MIN_VALUE_RANGES.get(unit, 1.0))
         middle = (low + high) / 2
-        half = wide * (0.5 + _MARGIN)
+        half = width * (0.5 + _MARGIN_FRACTION)
         return Scale(middle - half, middle + half, height)
 
     def y(self, value: float) -> float:
@@ -43,23 +43,31 @@ class Scale:
         """Returns the value at a y coordinate."""
         return self.high - y / self.height * (self.high - self.low)
 
-    def zoomed(self, factor: float, y: float) -> Scale:
+    def zoom(self, factor: float, y: float) -> Scale:
         """Returns the scale with the range multiplied by ``factor``.
 
         The value at pixel ``y`` stays in place.
         """
-        at = self.value(y)
-        return Scale(at - (at - self.low) * factor, at + (self.high - at) * factor, self.height)
+        fixed_value = self.value(y)
+        return Scale(
+            fixed_value - (fixed_value - self.low) * factor,
+            fixed_value + (self.high - fixed_value) * factor,
+            self.height,
+        )
 
-    def panned(self, pixels: float) -> Scale:
+    def pan(self, pixels: float) -> Scale:
         """Returns the scale with all values panned down by some pixels."""
-        by = pixels / self.height * (self.high - self.low)
-        return Scale(self.low + by, self.high + by, self.height)
+        shift = pixels / self.height * (self.high - self.low)
+        return Scale(self.low + shift, self.high + shift, self.height)
 
     def ticks(self) -> tuple[float, ...]:
         """Returns round values to label, with a minimum distance in pixels."""
-        wanted = (self.high - self.low) * _MIN_LABEL_DISTANCE_PX / self.height
-        ten = 10.0 ** math.floor(math.log10(max(wanted, 1e-12)))
-        step = next(factor * ten for factor in (1.0, 2.0, 5.0, 10.0) if factor * ten >= wanted * (1 - 1e-9))
+        min_step = (self.high - self.low) * _MIN_LABEL_DISTANCE_PX / self.height
+        power_of_ten = 10.0 ** math.floor(math.log10(max(min_step, 1e-12)))
+        step = next(
+            factor * power_of_ten
+            for factor in (1.0, 2.0, 5.0, 10.0)
+            if factor * power_of_ten >= min_step * (1 - 1e-9)
+        )
         first = math.ceil(self.low / step)
         return tuple(step * k for k in range(first, math.floor(self.high / step) + 1))

@@ -13,10 +13,10 @@ from enliven.document import FREE, History, Project, Puppet, RigBase
 from enliven.errors import EnlivenError
 from enliven.modeling.edits import refuse_locked
 from enliven_viewer.language import later, tr
-from enliven_viewer.playback import bounds_of
+from enliven_viewer.playback import find_bounds
 from enliven_viewer.render import EMPTY_BOX, LOOKS, Box, CameraMoves, OrbitCamera
 from enliven_viewer.studio.background import BackgroundTask
-from enliven_viewer.studio.editor.framing import seen_points, way_of
+from enliven_viewer.studio.editor.framing import find_visible_points, sample_path_boxes
 from enliven_viewer.studio.editor.studio_stage import StudioStage
 from enliven_viewer.studio.examples import MotionSolver
 from enliven_viewer.studio.puppets import PuppetEditor
@@ -52,15 +52,15 @@ class Editor:
         self.time, self.playing, self.loop, self.speed = 0.0, False, True, 1.0
         self.scrubbing = False
         self.show_bones, self.show_meshes = True, True
-        self.keying = False  # auto-key: whether posing a bone sets a key at the playhead
+        self.keying = False  # Auto-key mode: posing a bone sets a key at the playhead.
         self.growing = 0.0  # This is the time in seconds that a running recording has reached.
         # These are the seconds at which recordings begin and end (punch-in and punch-out).
         self.marked: tuple[float, float] | None = None
-        self.beside_box: Box | None = None  # These are the bounds of the live characters next to the project.
+        self.live_box: Box | None = None  # The bounds of the live characters, in metres.
         self.less_motion: Callable[[], bool] = lambda: False
         self.puppets = PuppetEditor(self)
         self.solving = MotionSolver(self.toasts)
-        self.background = BackgroundTask(self.toasts, tr("Something is still being made"))
+        self.background = BackgroundTask(self.toasts, tr("Other work is still running"))
         self._stage = StudioStage(self, {Puppet.kind: self.puppets.stage.stage_puppet})
 
     @property
@@ -89,7 +89,7 @@ class Editor:
         return tuple(
             character
             for character in self.pickable_characters
-            if len(character.handles) and not character.own_tool
+            if len(character.handles) and not character.has_own_tool
         )
 
     @property
@@ -152,7 +152,7 @@ class Editor:
             return False
         if after is not self.history.project:
             self.history.do(name, after)
-        self._mend_selection()
+        self._clean_selection()
         return True
 
     def sketch(self, change: Edit) -> None:
@@ -178,7 +178,7 @@ class Editor:
 
     def undo(self) -> None:
         """Undoes the last edit."""
-        self._step(
+        self._step_history(
             later("Undone: {0}"),
             later("Nothing is left to undo"),
             self.history.undo_name,
@@ -187,8 +187,8 @@ class Editor:
 
     def redo(self) -> None:
         """Redoes the last undone edit."""
-        self._step(
-            later("Done again: {0}"),
+        self._step_history(
+            later("Redone: {0}"),
             later("Nothing is left to redo"),
             self.history.redo_name,
             self.history.redo,
@@ -198,7 +198,7 @@ class Editor:
         """Shows the project after a step of the history; step 0 is the state when it was opened."""
         self.draft = None
         self.history.go(step)
-        self._mend_selection()
+        self._clean_selection()
 
     def select(self, **changes: object) -> None:
         """Changes parts of the selection. Another character clears handle, chain and layer."""
@@ -268,7 +268,7 @@ class Editor:
         """Moves the camera so that all characters are visible."""
         self._frame(self.box(), at_once=at_once, reset=reset)
 
-    def frame_way(self) -> None:
+    def frame_path(self) -> None:
         """Moves the camera so that all characters are visible on the whole path of the selection.
 
         Without a selection, the paths of all characters are visible.
@@ -277,15 +277,17 @@ class Editor:
         if box is None:
             self._frame(None)
             return
-        ways = [np.stack(box)]
+        corner_points = [np.stack(box)]
         chosen = [
             character for character in self.visible_characters if character.id in self.selection.characters
         ]
         for character in chosen or self.visible_characters:
             if len(character.extent):
-                extent = seen_points(character.extent, character.vertices)
-                ways.append(way_of(*self._solve_character(character.id), self.time, extent))
-        self._frame(bounds_of(ways))
+                extent = find_visible_points(character.extent, character.vertices)
+                corner_points.append(
+                    sample_path_boxes(*self._solve_character(character.id), self.time, extent)
+                )
+        self._frame(find_bounds(corner_points))
 
     def _solve_character(self, name: str) -> tuple[Project, RigBase]:
         """Returns a character with its shown motion. The motion of a puppet is solved in the background."""
@@ -295,7 +297,7 @@ class Editor:
 
     def _frame(self, box: Box | None, *, at_once: bool = False, reset: bool = True) -> None:
         aspect = self.size[0] / max(self.size[1], 1.0)
-        self.camera.frame(box or EMPTY_BOX, aspect, at_once=at_once, reset=reset, room=_FRAMING_MARGIN)
+        self.camera.frame(box or EMPTY_BOX, aspect, at_once=at_once, reset=reset, margin=_FRAMING_MARGIN)
 
     def next_look(self) -> None:
         """Switches the stage to the next look."""
@@ -312,26 +314,29 @@ class Editor:
             return None
         visible = self.visible_characters
         chosen = [character for character in visible if character.id in self.selection.characters]
-        return bounds_of([character.extent for character in chosen or visible])
+        return find_bounds([character.extent for character in chosen or visible])
 
     def box(self) -> Box | None:
         """Returns the bounding box of all visible and live characters; None if there are none."""
-        points = [seen_points(character.handles, character.vertices) for character in self.visible_characters]
-        bounds = bounds_of([*points, *(() if self.beside_box is None else (np.stack(self.beside_box),))])
+        points = [
+            find_visible_points(character.handles, character.vertices)
+            for character in self.visible_characters
+        ]
+        bounds = find_bounds([*points, *(() if self.live_box is None else (np.stack(self.live_box),))])
         if bounds is None:
             return None
         return bounds[0] - 0.05, bounds[1] + 0.05
 
-    def _step(self, pattern: str, none: str, name: str | None, step: Callable[[], Project]) -> None:
+    def _step_history(self, pattern: str, none: str, name: str | None, step: Callable[[], Project]) -> None:
         self.draft = None
         if name is None:
             self.toasts.say(tr(none))
             return
         step()
-        self._mend_selection()
+        self._clean_selection()
         self.toasts.say(tr(pattern, tr(name)))
 
-    def _mend_selection(self) -> None:
+    def _clean_selection(self) -> None:
         """Removes from the selection what the project no longer contains."""
         self.selection = self.selection.within(self.project)
         self.time = float(np.clip(self.time, 0.0, self.length))

@@ -1,4 +1,4 @@
-"""The space that characters take up during playback, so that the camera can show all of it."""
+"""The space that characters occupy during playback, for framing them with the camera."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ away are control targets of an animation rig.
 """
 
 
-def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) -> Float:
+def sample_path_boxes(project: Project, character: RigBase, time: float, extent: AnyArray) -> Float:
     """Returns (2M, 3) metres: corners of a character's bounding boxes, sampled over its whole motion.
 
     Only handles and nodes are played. The margin of the surface around them is assumed constant.
@@ -32,26 +32,28 @@ def way_of(project: Project, character: RigBase, time: float, extent: AnyArray) 
 
     def box(seconds: float) -> Float:
         pose, handles = player(seconds)
-        places = np.concatenate([pose.positions, handles])[near]
+        places = np.concatenate([pose.positions, handles])[is_near]
         return np.stack([places.min(0), places.max(0)])
 
-    near = _near(np.concatenate([player(time)[0].positions, player(time)[1]]), extent)
+    is_near = _find_near_points(np.concatenate([player(time)[0].positions, player(time)[1]]), extent)
 
     beyond = np.stack([extent.min(0), extent.max(0)]) - box(time)
     return np.concatenate([box(float(moment)) + beyond for moment in moments])
 
 
-def seen_points(extent: AnyArray, vertices: AnyArray) -> AnyArray:
+def find_visible_points(extent: AnyArray, vertices: AnyArray) -> AnyArray:
     """Returns the points of a character that must be visible: its surface and the handles near it.
 
     Joints far from the surface, such as the control targets of an animation rig, are left out.
     """
-    return np.concatenate([vertices, extent[_near(extent, vertices)]]) if len(vertices) else extent
+    return (
+        np.concatenate([vertices, extent[_find_near_points(extent, vertices)]]) if len(vertices) else extent
+    )
 
 
-def _near(places: AnyArray, extent: AnyArray) -> AnyArray:
+def _find_near_points(places: AnyArray, extent: AnyArray) -> AnyArray:
     """Returns a mask of the places (N, 3) within half of the surface's size from it; all if there is none."""
     low, high = extent.min(0), extent.max(0)
     air = _MAX_JOINT_DISTANCE * float((high - low).max())
-    near = ((places >= low - air) & (places <= high + air)).all(1)
-    return near if near.any() else np.ones(len(places), bool)
+    is_near = ((places >= low - air) & (places <= high + air)).all(1)
+    return is_near if is_near.any() else np.ones(len(places), bool)

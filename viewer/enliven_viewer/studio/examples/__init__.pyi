@@ -2,9 +2,9 @@ from .coverage import CoverageCache as CoverageCache, TakeCoverage as TakeCovera
 from .example_edits import (
     HardConstraint as HardConstraint,
     add_switch as add_switch,
-    constraints_of as constraints_of,
+    list_constraints as list_constraints,
     duplicate_pose as duplicate_pose,
-    layer_of as layer_of,
+    find_layer_number as find_layer_number,
     mirror_pose as mirror_pose,
     move_switch as move_switch,
     remove_switch as remove_switch,

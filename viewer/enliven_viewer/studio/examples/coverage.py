@@ -34,7 +34,7 @@ class TakeCoverage:
             examples; zeros without examples.
         frames: frames of the missing key poses, most needed first.
         needed: number of these that are sufficient.
-        left: largest remaining distance, in the unit of ``away``.
+        left: largest distance that remains with these key poses, in the unit of ``away``.
         step: seconds between frames.
     """
 
@@ -76,24 +76,33 @@ class CoverageCache:
     def _compute_coverage(
         self, project: Project, puppet: Puppet, clip: Clip, take: str
     ) -> TakeCoverage | None:
-        joints = _joints(puppet, clip)
-        alone, poses = self._suggest_poses(clip, joints)
-        if alone is None:
+        joints = _choose_joints(puppet, clip)
+        without_examples, poses = self._suggest_poses(clip, joints)
+        if without_examples is None:
             return None
-        solver_poses = _solver_points(project, puppet, take)
-        example_poses = _performer_poses(project, puppet, joints) if solver_poses is None else solver_poses[0]
+        solver_poses = _find_solver_points(project, puppet, take)
+        example_poses = (
+            _find_performer_poses(project, puppet, joints) if solver_poses is None else solver_poses[0]
+        )
         if len(example_poses) == 0:
-            return TakeCoverage(take, np.zeros(len(poses)), alone.frames, alone.count, 1.0, clip.step)
+            return TakeCoverage(
+                take, np.zeros(len(poses)), without_examples.frames, without_examples.count, 1.0, clip.step
+            )
         if solver_poses is not None:
             poses = solver_poses[1]
             try:
-                alone = suggest_poses(poses)
+                without_examples = suggest_poses(poses)
             except EnlivenError:
                 return None
-        more = further_poses(poses, example_poses)
-        away = distance_to(poses, example_poses) / alone.gaps[0]
+        suggestions = further_poses(poses, example_poses)
+        distances = distance_to(poses, example_poses) / without_examples.gaps[0]
         return TakeCoverage(
-            take, away, more.frames, more.count, float(more.gaps[0] / alone.gaps[0]), clip.step
+            take,
+            distances,
+            suggestions.frames,
+            suggestions.count,
+            float(suggestions.gaps[0] / without_examples.gaps[0]),
+            clip.step,
         )
 
     def _suggest_poses(self, clip: Clip, joints: tuple[str, ...]) -> tuple[SuggestedPoses | None, Float]:
@@ -111,14 +120,14 @@ class CoverageCache:
         return cached[1], cached[2]
 
 
-def _joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
+def _choose_joints(puppet: Puppet, clip: Clip) -> tuple[str, ...]:
     """Returns the paired joints that the clip has; all of the clip's joints if there are none."""
     names = set(clip.skeleton.names)
     paired = tuple(dict.fromkeys(point.joint for point in puppet.points if point.joint in names))
     return paired or clip.skeleton.names
 
 
-def _solver_points(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | None:
+def _find_solver_points(project: Project, puppet: Puppet, take: str) -> tuple[Float, Float] | None:
     """Returns the examples (n, P, 3) and the take (F, P, 3) as the solver sees them.
 
     Returns None if the puppet does not play the take yet.
@@ -133,18 +142,18 @@ def _solver_points(project: Project, puppet: Puppet, take: str) -> tuple[Float, 
     return examples.sources, took.poses
 
 
-def _performer_poses(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
+def _find_performer_poses(project: Project, puppet: Puppet, joints: tuple[str, ...]) -> Float:
     """Returns (n, J, 3) metres: the performer's poses at the key poses of takes that have the joints."""
     poses = []
     for pose in puppet.poses:
         clip = project.takes[pose.take]
         if set(joints) <= set(clip.skeleton.names):
             frame = int(np.clip(round(pose.time / clip.step), 0, len(clip.turns) - 1))
-            poses.append(_frame(clip, frame, joints))
+            poses.append(_get_frame_joints(clip, frame, joints))
     return np.array(poses).reshape(-1, len(joints), 3)
 
 
-def _frame(clip: Clip, frame: int, joints: tuple[str, ...]) -> Float:
+def _get_frame_joints(clip: Clip, frame: int, joints: tuple[str, ...]) -> Float:
     """Returns (J, 3): one frame in the body frame."""
     frame_clip = clip.mapped(lambda track: track[frame : frame + 1])
     return np.asarray(performed(frame_clip, joints).poses[0])

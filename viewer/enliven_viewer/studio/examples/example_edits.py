@@ -55,16 +55,16 @@ def with_joint(project: Project, puppet_id: str, point: str, joint: str) -> Proj
     An automatic name is replaced by the joint's name.
     """
     names = {control_point.name: control_point for control_point in project.puppet(puppet_id).points}
-    name = unused(joint_words(joint), names) if _AUTOMATIC_NAME.fullmatch(point) else point
+    name = unused(describe_joint(joint), names) if _AUTOMATIC_NAME.fullmatch(point) else point
     return change_point(project, puppet_id, point, joint=joint, name=name)
 
 
-def joint_words(joint: str) -> str:
+def describe_joint(joint: str) -> str:
     """Returns a joint's name in plain words: "LeftHandIndex1 end" becomes "left hand"."""
     words = [word.lower() for word in _WORD.findall(joint)]
-    kept = [word for word in words if word not in _IGNORED_WORDS]
-    sides = [word for word in kept if word in ("left", "right")]
-    return " ".join([*sides, *(word for word in kept if word not in sides)]) or joint.lower() or "point"
+    used_words = [word for word in words if word not in _IGNORED_WORDS]
+    sides = [word for word in used_words if word in ("left", "right")]
+    return " ".join([*sides, *(word for word in used_words if word not in sides)]) or joint.lower() or "point"
 
 
 def turn_quarter(project: Project, puppet_id: str, axis: str) -> Project:
@@ -85,8 +85,8 @@ def turn_quarter(project: Project, puppet_id: str, axis: str) -> Project:
         raise InputError(tr("it has control points already"), where=f"puppet {puppet_id!r}", mend=mend)
     x, y, z = puppet.mesh.vertices.T
     turned = np.stack([x, z, -y] if axis == "x" else [-z, y, x], axis=1)
-    tall = float(np.ptp(turned[:, 1]))
-    mesh = fit_height(replace(puppet.mesh, vertices=turned), tall)
+    height = float(np.ptp(turned[:, 1]))
+    mesh = fit_height(replace(puppet.mesh, vertices=turned), height)
     return project.with_characters(puppet.with_changes(mesh=mesh))
 
 
@@ -134,7 +134,7 @@ def with_default_settings(project: Project, puppet_id: str) -> Project:
     return project.with_characters(puppet.with_changes(**plain))
 
 
-def constraints_of(project: Project, puppet_id: str, layer: int) -> tuple[HardConstraint, ...]:
+def list_constraints(project: Project, puppet_id: str, layer: int) -> tuple[HardConstraint, ...]:
     """Returns the hard constraints of a layer, sorted by frame."""
     puppet_layer = project.puppet(puppet_id).layers[layer]
     return tuple(
@@ -150,17 +150,17 @@ def with_constraint(project: Project, puppet_id: str, layer: int, held: HardCons
 
     It replaces one of its kind at the same point and frame.
     """
-    name, kept = _others(project, puppet_id, layer, held)
+    name, kept = _split_constraints(project, puppet_id, layer, held)
     return change_layers(project, puppet_id, [layer], **{name: (*kept, held)})
 
 
 def without_constraint(project: Project, puppet_id: str, layer: int, held: HardConstraint) -> Project:
     """Returns a project without a hard constraint."""
-    name, kept = _others(project, puppet_id, layer, held)
+    name, kept = _split_constraints(project, puppet_id, layer, held)
     return change_layers(project, puppet_id, [layer], **{name: kept})
 
 
-def _others(
+def _split_constraints(
     project: Project, puppet_id: str, layer: int, held: HardConstraint
 ) -> tuple[str, tuple[HardConstraint, ...]]:
     """Returns the layer's field for this kind of constraint, and its other constraints."""
@@ -185,8 +185,8 @@ def move_switch(switches: Sequence[Switch], number: int, frame: int, frames: int
         return tuple(switches)
     low = switches[number - 1].frame + 1
     high = switches[number + 1].frame - 1 if number + 1 < len(switches) else frames - 1
-    moved = replace(switches[number], frame=int(np.clip(frame, low, max(low, high))))
-    return (*switches[:number], moved, *switches[number + 1 :])
+    moved_switch = replace(switches[number], frame=int(np.clip(frame, low, max(low, high))))
+    return (*switches[:number], moved_switch, *switches[number + 1 :])
 
 
 def add_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[Switch, ...]:
@@ -195,19 +195,19 @@ def add_switch(switches: Sequence[Switch], frame: int, frames: int) -> tuple[Swi
     This splits a phase in three: the old kind, the opposite kind, and the old kind again. The opposite kind
     lasts a fortieth of all frames, at least 3, or up to the next switch.
     """
-    at = [switch.frame for switch in switches]
-    if frame in at or not 0 < frame < frames:
+    frames_of_switches = [switch.frame for switch in switches]
+    if frame in frames_of_switches or not 0 < frame < frames:
         return tuple(switches)
-    number = max(k for k, switch_frame in enumerate(at) if switch_frame < frame)
+    number = max(k for k, switch_frame in enumerate(frames_of_switches) if switch_frame < frame)
     kind: Kind = switches[number].kind
     opposite: Kind = "flight" if kind == "contact" else "contact"
-    end = at[number + 1] if number + 1 < len(at) else frames
+    end = frames_of_switches[number + 1] if number + 1 < len(frames_of_switches) else frames
     back = min(frame + max(frames // 40, 3), end)
-    more = [Switch(frame, opposite)]
+    added_switches = [Switch(frame, opposite)]
     if back < end:
-        more.append(Switch(back, kind))
-        return (*switches[: number + 1], *more, *switches[number + 1 :])
-    return (*switches[: number + 1], *more, *switches[number + 2 :])
+        added_switches.append(Switch(back, kind))
+        return (*switches[: number + 1], *added_switches, *switches[number + 1 :])
+    return (*switches[: number + 1], *added_switches, *switches[number + 2 :])
 
 
 def remove_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...]:
@@ -221,12 +221,12 @@ def remove_switch(switches: Sequence[Switch], number: int) -> tuple[Switch, ...]
     )
 
 
-def layer_of(puppet: Puppet, chosen: int | None, take: str = "") -> int | None:
+def find_layer_number(puppet: Puppet, chosen: int | None, take: str = "") -> int | None:
     """Returns the number of the selected layer, or of the first unmuted one.
 
     ``take`` restricts the search to its layers.
     """
-    wanted = [k for k, layer in enumerate(puppet.layers) if take in ("", layer.take)]
-    if chosen in wanted:
+    numbers = [k for k, layer in enumerate(puppet.layers) if take in ("", layer.take)]
+    if chosen in numbers:
         return chosen
-    return next((k for k in wanted if not puppet.layers[k].muted), next(iter(wanted), None))
+    return next((k for k in numbers if not puppet.layers[k].muted), next(iter(numbers), None))

@@ -17,7 +17,7 @@ from enliven.examples import missing, motion_of
 from enliven_viewer.studio.toasts import Toasts
 
 _MAX_WAIT_S = 0.012
-"""Maximum time in seconds that a frame waits. Faster results appear in the same frame."""
+"""Maximum time in seconds that a frame waits for a result. Faster results appear in the same frame."""
 
 
 @dataclass(frozen=True, eq=False)

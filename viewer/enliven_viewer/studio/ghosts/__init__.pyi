@@ -1,3 +1,7 @@
 from .ghosts import Ghosts as Ghosts
 from .motion_samples import GhostSurface as GhostSurface
-from .ghost_picture import GhostBody as GhostBody, GhostPicture as GhostPicture, trail_rows as trail_rows
+from .ghost_picture import (
+    GhostBody as GhostBody,
+    GhostPicture as GhostPicture,
+    make_trail_rows as make_trail_rows,
+)

@@ -8,10 +8,10 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven_viewer.render import linear_from_srgb
-from enliven_viewer.render.overlay import tube_rows
+from enliven_viewer.render.overlay import make_tube_rows
 from enliven_viewer.studio.ghosts.motion_samples import GhostSurface, MotionSamples
 from enliven_viewer.studio.viewport import Lens
-from enliven_viewer.theme import AFTER, BEFORE, CHOSEN, INK, Paint
+from enliven_viewer.theme import FUTURE_POSE, INK, PAST_POSE, SELECTED_JOINT, Paint
 
 _TRAIL_RADIUS_PX = 1.5
 """Radius in pixels of a trail at the playhead."""
@@ -44,19 +44,19 @@ class GhostPicture:
     tubes: Float32
 
 
-def bodies_of(sampled: MotionSamples, time: float) -> list[GhostBody]:
+def make_ghost_bodies(sampled: MotionSamples, time: float) -> list[GhostBody]:
     """Returns the ghosts of a character. Those before ``time`` and those after it have different colours."""
     bodies = []
     for side, tint in (
-        ([moment for moment in sampled.bodies if moment < time][::-1], BEFORE),
-        ([moment for moment in sampled.bodies if moment > time], AFTER),
+        ([moment for moment in sampled.bodies if moment < time][::-1], PAST_POSE),
+        ([moment for moment in sampled.bodies if moment > time], FUTURE_POSE),
     ):
         for number, moment in enumerate(side):
             bodies.append(GhostBody(sampled.bodies[moment], tint, 1.0 - number / (len(side) + 1.0)))
     return sorted(bodies, key=lambda body: body.opacity)
 
 
-def trail_rows(
+def make_trail_rows(
     sampled: MotionSamples, points: tuple[int, ...], keys: tuple[float, ...], time: float, lens: Lens
 ) -> Float32:
     """Returns (N, 12) rows of tubes: trails of the points, with dots at frames, keys and ``time``."""
@@ -72,22 +72,24 @@ def trail_rows(
     for line in places:
         curve = smooth(line)
         near = 1.0 - np.abs(fine - time) / reach
-        width = (_TRAIL_END_FRACTION + (1.0 - _TRAIL_END_FRACTION) * near) * lens.spans(curve)
-        line_rows = tube_rows(
-            curve[:-1], curve[1:], _TRAIL_RADIUS_PX * width[:-1], _tints(fine[:-1], time, near[:-1])
+        width = (_TRAIL_END_FRACTION + (1.0 - _TRAIL_END_FRACTION) * near) * lens.pixel_sizes(curve)
+        line_rows = make_tube_rows(
+            curve[:-1], curve[1:], _TRAIL_RADIUS_PX * width[:-1], _make_tints(fine[:-1], time, near[:-1])
         )
         line_rows[:, 7] = _TRAIL_RADIUS_PX * width[1:]
         near = 1.0 - np.abs(seconds - time) / reach
         dots = (
-            _FRAME_RADIUS_PX * (_TRAIL_END_FRACTION + (1.0 - _TRAIL_END_FRACTION) * near) * lens.spans(line)
+            _FRAME_RADIUS_PX
+            * (_TRAIL_END_FRACTION + (1.0 - _TRAIL_END_FRACTION) * near)
+            * lens.pixel_sizes(line)
         )
-        rows += [line_rows, tube_rows(line, line, dots, _tints(seconds, time, near))]
+        rows += [line_rows, make_tube_rows(line, line, dots, _make_tints(seconds, time, near))]
     current_places = sampled.place(time)[list(points)]
-    rows.append(_balls(current_places, CHOSEN, lens))
+    rows.append(_make_balls(current_places, SELECTED_JOINT, lens))
     white = tuple(round(255 * value) for value in INK[:3])
     for key in keys:
         if seconds[0] <= key <= seconds[-1]:
-            rows.append(_balls(sampled.place(key)[list(points)], white, lens))
+            rows.append(_make_balls(sampled.place(key)[list(points)], white, lens))
     return np.concatenate(rows)
 
 
@@ -103,14 +105,14 @@ def smooth(line: Float) -> Float:
     return np.concatenate([pieces.reshape(-1, 3), line[-1:]])
 
 
-def _balls(places: Float, tint: Paint, lens: Lens) -> Float32:
+def _make_balls(places: Float, tint: Paint, lens: Lens) -> Float32:
     tints = np.tile(linear_from_srgb(np.array([tint], float)), (len(places), 1))
-    return tube_rows(places, places, _KEY_RADIUS_PX * lens.spans(places), tints)
+    return make_tube_rows(places, places, _KEY_RADIUS_PX * lens.pixel_sizes(places), tints)
 
 
-def _tints(seconds: Float, time: float, near: Float) -> Float32:
+def _make_tints(seconds: Float, time: float, near: Float) -> Float32:
     """Returns (N, 3) linear RGB of the segments of a trail, dimmer with distance from the playhead."""
-    colours = linear_from_srgb(np.array([BEFORE, AFTER], float))[(seconds > time).astype(int)]
+    colours = linear_from_srgb(np.array([PAST_POSE, FUTURE_POSE], float))[(seconds > time).astype(int)]
     return np.asarray(
         colours * (_TRAIL_END_BRIGHTNESS + (1.0 - _TRAIL_END_BRIGHTNESS) * near[:, None]), np.float32
     )

@@ -11,7 +11,7 @@ _TIME_TOLERANCE_S = 1e-3
 """Time difference in seconds below which a ghost would coincide with the character itself."""
 
 
-def key_moments(
+def find_key_times(
     project: Project, character: RigBase, handle: int | None = None, layer: int | None = None
 ) -> tuple[float, ...]:
     """Returns the times in the project at which a character plays its keys, in order; empty without keys.
@@ -22,7 +22,7 @@ def key_moments(
     Args:
         handle, layer: the selected handle and layer of the character, or None.
     """
-    keyed = _chosen_keys(project, character, handle, layer)
+    keyed = _find_selected_keys(project, character, handle, layer)
     if keyed is not None:
         length = project.length_of(keyed)
         keys = getattr(project, keyed.source)[keyed.take].keys
@@ -39,7 +39,7 @@ def key_moments(
     return tuple(sorted(moments))
 
 
-def _chosen_keys(
+def _find_selected_keys(
     project: Project, character: RigBase, handle: int | None, layer: int | None
 ) -> LayerBase | None:
     """Returns the layer of keys that belongs to the selection; None if it is not audible."""
@@ -56,7 +56,7 @@ def _chosen_keys(
     return None if number is None or playing[number].muted else playing[number]
 
 
-def ghost_moments(
+def choose_ghost_times(
     keys: tuple[float, ...], time: float, length: float, count: int, step: float
 ) -> tuple[float, ...]:
     """Returns the times of up to ``count`` ghosts before ``time`` and up to ``count`` after it, in order.

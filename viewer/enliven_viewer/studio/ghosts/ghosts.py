@@ -10,9 +10,9 @@ import numpy as np
 from enliven.document import Project, Puppet, RigBase
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.ghosts.ghost_picture import GhostPicture, bodies_of, trail_rows
-from enliven_viewer.studio.ghosts.ghost_times import ghost_moments, key_moments
-from enliven_viewer.studio.ghosts.motion_samples import MotionSamples, SampleRequest, sample
+from enliven_viewer.studio.ghosts.ghost_picture import GhostPicture, make_ghost_bodies, make_trail_rows
+from enliven_viewer.studio.ghosts.ghost_times import choose_ghost_times, find_key_times
+from enliven_viewer.studio.ghosts.motion_samples import MotionSamples, SampleRequest, sample_motion
 from enliven_viewer.studio.ghosts.trail_points import choose_trail_points
 
 _MAX_CHARACTERS = 3
@@ -48,7 +48,7 @@ class Ghosts:
         if not self.on:
             return None
         self._take()
-        characters = self._shown_characters()
+        characters = self._list_shown_characters()
         self._begin([self._sample_request(character) for character in characters])
         return self._draw_ghosts(characters)
 
@@ -69,16 +69,16 @@ class Ghosts:
             sampled = self._known.get(character.id)
             if sampled is None:
                 continue
-            bodies += bodies_of(sampled, editor.time)
-            mine = editor.selection.character == character.id
-            handle, chain = (editor.selection.handle, editor.selection.chain) if mine else (None, ())
+            bodies += make_ghost_bodies(sampled, editor.time)
+            is_selected = editor.selection.character == character.id
+            handle, chain = (editor.selection.handle, editor.selection.chain) if is_selected else (None, ())
             rest = next(iter(sampled.points.values()))
             points = choose_trail_points(sampled.wanted.character, rest, handle, chain)
-            keys = self._keys(sampled.wanted.project, sampled.wanted.character)
-            rows.append(trail_rows(sampled, points, keys, editor.time, editor.lens))
+            keys = self._find_keys(sampled.wanted.project, sampled.wanted.character)
+            rows.append(make_trail_rows(sampled, points, keys, editor.time, editor.lens))
         return GhostPicture(tuple(bodies), np.concatenate(rows))
 
-    def _shown_characters(self) -> list[RigBase]:
+    def _list_shown_characters(self) -> list[RigBase]:
         """Returns the selected character, or else the first few.
 
         A puppet is returned in its last solved state.
@@ -90,23 +90,23 @@ class Ghosts:
         return [character for character in characters if any(not layer.muted for layer in character.playing)]
 
     def _sample_request(self, character: RigBase) -> SampleRequest:
-        editor, how = self.editor, self.editor.settings
+        editor, settings = self.editor, self.editor.settings
         project = editor.project
         if isinstance(character, Puppet):
             project, character = editor.solving.newest_solution(project, character.id)
-        step, length = how.frame_step, editor.length
-        first = int(np.ceil(max(editor.time - how.trail, 0.0) / step))
-        last = int(min(editor.time + how.trail, length) / step)
-        keys = self._keys(project, character)
-        moments = ghost_moments(keys, editor.time, length, how.ghosts, how.ghost_step)
+        step, length = settings.frame_step, editor.length
+        first = int(np.ceil(max(editor.time - settings.trail, 0.0) / step))
+        last = int(min(editor.time + settings.trail, length) / step)
+        keys = self._find_keys(project, character)
+        moments = choose_ghost_times(keys, editor.time, length, settings.ghosts, settings.ghost_step)
         return SampleRequest(project, character, first, last, step, moments)
 
-    def _keys(self, project: Project, character: RigBase) -> tuple[float, ...]:
+    def _find_keys(self, project: Project, character: RigBase) -> tuple[float, ...]:
         """Returns the times of the keys of a character's selection."""
         chosen = self.editor.selection
         if chosen.character != character.id:
-            return key_moments(project, character)
-        return key_moments(project, character, chosen.handle, chosen.layer)
+            return find_key_times(project, character)
+        return find_key_times(project, character, chosen.handle, chosen.layer)
 
     def _begin(self, wanted: list[SampleRequest]) -> None:
         """Starts computing the first outdated request, if no computation is running."""
@@ -120,7 +120,7 @@ class Ghosts:
             if request.same(refused) or (sampled is not None and request.same(sampled.wanted)):
                 continue
             self._pool = self._pool or ThreadPoolExecutor(1, "ghosts")
-            self._work = (name, request, self._pool.submit(sample, request, sampled))
+            self._work = (name, request, self._pool.submit(sample_motion, request, sampled))
             return
 
     def _take(self) -> None:

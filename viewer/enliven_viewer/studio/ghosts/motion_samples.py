@@ -32,7 +32,7 @@ class SampleRequest:
     step: float
     moments: tuple[float, ...]
 
-    def alike(self, other: SampleRequest) -> bool:
+    def can_reuse(self, other: SampleRequest) -> bool:
         """Returns True if samples of the other request are valid here: same character and same takes."""
         if self.character is not other.character or self.step != other.step:
             return False
@@ -44,7 +44,7 @@ class SampleRequest:
 
     def same(self, other: SampleRequest | None) -> bool:
         """Returns True if both requests are equal."""
-        if other is None or not self.alike(other):
+        if other is None or not self.can_reuse(other):
             return False
         return (self.first, self.last, self.moments) == (other.first, other.last, other.moments)
 
@@ -82,27 +82,27 @@ class MotionSamples:
 
     def place(self, seconds: float) -> Float:
         """Returns (N, 3) metres at a time, interpolated between two sampled frames."""
-        at = seconds / self.wanted.step
-        low = int(np.floor(at))
+        frame_position = seconds / self.wanted.step
+        low = int(np.floor(frame_position))
         before, after = self.points.get(low), self.points.get(low + 1)
         if before is None or after is None:
-            nearest = min(self.points, key=lambda frame: abs(frame - at))
+            nearest = min(self.points, key=lambda frame: abs(frame - frame_position))
             return self.points[nearest]
-        return np.asarray(before + (at - low) * (after - before))
+        return np.asarray(before + (frame_position - low) * (after - before))
 
 
-def sample(wanted: SampleRequest, before: MotionSamples | None) -> MotionSamples:
+def sample_motion(wanted: SampleRequest, before: MotionSamples | None) -> MotionSamples:
     """Computes the requested samples, and reuses valid ones from before.
 
     Raises:
         EnlivenError: if the character cannot be played.
     """
-    if before is not None and wanted.alike(before.wanted):
+    if before is not None and wanted.can_reuse(before.wanted):
         samples = MotionSamples(wanted, dict(before.points), dict(before.bodies), before._at, before._surface)
     else:
         samples = MotionSamples(wanted)
     if samples._at is None:
-        samples._at = _points(wanted.project, wanted.character)
+        samples._at = _make_point_function(wanted.project, wanted.character)
         samples._surface = rig_of(wanted.character).surface(wanted.project, wanted.character)
     if len(samples.points) > _MAX_CACHED_FRAMES:
         samples.points.clear()
@@ -113,11 +113,13 @@ def sample(wanted: SampleRequest, before: MotionSamples | None) -> MotionSamples
     assert samples._surface is not None
     for moment in wanted.moments:
         if moment not in samples.bodies:
-            samples.bodies[moment] = _body(wanted.character, samples._surface(moment), samples._at(moment))
+            samples.bodies[moment] = _make_ghost_surface(
+                wanted.character, samples._surface(moment), samples._at(moment)
+            )
     return samples
 
 
-def _points(project: Project, character: RigBase) -> Callable[[float], Float]:
+def _make_point_function(project: Project, character: RigBase) -> Callable[[float], Float]:
     """Returns the function that gives the positions of a character's handles at a time.
 
     A character without handles has the positions of its nodes.
@@ -131,7 +133,7 @@ def _points(project: Project, character: RigBase) -> Callable[[float], Float]:
     return at
 
 
-def _body(character: RigBase, vertices: Float, points: Float) -> GhostSurface:
+def _make_ghost_surface(character: RigBase, vertices: Float, points: Float) -> GhostSurface:
     if character.mesh is None or not len(character.mesh.faces):
         return GhostSurface(np.zeros((0, 6), np.float32), np.zeros((0, 3), np.int32), points)
     faces = character.mesh.faces

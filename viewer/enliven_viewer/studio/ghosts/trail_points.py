@@ -32,12 +32,12 @@ def choose_trail_points(
         return tuple(range(min(len(rest), 2 * _MAX_TRAILS)))
     parents = character.parents
     if not len(parents):
-        return far_ends(rest, np.arange(len(rest)), rest.mean(0))
+        return find_far_ends(rest, np.arange(len(rest)), rest.mean(0))
     leaves = np.setdiff1d(np.arange(len(rest)), parents)
-    return far_ends(rest, leaves, rest[0])
+    return find_far_ends(rest, leaves, rest[0])
 
 
-def far_ends(points: Float, candidates: AnyArray, start: Float) -> tuple[int, ...]:
+def find_far_ends(points: Float, candidates: AnyArray, start: Float) -> tuple[int, ...]:
     """Returns the candidates among points (N, 3) that lie far from ``start`` (3,) and from each other.
 
     They are in ascending order.
@@ -47,11 +47,11 @@ def far_ends(points: Float, candidates: AnyArray, start: Float) -> tuple[int, ..
         return ()
     ends = list[int]()
     size = float(np.linalg.norm(points.max(0) - points.min(0)))
-    away = np.linalg.norm(points[candidates] - start, axis=1)
+    distances = np.linalg.norm(points[candidates] - start, axis=1)
     for _ in range(_MAX_TRAILS):
-        best = int(away.argmax())
-        if away[best] < _MIN_END_DISTANCE * size and ends:
+        best = int(distances.argmax())
+        if distances[best] < _MIN_END_DISTANCE * size and ends:
             break
         ends.append(int(candidates[best]))
-        away = np.minimum(away, np.linalg.norm(points[candidates] - points[ends[-1]], axis=1))
+        distances = np.minimum(distances, np.linalg.norm(points[candidates] - points[ends[-1]], axis=1))
     return tuple(sorted(ends))

@@ -1,3 +1,9 @@
 from .selection_transform import SelectionTransform as SelectionTransform
-from .quantity import ANGLE as ANGLE, LENGTH as LENGTH, SHARE as SHARE, TIME as TIME, Quantity as Quantity
-from .view_bookmarks import view_actions as view_actions
+from .quantity import (
+    ANGLE as ANGLE,
+    LENGTH as LENGTH,
+    PERCENTAGE as PERCENTAGE,
+    TIME as TIME,
+    Quantity as Quantity,
+)
+from .view_bookmarks import make_view_actions as make_view_actions

@@ -46,7 +46,7 @@ class Quantity:
             InputError: if the text is not a number, or divides by zero.
         """
         units = {**self.units, **{{"percent": "%"}.get(name, name): factor for name, factor in more.items()}}
-        reader = _Reader(_tokens(typed), {name.lower(): factor for name, factor in units.items()})
+        reader = _Reader(_split_tokens(typed), {name.lower(): factor for name, factor in units.items()})
         value = reader.sum()
         if reader.left or not math.isfinite(value):
             raise reader.refused()
@@ -56,18 +56,18 @@ class Quantity:
 LENGTH = Quantity("m", {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}, 3)
 ANGLE = Quantity("°", {"°": 1.0, "deg": 1.0, "rad": math.degrees(1.0), "turn": 360.0}, 2)
 TIME = Quantity("s", {"s": 1.0, "ms": 0.001, "min": 60.0}, 3)
-SHARE = Quantity("%", {"%": 1.0, "x": 100.0}, 1)
+PERCENTAGE = Quantity("%", {"%": 1.0, "x": 100.0}, 1)
 
 
-def _tokens(typed: str) -> list[str]:
+def _split_tokens(typed: str) -> list[str]:
     """Returns the numbers, units and operators of a text, in order."""
-    text, at, tokens = typed[:_MAX_LETTERS].replace(",", ".").strip(), 0, list[str]()
-    while at < len(text):
-        match = _TOKEN.match(text, at)
+    text, position, tokens = typed[:_MAX_LETTERS].replace(",", ".").strip(), 0, list[str]()
+    while position < len(text):
+        match = _TOKEN.match(text, position)
         if match is None:
             return []
         tokens.append(match.group().strip())
-        at = match.end()
+        position = match.end()
     return tokens
 
 
@@ -84,18 +84,18 @@ class _Reader:
         return value
 
     def _product(self) -> float:
-        value = self._one()
+        value = self._value()
         while self.left and self.left[-1] in "*/":
-            times, by = self.left.pop() == "*", self._one()
+            times, by = self.left.pop() == "*", self._value()
             if not times and by == 0.0:
                 raise self.refused(tr("it divides by zero"))
             value = value * by if times else value / by
         return value
 
-    def _one(self) -> float:
+    def _value(self) -> float:
         token = self.left.pop() if self.left else ""
         if token in ("-", "+"):
-            return self._one() if token == "+" else -self._one()
+            return self._value() if token == "+" else -self._value()
         if token == "(":
             value = self.sum()
             if not self.left or self.left.pop() != ")":
@@ -111,9 +111,9 @@ class _Reader:
             value *= self._units[unit.lower()]
         return value
 
-    def refused(self, what: str = "") -> InputError:
+    def refused(self, problem: str = "") -> InputError:
         unit_names = ", ".join(self._units)
         return InputError(
-            what or tr("that is not a number"),
+            problem or tr("that is not a number"),
             mend=tr("Write one such as 1.2 + 0.3; units: {0}.", unit_names),
         )

@@ -15,7 +15,7 @@ from enliven_viewer.studio.viewport import Selection
 
 AXES = ("x", "y", "z")
 _MIN_SCALABLE_HEIGHT_M = 1e-3
-"""In metres. The height of a flatter object cannot be changed."""
+"""Minimum height in metres for changing the height. A flatter object cannot be scaled to a height."""
 _MAX_HEIGHT_M = 1000.0
 """Maximum height in metres. A larger number is a typing error."""
 
@@ -38,10 +38,15 @@ class SelectionTransform:
         if cached is None or not same or not (editor.playing or cached[2] == editor.time):
             # During playback, do not update the numbers in each frame. They would be unreadable, and skinning
             # would cost frames.
-            cached = self._known = (editor.project, editor.selection, editor.time, self._surface_bounds())
+            cached = self._known = (
+                editor.project,
+                editor.selection,
+                editor.time,
+                self._find_surface_bounds(),
+            )
         return cached[3]
 
-    def _surface_bounds(self) -> tuple[Float, Float] | None:
+    def _find_surface_bounds(self) -> tuple[Float, Float] | None:
         names = self.editor.selection.characters
         characters = [character for character in self.editor.stage_characters if character.id in names]
         points = [
@@ -72,24 +77,28 @@ class SelectionTransform:
         """Moves the selection along one world axis to a coordinate."""
         place, names = self.place, self.editor.selection.characters
         if place is not None:
-            way = np.eye(3)[axis] * (metres - place[axis])
-            self.editor.edit(later("place {0}", self._subject_name), lambda p: move_characters(p, names, way))
+            offset = np.eye(3)[axis] * (metres - place[axis])
+            self.editor.edit(
+                later("place {0}", self._subject_name), lambda p: move_characters(p, names, offset)
+            )
 
-    def make_tall(self, metres: float) -> None:
+    def set_height(self, metres: float) -> None:
         """Scales the selection to a height in metres, in place.
 
         Raises:
             InputError: if the selection is flat, or the height is invalid.
         """
-        tall = self.height
-        if tall is None:
+        height = self.height
+        if height is None:
             return
-        if not (tall > _MIN_SCALABLE_HEIGHT_M and _MIN_SCALABLE_HEIGHT_M <= metres <= _MAX_HEIGHT_M):
+        if not (height > _MIN_SCALABLE_HEIGHT_M and _MIN_SCALABLE_HEIGHT_M <= metres <= _MAX_HEIGHT_M):
             problem = (
-                tr("it is flat") if tall <= _MIN_SCALABLE_HEIGHT_M else tr("nothing is {0:g} m tall", metres)
+                tr("it is flat")
+                if height <= _MIN_SCALABLE_HEIGHT_M
+                else tr("{0:g} m is not a possible height", metres)
             )
             raise InputError(problem, mend=tr("Give a height such as 1.7 m or 150 %."))
-        self.scale(metres / tall)
+        self.scale(metres / height)
 
     def scale(self, factor: float) -> None:
         """Scales the selection in place."""
@@ -98,7 +107,7 @@ class SelectionTransform:
             return
 
         def change(project: Project) -> Project:
-            about = _fixed_point(project, names)
+            about = _find_fixed_point(project, names)
             project = scale_characters(project, names, factor)
             return move_characters(project, names, (factor - 1.0) * (about - place))
 
@@ -120,7 +129,7 @@ class SelectionTransform:
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
 
-def _fixed_point(project: Project, names: tuple[str, ...]) -> Float:
+def _find_fixed_point(project: Project, names: tuple[str, ...]) -> Float:
     """Returns (3,) metres: the fixed point of scaling; for several characters, on the floor."""
     middle = group_centre(project, names)
     return middle if len(names) == 1 else middle * [1.0, 0.0, 1.0]

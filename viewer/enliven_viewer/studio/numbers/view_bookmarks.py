@@ -16,7 +16,7 @@ _FUNCTION_KEY_OFFSET = 4
 """Offset from bookmark to function key: the first is F5, since F1 is help and F2 renames."""
 
 
-def view_actions(editor: Editor) -> Iterator[Action]:
+def make_view_actions(editor: Editor) -> Iterator[Action]:
     """Yields the actions that store the current view and restore a stored one."""
     for number in _VIEW_NUMBERS:
         name, key = tr("view {0}", number), f"f{number + _FUNCTION_KEY_OFFSET}"
@@ -26,8 +26,8 @@ def view_actions(editor: Editor) -> Iterator[Action]:
             f"Bookmark {number}",
             (key,),
             lambda name=name: restore_view(editor, name),
-            lambda name=name, key=key: _lacks(editor, name, key),
-            about="The view that was stored.",
+            lambda name=name, key=key: _lacks_view(editor, name, key),
+            about="Returns to the stored view.",
             apart=number == 1,
             group="Bookmarks",
         )
@@ -65,6 +65,6 @@ def restore_view(editor: Editor, name: str) -> None:
     editor.camera.go(mark.target, mark.azimuth, mark.elevation, mark.distance)
 
 
-def _lacks(editor: Editor, name: str, key: str) -> str:
+def _lacks_view(editor: Editor, name: str, key: str) -> str:
     advice = tr("Nothing is stored there. Ctrl+{0} stores the current view.", key.upper())
     return "" if name in editor.project.views else advice

@@ -1,7 +1,7 @@
 from .actions import (
-    single_shape_action as single_shape_action,
-    choosing_actions as choosing_actions,
-    outliner_actions as outliner_actions,
+    require_single_shape as require_single_shape,
+    make_choosing_actions as make_choosing_actions,
+    make_outliner_actions as make_outliner_actions,
 )
 from .outliner import Outliner as Outliner
 from .tree import (

@@ -11,7 +11,7 @@ from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.outliner.outliner import Outliner
 
 
-def single_shape_action(action: Action, editor: Editor) -> Action:
+def require_single_shape(action: Action, editor: Editor) -> Action:
     """Returns the action of a single shape with a check.
 
     If several shapes are selected, the action is unavailable and says so.
@@ -24,7 +24,7 @@ def single_shape_action(action: Action, editor: Editor) -> Action:
     return replace(action, why_not=lacks)
 
 
-def choosing_actions(editor: Editor) -> Iterator[Action]:
+def make_choosing_actions(editor: Editor) -> Iterator[Action]:
     """Yields the actions that select all, nothing, or the others."""
 
     def empty() -> str:
@@ -52,7 +52,7 @@ def choosing_actions(editor: Editor) -> Iterator[Action]:
     yield Action("edit.inverse", "Edit", "Choose the others", ("ctrl+i",), inverse, empty, about=about)
 
 
-def outliner_actions(outliner: Outliner) -> Iterator[Action]:
+def make_outliner_actions(outliner: Outliner) -> Iterator[Action]:
     """Yields the actions that rename, hide, lock and reorder the selection."""
     editor = outliner.editor
 
@@ -74,14 +74,14 @@ def outliner_actions(outliner: Outliner) -> Iterator[Action]:
     def all_locked() -> bool:
         return bool(chosen()) and set(chosen()) <= set(locked())
 
-    def step(way: int) -> None:
+    def step(direction: int) -> None:
         name = editor.selection.character or ""
-        outliner.move(name, outliner.place_of(name) + way)
+        outliner.move(name, outliner.place_of(name) + direction)
 
-    def lacks_place(way: int) -> str:
+    def lacks_place(direction: int) -> str:
         if lacks() or editor.selection.several:
             return lacks() or "Several shapes are chosen. Choose one to move it in the list."
-        place = outliner.place_of(editor.selection.character or "") + way
+        place = outliner.place_of(editor.selection.character or "") + direction
         inside = 0 <= place < len(editor.project.characters)
         return "" if inside else "It is at the end of the list."
 
@@ -131,12 +131,12 @@ def outliner_actions(outliner: Outliner) -> Iterator[Action]:
         lambda: outliner.lock(*locked(), on=False),
         lambda: "" if locked() else tr("Nothing is locked."),
     )
-    for name, way in (("up", -1), ("down", 1)):
+    for name, direction in (("up", -1), ("down", 1)):
         yield Action(
             f"shape.{name}",
             "Shape",
             f"{name.title()} in the list",
             (f"alt+{name}",),
-            lambda way=way: step(way),
-            lambda way=way: lacks_place(way),
+            lambda direction=direction: step(direction),
+            lambda direction=direction: lacks_place(direction),
         )

@@ -8,7 +8,7 @@ from enliven.document import FREE, DisplayState, Project
 from enliven.modeling.edits import handle_characters, order_characters, rename_character, rename_take
 from enliven_viewer.language import language_in_use, later
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, rows_of
+from enliven_viewer.studio.outliner.tree import CHARACTER, GROUP, HANDLE, TAKE, Row, make_rows
 
 _HEIGHT_FRACTION = 0.46
 """Fraction of the side panel's height: eight rows at 1280x720, and the rest for the selection."""
@@ -29,7 +29,7 @@ class Outliner:
         opened: keys of the unfolded rows.
         renaming: key of the row being renamed, or empty. draft: the name typed so far.
         share: fraction of the side panel's height that the tree takes.
-        followed: the character that the list last scrolled to.
+        followed: the character that the list was last scrolled to.
         live_hidden: whether the live stage is hidden outside the Perform workspace.
     """
 
@@ -49,7 +49,7 @@ class Outliner:
         project, live = self.editor.project, self._live()
         key = (project, live, frozenset(self.opened), self.typed, language_in_use())
         if self._known is None or self._known[0][0] is not project or self._known[0][1:] != key[1:]:
-            self._known = (key, rows_of(project, live, self.opened, self.typed))
+            self._known = (key, make_rows(project, live, self.opened, self.typed))
         return self._known[1]
 
     def fold(self, row: Row) -> None:
@@ -70,7 +70,7 @@ class Outliner:
             handled = row.number < len(editor.project.characters[row.id].handles)
             editor.choose(row.id, row.number if handled else None)
         elif row.kind == CHARACTER and shift:
-            self._up_to(row.id)
+            self._select_range(row.id)
             return
         elif row.kind == CHARACTER and ctrl:
             editor.toggle(row.id)
@@ -78,7 +78,7 @@ class Outliner:
             editor.choose(row.id)
         self._anchor = row.id
 
-    def _up_to(self, name: str) -> None:
+    def _select_range(self, name: str) -> None:
         """Selects all characters between the previously clicked one and this one."""
         names = [row.id for row in self.rows if row.kind == CHARACTER]
         start = self._anchor if self._anchor in names else (self.editor.selection.character or name)
@@ -134,11 +134,11 @@ class Outliner:
 
     def hide(self, *names: str, on: bool) -> None:
         """Hides or shows characters, as one edit."""
-        self._handle(names, "hide" if on else "show", hidden=on)
+        self._set_display_state(names, "hide" if on else "show", hidden=on)
 
     def lock(self, *names: str, on: bool) -> None:
         """Locks or unlocks characters, as one edit."""
-        self._handle(names, "lock" if on else "unlock", locked=on)
+        self._set_display_state(names, "lock" if on else "unlock", locked=on)
 
     def hide_others(self) -> None:
         """Hides every character that is not selected, as one edit."""
@@ -150,9 +150,11 @@ class Outliner:
 
         self.editor.edit("hide the others", change)
 
-    def _handle(self, names: tuple[str, ...], word: str, **changes: bool) -> None:
+    def _set_display_state(self, names: tuple[str, ...], edit_name: str, **changes: bool) -> None:
         subject = names[0] if len(names) == 1 else later("{0} shapes", len(names))
-        self.editor.edit(f"{word} {subject}", lambda project: handle_characters(project, names, **changes))
+        self.editor.edit(
+            f"{edit_name} {subject}", lambda project: handle_characters(project, names, **changes)
+        )
 
     def move(self, name: str, place: int) -> None:
         """Moves a character to another position in the list, as one edit."""

@@ -45,7 +45,7 @@ class Row:
         return f"{self.kind} {self.id}" + (f" {self.number}" if self.number >= 0 else "")
 
 
-def rows_of(
+def make_rows(
     project: Project, live: tuple[str, ...], opened: Collection[str], typed: str = ""
 ) -> tuple[Row, ...]:
     """Returns the visible rows.
@@ -55,12 +55,14 @@ def rows_of(
         opened: keys of the unfolded rows.
         typed: filter text. Rows with matching names are shown together with their parents.
     """
-    matches = _filtered(list(_every(project, live)), typed.strip().lower()) if typed.strip() else None
+    matches = (
+        _filter_rows(list(_make_all_rows(project, live)), typed.strip().lower()) if typed.strip() else None
+    )
     if matches is not None:
         return tuple(matches)
     shown: list[Row] = []
     closed = 99  # This value is larger than any depth, so no row is hidden at first.
-    for row in _every(project, live):
+    for row in _make_all_rows(project, live):
         if row.depth > closed:
             continue
         closed = row.depth if row.folds and row.key not in opened else 99
@@ -68,7 +70,7 @@ def rows_of(
     return tuple(shown)
 
 
-def _filtered(rows: list[Row], wanted: str) -> list[Row]:
+def _filter_rows(rows: list[Row], wanted: str) -> list[Row]:
     """Returns the rows that contain the text, and their parents."""
     keep = [wanted in row.label.lower() and row.kind != GROUP for row in rows]
     above: list[int] = []
@@ -81,10 +83,10 @@ def _filtered(rows: list[Row], wanted: str) -> list[Row]:
     return [row for row, is_kept in zip(rows, keep, strict=True) if is_kept]
 
 
-def _every(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
+def _make_all_rows(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
     yield Row(GROUP, "shapes", later("Shapes"), str(len(project.characters)), folds=True)
     for character in project.characters.values():
-        below = list(_handles(character))
+        below = list(_make_handle_rows(character))
         yield Row(CHARACTER, character.id, character.id, character.word, depth=1, folds=bool(below))
         yield from below
     used = set().union(*(character.needed()["takes"] for character in project.characters.values()))
@@ -94,7 +96,7 @@ def _every(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
         note = f"{project.takes[name].duration:.1f} s" + (tr(" · in use") if name in used else "")
         yield Row(TAKE, name, name, note, depth=1)
     if folded:
-        yield Row(GROUP, "onlookers", later("Held nothing"), str(len(folded)), depth=1, folds=True)
+        yield Row(GROUP, "onlookers", later("Held no character"), str(len(folded)), depth=1, folds=True)
         for name in folded:
             yield Row(TAKE, name, name, f"{project.takes[name].duration:.1f} s", depth=2)
     if live:
@@ -104,16 +106,16 @@ def _every(project: Project, live: tuple[str, ...]) -> Iterator[Row]:
 
 
 def _is_onlooker(name: str) -> bool:
-    """Returns True if the take's performer controlled nothing while others did, according to its name."""
+    """Returns True if the name says that the take's performer controlled nothing while others did."""
     return name.rstrip("0123456789").rstrip().endswith(ONLOOKER_SUFFIX)
 
 
-def _handles(character: RigBase) -> Iterator[Row]:
+def _make_handle_rows(character: RigBase) -> Iterator[Row]:
     """Yields the joints below their parents, the points in order, or the parts of a possessed mesh."""
-    word = _HANDLE_WORDS.get(character.kind, later("bone"))
+    handle_label = _HANDLE_WORDS.get(character.kind, later("bone"))
     if isinstance(character, GraphShape):
         for number, part in enumerate(character.parts) if len(character.parts) > 1 else ():
-            yield Row(HANDLE, character.id, part.take, word, number, 2)
+            yield Row(HANDLE, character.id, part.take, handle_label, number, 2)
         return
     parents, names = character.parents, character.handles
     below: dict[int, list[int]] = {}
@@ -127,7 +129,7 @@ def _handles(character: RigBase) -> Iterator[Row]:
             HANDLE,
             character.id,
             names[number],
-            later("root") if _roots(parents, number) else word,
+            later("root") if _is_bone_root(parents, number) else handle_label,
             number,
             depth,
         )
@@ -137,6 +139,6 @@ def _handles(character: RigBase) -> Iterator[Row]:
         waiting += [(child, deeper) for child in reversed(children)]
 
 
-def _roots(parents: np.ndarray, number: int) -> bool:
+def _is_bone_root(parents: np.ndarray, number: int) -> bool:
     """Returns True if a joint is the root of bones."""
     return bool(parents[number] < 0 and (parents >= 0).any())

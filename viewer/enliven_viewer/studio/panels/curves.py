@@ -7,17 +7,30 @@ from imgui_bundle import ImVec2, ImVec2Like, imgui
 
 from enliven.document import EASES
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.curves import KEYED, NUMBERS, CurveDot, CurveGroup, CurveInput, Scale
+from enliven_viewer.studio.curves import (
+    KEY_ATTRIBUTES,
+    LAYER_KEY_ATTRIBUTES,
+    CurveDot,
+    CurveGroup,
+    CurveInput,
+    Scale,
+)
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
-from enliven_viewer.studio.timeline import LABELS
+from enliven_viewer.studio.panels.style import (
+    draw_note,
+    open_panel,
+    pack_colour,
+    push_colours,
+    use_small_text,
+)
+from enliven_viewer.studio.timeline import LABEL_WIDTH
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, AXES, DARK, INK, LINE, QUIET, Colour
+from enliven_viewer.theme import ACCENT, AXIS_COLOURS, DARK, INK, LINE, QUIET, Colour
 
 _GROUP_LABELS = {
-    "keys": later("Key turns"),
-    "moves": later("Key places"),
+    "keys": later("Rotation keys"),
+    "moves": later("Position keys"),
     "turn": later("Turn"),
     "place": later("Place"),
     "weight": later("Weight"),
@@ -37,35 +50,35 @@ _PAN_PER_NOTCH = 40.0
 def draw_curves(workspace: Workspace, area: Area) -> None:
     """Draws the panel of the curves."""
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
-    with panel("curves", area, flags):
+    with open_panel("curves", area, flags):
         curves = workspace.curves
         curves.refresh()
         groups, group = curves.groups(), curves.shown_group()
         if group is None:
-            quiet(_EMPTY_TEXT)
+            draw_note(_EMPTY_TEXT)
             return
         origin, size = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         curves.height = max(size.y, 20.0)
         scale = curves.scale(group)
-        left = ImVec2(origin.x + LABELS - 12, origin.y)
+        left = ImVec2(origin.x + LABEL_WIDTH - 12, origin.y)
         imgui.set_cursor_screen_pos(left)
         imgui.invisible_button("##curves", ImVec2(max(origin.x + size.x - left.x, 1), max(size.y, 1)))
         workspace.remember("curves")
-        _listen(workspace, curves, origin, group)
-        _plot(workspace, curves, group, scale, origin, size)
+        _handle_pointer(workspace, curves, origin, group)
+        _draw_plot(workspace, curves, group, scale, origin, size)
         imgui.set_cursor_screen_pos(origin)
-        _names(workspace, curves, groups, group)
-        _menu(curves)
+        _draw_names(workspace, curves, groups, group)
+        _draw_key_menu(curves)
 
 
-def _names(
+def _draw_names(
     workspace: Workspace, curves: CurveInput, groups: dict[str, CurveGroup], shown: CurveGroup
 ) -> None:
     """Draws the list of groups, and the channels of the shown group with their current values."""
-    imgui.begin_child("##groups", ImVec2(LABELS - 22, 0))
+    imgui.begin_child("##groups", ImVec2(LABEL_WIDTH - 22, 0))
     for name in groups:
         if imgui.selectable(
-            f"{tr(_GROUP_LABELS[name])}###group {name}", name == shown.name, 0, ImVec2(LABELS - 70, 0)
+            f"{tr(_GROUP_LABELS[name])}###group {name}", name == shown.name, 0, ImVec2(LABEL_WIDTH - 70, 0)
         )[0]:
             curves.group = name
         workspace.remember(f"curves {name}")
@@ -75,61 +88,67 @@ def _names(
                 curves.fit()
             workspace.remember("fit curves")
             tooltip("Show all values. The wheel shows more or less of them, the middle button moves them.")
-            _values(workspace, curves, shown)
+            _draw_values(workspace, curves, shown)
     imgui.end_child()
 
 
-def _values(workspace: Workspace, curves: CurveInput, shown: CurveGroup) -> None:
+def _draw_values(workspace: Workspace, curves: CurveInput, shown: CurveGroup) -> None:
     times, now = curves.sample_times(), workspace.editor.time
-    with small():
+    with use_small_text():
         for number, name in enumerate(shown.channels):
             values = shown.values[:, number]
             value = float(np.interp(now, times, values)) if np.isfinite(values).all() else float("nan")
-            with tinted(_colour(shown, number), imgui.Col_.text):
+            with push_colours(_find_channel_colour(shown, number), imgui.Col_.text):
                 imgui.text_unformatted(f"   {name}   {_format_value(value, shown.unit)}")
 
 
-def _plot(
+def _draw_plot(
     workspace: Workspace, curves: CurveInput, group: CurveGroup, scale: Scale, origin: ImVec2, size: ImVec2
 ) -> None:
-    draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
-    left, right = origin.x + LABELS - 12, origin.x + size.x
-    draw.push_clip_rect(ImVec2(left, origin.y), ImVec2(right, origin.y + size.y), True)
-    draw.add_rect_filled(ImVec2(left, origin.y), ImVec2(right, origin.y + size.y), packed(DARK), 4.0)
-    with small():
+    draw_list, layout = imgui.get_window_draw_list(), workspace.timeline.layout
+    left, right = origin.x + LABEL_WIDTH - 12, origin.x + size.x
+    draw_list.push_clip_rect(ImVec2(left, origin.y), ImVec2(right, origin.y + size.y), True)
+    draw_list.add_rect_filled(
+        ImVec2(left, origin.y), ImVec2(right, origin.y + size.y), pack_colour(DARK), 4.0
+    )
+    with use_small_text():
         for value in scale.ticks():
             y = origin.y + scale.y(value)
             strong = abs(value) < 1e-9
-            draw.add_line(ImVec2(left, y), ImVec2(right, y), packed(LINE, 2.4 if strong else 0.8))
-            draw.add_text(ImVec2(left + 5, y - 13), packed(QUIET, 0.8), _format_value(value, group.unit))
+            draw_list.add_line(ImVec2(left, y), ImVec2(right, y), pack_colour(LINE, 2.4 if strong else 0.8))
+            draw_list.add_text(
+                ImVec2(left + 5, y - 13), pack_colour(QUIET, 0.8), _format_value(value, group.unit)
+            )
         for time, numbered in layout.ticks():
             if numbered:
                 x = origin.x + layout.x(time)
-                draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(LINE, 0.8))
+                draw_list.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), pack_colour(LINE, 0.8))
     for number in range(len(group.channels)):
-        _line(workspace, curves, group, number, scale, origin)
+        _draw_channel(workspace, curves, group, number, scale, origin)
     for dot in group.dots:
-        at = ImVec2(origin.x + layout.x(dot.time), origin.y + scale.y(dot.value))
-        _diamond(draw, at, _colour(group, dot.axis), chosen=dot.number == curves.chosen)
+        position = ImVec2(origin.x + layout.x(dot.time), origin.y + scale.y(dot.value))
+        _draw_diamond(
+            draw_list, position, _find_channel_colour(group, dot.axis), chosen=dot.number == curves.chosen
+        )
     x = origin.x + layout.x(workspace.editor.time)
-    draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
-    if group.name in NUMBERS and not group.dots:
+    draw_list.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), pack_colour(ACCENT), 1.5)
+    if group.name in LAYER_KEY_ATTRIBUTES and not group.dots:
         advice = tr("Double-click: adds a key, so that it changes over time.")
-        draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), advice)
-    if group.name in KEYED and not group.dots:
+        draw_list.add_text(ImVec2(left + 60, origin.y + size.y - 22), pack_colour(QUIET), advice)
+    if group.name in KEY_ATTRIBUTES and not group.dots:
         advice = tr("Double-click: a key. Or: Keys while posing (Shift+K), then pose (R) or move (G) it.")
-        draw.add_text(ImVec2(left + 60, origin.y + size.y - 22), packed(QUIET), advice)
-    draw.pop_clip_rect()
+        draw_list.add_text(ImVec2(left + 60, origin.y + size.y - 22), pack_colour(QUIET), advice)
+    draw_list.pop_clip_rect()
 
 
-def _line(
+def _draw_channel(
     workspace: Workspace, curves: CurveInput, group: CurveGroup, number: int, scale: Scale, origin: ImVec2
 ) -> None:
     """Draws a channel, with gaps where its values are not finite."""
-    draw, layout, tint = (
+    draw_list, layout, tint = (
         imgui.get_window_draw_list(),
         workspace.timeline.layout,
-        packed(_colour(group, number)),
+        pack_colour(_find_channel_colour(group, number)),
     )
     values, xs = (
         group.values[:, number],
@@ -141,21 +160,21 @@ def _line(
         if np.isfinite(y):
             points.append(ImVec2(origin.x + x, origin.y + y))
             continue
-        draw.add_polyline(points, tint, 1.8, 0)
+        draw_list.add_polyline(points, tint, 1.8, 0)
         points = []
-    draw.add_polyline(points, tint, 1.8, 0)
+    draw_list.add_polyline(points, tint, 1.8, 0)
 
 
-def _listen(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: CurveGroup) -> None:
+def _handle_pointer(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: CurveGroup) -> None:
     """Passes pointer input over the curves to the curve editor."""
-    io, at = imgui.get_io(), imgui.get_mouse_pos()
-    x, y, timeline = at.x - origin.x, at.y - origin.y, workspace.timeline
+    io, pointer = imgui.get_io(), imgui.get_mouse_pos()
+    x, y, timeline = pointer.x - origin.x, pointer.y - origin.y, workspace.timeline
     if imgui.is_item_hovered():
         dot = curves.dot_at(x, y)
         if dot is not None:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
             if not curves.busy:
-                imgui.set_tooltip(_hover_text(dot, group))
+                imgui.set_tooltip(_make_hover_text(dot, group))
         if imgui.is_mouse_double_clicked(0):
             curves.double(x, y)
         elif imgui.is_mouse_clicked(0):
@@ -178,7 +197,7 @@ def _listen(workspace: Workspace, curves: CurveInput, origin: ImVec2, group: Cur
         curves.release(x, y)
 
 
-def _menu(curves: CurveInput) -> None:
+def _draw_key_menu(curves: CurveInput) -> None:
     """Draws the context menu of a key."""
     if not imgui.begin_popup(_MENU_ID):
         return
@@ -196,7 +215,7 @@ def _menu(curves: CurveInput) -> None:
     imgui.end_popup()
 
 
-def _hover_text(dot: CurveDot, group: CurveGroup) -> str:
+def _make_hover_text(dot: CurveDot, group: CurveGroup) -> str:
     value_text = tr(
         "{0}   {1}   at {2:.2f} s", group.channels[dot.axis], _format_value(dot.value, group.unit), dot.time
     )
@@ -204,23 +223,23 @@ def _hover_text(dot: CurveDot, group: CurveGroup) -> str:
     return f"{value_text}\n{advice}"
 
 
-def _diamond(draw: imgui.ImDrawList, at: ImVec2, tint: Colour, *, chosen: bool) -> None:
+def _draw_diamond(draw_list: imgui.ImDrawList, centre: ImVec2, tint: Colour, *, chosen: bool) -> None:
     reach = _DIAMOND_RADIUS + 1.5 * chosen
     corners = (
-        ImVec2(at.x, at.y - reach),
-        ImVec2(at.x + reach, at.y),
-        ImVec2(at.x, at.y + reach),
-        ImVec2(at.x - reach, at.y),
+        ImVec2(centre.x, centre.y - reach),
+        ImVec2(centre.x + reach, centre.y),
+        ImVec2(centre.x, centre.y + reach),
+        ImVec2(centre.x - reach, centre.y),
     )
-    draw.add_quad_filled(*corners, packed(ACCENT if chosen else tint))
-    draw.add_quad(*corners, packed(INK if chosen else DARK), 1.4)
+    draw_list.add_quad_filled(*corners, pack_colour(ACCENT if chosen else tint))
+    draw_list.add_quad(*corners, pack_colour(INK if chosen else DARK), 1.4)
 
 
-def _colour(group: CurveGroup, number: int) -> Colour:
+def _find_channel_colour(group: CurveGroup, number: int) -> Colour:
     """Returns the colour of a channel: that of its axis, or the accent colour for a single channel."""
     if len(group.channels) == 1:
         return ACCENT
-    red, green, blue = AXES[number]
+    red, green, blue = AXIS_COLOURS[number]
     return red / 255, green / 255, blue / 255, 1.0
 
 

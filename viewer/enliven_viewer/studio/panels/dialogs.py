@@ -15,8 +15,8 @@ from enliven_viewer.studio.panels.modal import button, choice, modal
 from enliven_viewer.studio.panels.palette import draw_palette
 from enliven_viewer.studio.panels.preferences import draw_preferences
 from enliven_viewer.studio.panels.saving import draw_changed_file, draw_unsaved
-from enliven_viewer.studio.panels.style import quiet, tinted
-from enliven_viewer.studio.workspace import ORDERS, FileBrowser, Workspace, places
+from enliven_viewer.studio.panels.style import draw_note, push_colours
+from enliven_viewer.studio.workspace import ORDER_LABELS, FileBrowser, Workspace, list_places
 from enliven_viewer.theme import WAIT
 
 _FOLDER_ICON = "\uf07b"
@@ -45,27 +45,27 @@ def draw_dialogs(workspace: Workspace) -> None:
     if workspace.history_shown:
         draw_history(workspace)
     if workspace.asking in _TITLES:
-        _files(workspace)
+        _draw_file_dialog(workspace)
     elif workspace.asking in _DRAW_FUNCTIONS:
         _DRAW_FUNCTIONS[workspace.asking](workspace)
 
 
-def _files(workspace: Workspace) -> None:
+def _draw_file_dialog(workspace: Workspace) -> None:
     browser = workspace.browser
     if browser is None:
         return
     with modal(_TITLES[workspace.asking], *_DIALOG_SIZE) as shown:
         if shown:
-            _browse(workspace, browser)
+            _draw_browser(workspace, browser)
 
 
-def _browse(workspace: Workspace, browser: FileBrowser) -> None:
+def _draw_browser(workspace: Workspace, browser: FileBrowser) -> None:
     if workspace.asking in ("export", "film"):
         draw_export_options(workspace, film=workspace.asking == "film")
-    _head(workspace, browser)
+    _draw_browser_head(workspace, browser)
     rows = 3 * imgui.get_frame_height_with_spacing()
     if imgui.get_content_region_avail().x > _MIN_WIDTH_WITH_PLACES:
-        _places(workspace, browser, rows)
+        _draw_places(workspace, browser, rows)
         imgui.same_line()
     imgui.begin_child("##list", ImVec2(0, -rows), imgui.ChildFlags_.frame_style)
     done = False
@@ -80,7 +80,7 @@ def _browse(workspace: Workspace, browser: FileBrowser) -> None:
             done = imgui.is_mouse_double_clicked(0)
         workspace.remember(f"file {file.name}")
     if browser.problem:
-        quiet(browser.problem)
+        draw_note(browser.problem)
     imgui.end_child()
     if (imgui.is_window_appearing() or browser.awaits_retry) and browser.new_folder_name is None:
         browser.awaits_retry = False
@@ -89,24 +89,24 @@ def _browse(workspace: Workspace, browser: FileBrowser) -> None:
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
     typed, browser.name = imgui.input_text("##name", browser.name, flags)
     workspace.remember("file name")
-    with tinted(WAIT, imgui.Col_.text):
+    with push_colours(WAIT, imgui.Col_.text):
         imgui.text_unformatted(browser.refusal)
     if choice(workspace, "Save" if browser.saving else "Open", "Cancel") or typed or done:
         _finish(workspace, browser)
 
 
-def _head(workspace: Workspace, browser: FileBrowser) -> None:
+def _draw_browser_head(workspace: Workspace, browser: FileBrowser) -> None:
     """Draws the folder, the sort order, and the field of a new folder."""
     if imgui.button(f"{tr('Up')}###up"):
         browser.enter(browser.folder.parent)
     workspace.remember("folder up")
     imgui.same_line()
     imgui.set_next_item_width(_ORDER_WIDTH)
-    opened = imgui.begin_combo("##order", tr(ORDERS[browser.order]))
+    opened = imgui.begin_combo("##order", tr(ORDER_LABELS[browser.order]))
     workspace.remember("order")
     if opened:
-        for order, words in ORDERS.items():
-            if imgui.selectable(words, order == browser.order)[0]:
+        for order, label in ORDER_LABELS.items():
+            if imgui.selectable(label, order == browser.order)[0]:
                 browser.order = order
             workspace.remember(f"order {order}")
         imgui.end_combo()
@@ -116,7 +116,7 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
             browser.new_folder_name = ""
         workspace.remember("new folder")
         imgui.same_line()
-        imgui.text_unformatted(_shortened(str(browser.folder), imgui.get_content_region_avail().x))
+        imgui.text_unformatted(_shorten_path(str(browser.folder), imgui.get_content_region_avail().x))
         return
     imgui.set_keyboard_focus_here()
     imgui.set_next_item_width(-_CANCEL_WIDTH)
@@ -138,10 +138,10 @@ def _head(workspace: Workspace, browser: FileBrowser) -> None:
             browser.refusal = f"{error.what[:1].upper()}{error.what[1:]}. {error.mend}"
 
 
-def _places(workspace: Workspace, browser: FileBrowser, rows: float) -> None:
+def _draw_places(workspace: Workspace, browser: FileBrowser, rows: float) -> None:
     """Draws the user's own folders, removable drives, and folders of recent files."""
     imgui.begin_child("##places", ImVec2(_PLACES_WIDTH, -rows), imgui.ChildFlags_.frame_style)
-    for number, (name, folder) in enumerate(places(workspace.preferences.recent, Path.cwd())):
+    for number, (name, folder) in enumerate(list_places(workspace.preferences.recent, Path.cwd())):
         if imgui.selectable(f"{name}##place {number}", folder == browser.folder)[0]:
             browser.enter(folder)
         workspace.remember(f"place {name}")
@@ -149,11 +149,11 @@ def _places(workspace: Workspace, browser: FileBrowser, rows: float) -> None:
     imgui.end_child()
 
 
-def _shortened(text: str, room: float) -> str:
+def _shorten_path(text: str, max_width: float) -> str:
     """Returns a path shortened at its start to fit the width."""
-    if imgui.calc_text_size(text).x <= room:
+    if imgui.calc_text_size(text).x <= max_width:
         return text
-    while len(text) > 1 and imgui.calc_text_size(f"\u2026{text}").x > room:
+    while len(text) > 1 and imgui.calc_text_size(f"\u2026{text}").x > max_width:
         text = text[1:]
     return f"\u2026{text}"
 
@@ -168,9 +168,9 @@ def _finish(workspace: Workspace, browser: FileBrowser) -> None:
     workspace.attempt(lambda: workspace.chosen(path))
 
 
-def _recover(workspace: Workspace) -> None:
+def _draw_recovery(workspace: Workspace) -> None:
     """Offers the unsaved work of a studio that crashed."""
-    recovery_files = workspace.store.recoverable()
+    recovery_files = workspace.store.list_recoverable()
     if not recovery_files:
         workspace.asking = ""
         return
@@ -180,7 +180,7 @@ def _recover(workspace: Workspace) -> None:
         imgui.text_wrapped(
             tr(
                 "The studio ended without saving. Its last work, of {0}, is still there.",
-                _when(recovery_files[0]),
+                _format_change_time(recovery_files[0]),
             )
         )
         imgui.dummy(ImVec2(0, 6))
@@ -196,7 +196,7 @@ def _recover(workspace: Workspace) -> None:
             workspace.asking = ""
 
 
-def _when(path: Path) -> str:
+def _format_change_time(path: Path) -> str:
     import datetime
 
     return datetime.datetime.fromtimestamp(path.stat().st_mtime).strftime("%d %B, %H:%M")
@@ -205,7 +205,7 @@ def _when(path: Path) -> str:
 _DRAW_FUNCTIONS = {
     "unsaved": draw_unsaved,
     "changed": draw_changed_file,
-    "recover": _recover,
+    "recover": _draw_recovery,
     "help": draw_key_list,
     "palette": draw_palette,
     "preferences": draw_preferences,

@@ -22,7 +22,7 @@ def tooltip(text: str) -> None:
 
 
 def slider(
-    workspace: Workspace, name: str, value: float, low: float, high: float, said: str, change: Change
+    workspace: Workspace, name: str, value: float, low: float, high: float, number_format: str, change: Change
 ) -> None:
     """Draws a slider: a draft during the drag, one edit at its end.
 
@@ -30,11 +30,11 @@ def slider(
     """
     imgui.set_next_item_width(-1)
     if isinstance(low, int):
-        changed, wanted = imgui.slider_int(f"##{name}", int(value), low, int(high), tr(said))
+        changed, wanted = imgui.slider_int(f"##{name}", int(value), low, int(high), tr(number_format))
     else:
         # Use a logarithmic scale for a range over several powers of ten.
         flags = imgui.SliderFlags_.logarithmic if low > 0.0 and high / low > 1e3 else 0
-        changed, wanted = imgui.slider_float(f"##{name}", value, low, high, tr(said), flags)
+        changed, wanted = imgui.slider_float(f"##{name}", value, low, high, tr(number_format), flags)
     workspace.remember(name)
     if changed:
         workspace.editor.sketch(lambda project: change(project, wanted))

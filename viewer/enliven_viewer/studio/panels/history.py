@@ -5,36 +5,38 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.studio.panels.style import tinted
+from enliven_viewer.studio.panels.style import push_colours
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK
 
-_SIZE = 250.0, 300.0
+_LIST_SIZE = 250.0, 300.0
 """Size in pixels: a dozen steps."""
-_FROM_RIGHT = 300.0
+_INITIAL_RIGHT_DISTANCE = 300.0
 """Initial distance in pixels from the right of the window: next to the side panel."""
-_FROM_TOP = 36.0
+_TOP_DISTANCE = 36.0
 """Distance in pixels from the top: below the menu."""
 
 
 def draw_history(workspace: Workspace) -> None:
     """Draws the list in a separate window; undone steps are faint."""
-    editor, wide = workspace.editor, imgui.get_main_viewport().size.x
-    imgui.set_next_window_size(ImVec2(_SIZE[0], _SIZE[1]), imgui.Cond_.appearing)
-    corner = ImVec2(wide - _FROM_RIGHT, _FROM_TOP)
+    editor, width = workspace.editor, imgui.get_main_viewport().size.x
+    imgui.set_next_window_size(ImVec2(_LIST_SIZE[0], _LIST_SIZE[1]), imgui.Cond_.appearing)
+    corner = ImVec2(width - _INITIAL_RIGHT_DISTANCE, _TOP_DISTANCE)
     imgui.set_next_window_pos(corner, imgui.Cond_.appearing, ImVec2(1.0, 0.0))
-    shown, stays = imgui.begin(labelled(tr("History"), "History"), True, imgui.WindowFlags_.no_saved_settings)
-    workspace.history_shown = bool(stays)
+    shown, is_open = imgui.begin(
+        labelled(tr("History"), "History"), True, imgui.WindowFlags_.no_saved_settings
+    )
+    workspace.history_shown = bool(is_open)
     if shown:
-        steps, at = editor.history.steps, editor.history.at
+        steps, current_step = editor.history.steps, editor.history.at
         for number, name in enumerate(steps):
-            with tinted(FAINT if number > at else INK, imgui.Col_.text):
+            with push_colours(FAINT if number > current_step else INK, imgui.Col_.text):
                 translated = tr(name)
                 label = translated[:1].upper() + translated[1:] if name else tr("At the start")
-                if imgui.selectable(f"{label}###step {number}", number == at)[0]:
+                if imgui.selectable(f"{label}###step {number}", number == current_step)[0]:
                     editor.go_to(number)
             workspace.remember(f"step {number}")
-        if workspace.history_seen != (len(steps), at):
-            workspace.history_seen = (len(steps), at)
-            imgui.set_scroll_y(24 * at)
+        if workspace.history_seen != (len(steps), current_step):
+            workspace.history_seen = (len(steps), current_step)
+            imgui.set_scroll_y(24 * current_step)
     imgui.end()

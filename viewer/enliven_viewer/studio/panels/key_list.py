@@ -7,10 +7,10 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import ActionTable
 from enliven_viewer.studio.panels.modal import button, modal
-from enliven_viewer.studio.panels.style import quiet
+from enliven_viewer.studio.panels.style import draw_note
 from enliven_viewer.studio.workspace import Workspace
 
-_SIZE = (1000.0, 580.0)
+_DIALOG_SIZE = (1000.0, 580.0)
 """Size in pixels: three columns, at the height of the longest."""
 _COLUMN_WIDTH = 320.0
 """Width of a column in pixels: the longest name next to its shortcut."""
@@ -18,7 +18,7 @@ _KEY_WIDTH = 122.0
 """Width of a shortcut in pixels: Ctrl+Shift+Z."""
 _COLUMN_GAP = 20.0
 """Gap in pixels between a name, which wraps if it is long, and the next column."""
-_MOUSE = (
+_MOUSE_ACTIONS = (
     ("Right drag", "Turn the view"),
     ("Middle drag", "Move the view"),
     ("Wheel", "Closer, or further away"),
@@ -27,17 +27,17 @@ _MOUSE = (
 
 def draw_key_list(workspace: Workspace) -> None:
     """Draws the list in as many columns as fit. It scrolls in a small window."""
-    parts = parts_of(workspace.actions)
-    with modal("Keys", *_SIZE) as shown:
+    parts = make_parts(workspace.actions)
+    with modal("Keys", *_DIALOG_SIZE) as shown:
         if not shown:
             return
         imgui.begin_child("##all", ImVec2(0, -imgui.get_frame_height() - 10))
         count = max(min(int(imgui.get_content_region_avail().x / _COLUMN_WIDTH), 3), 1)
-        for column in _columns([*parts, (tr("Mouse"), list(_MOUSE))], count):
+        for column in _split_columns([*parts, (tr("Mouse"), list(_MOUSE_ACTIONS))], count):
             imgui.begin_group()
             imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + _COLUMN_WIDTH - _COLUMN_GAP)
             for title, lines in column:
-                quiet(title.upper())
+                draw_note(title.upper())
                 for key, label in lines:
                     imgui.text_unformatted(tr(key))
                     imgui.same_line(_KEY_WIDTH)
@@ -55,7 +55,7 @@ Part = tuple[str, list[tuple[str, str]]]
 """A title, and lines with a shortcut and a name."""
 
 
-def parts_of(actions: ActionTable) -> list[Part]:
+def make_parts(actions: ActionTable) -> list[Part]:
     """Returns the shortcuts of each menu.
 
     Those of single workspaces are listed separately, under the workspaces' names.
@@ -73,14 +73,18 @@ def parts_of(actions: ActionTable) -> list[Part]:
     return list(parts.items())
 
 
-def _columns(parts: list[Part], count: int) -> list[list[Part]]:
+def _split_columns(parts: list[Part], count: int) -> list[list[Part]]:
     """Returns the parts in order, in columns of about equal length."""
-    each = sum(len(lines) + 2 for _, lines in parts) / count
+    lines_per_column = sum(len(lines) + 2 for _, lines in parts) / count
     columns: list[list[Part]] = [[]]
-    done = 0
+    used_lines = 0
     for part in parts:
-        if columns[-1] and done + len(part[1]) / 2 > each * len(columns) and len(columns) < count:
+        if (
+            columns[-1]
+            and used_lines + len(part[1]) / 2 > lines_per_column * len(columns)
+            and len(columns) < count
+        ):
             columns.append([])
         columns[-1].append(part)
-        done += len(part[1]) + 2
+        used_lines += len(part[1]) + 2
     return columns

@@ -11,7 +11,7 @@ from enliven.modeling.edits import alternative_takes, change_layers, foot_lock_m
 from enliven.motion.layers import set_travel
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panels.fields import Change, slider, switch, tooltip
-from enliven_viewer.studio.panels.style import heading, quiet
+from enliven_viewer.studio.panels.style import draw_heading, draw_note
 from enliven_viewer.studio.workspace import Workspace
 
 _NUMBER_RANGES = {
@@ -19,7 +19,7 @@ _NUMBER_RANGES = {
     "offset": (-5.0, 30.0, later("begins at %.2f s")),
     "speed": (-3.0, 3.0, later("speed %.2f")),
     "smooth": (0.0, 0.5, later("smoothed over %.2f s")),
-    "ease": (0.0, 1.0, later("comes and goes in %.2f s")),
+    "ease": (0.0, 1.0, later("fades in and out in %.2f s")),
 }
 """Minimum, maximum, and number format."""
 _MIN_SPEED = 0.02
@@ -29,7 +29,7 @@ _SWITCH_TIPS = {
     "muted": later("It does not play"),
     "hold": later("Holds the first and last frame before and after the clips; if off, nothing plays there"),
     "mirrored": later("Play the take's mirror image: left for right"),
-    "travel": later("Go through the world with the performer, on its feet"),
+    "travel": later("Walk through the scene like the performer, on its feet"),
     "level_feet": later("While the weight moves from one foot to the other, both keep the same height"),
 }
 """Tooltips of the switches. Which ones a layer has depends on the rig."""
@@ -65,43 +65,43 @@ def draw_layer(workspace: Workspace, character: RigBase, number: int) -> None:
         if workspace.timeline.busy:
             imgui.set_scroll_here_y(0.0)  # The user has clicked on a clip, so scroll its options into view.
         workspace.shown_layer = name, number
-    heading("Chosen motion")
+    draw_heading("Chosen motion")
     imgui.text_unformatted(getattr(layer, "id", layer.take))
     imgui.same_line(imgui.get_content_region_avail().x - 52)
     if imgui.small_button(labelled(tr("Remove"), "remove layer")):
         editor.edit("remove a layer", lambda project: remove_layer(project, name, number))
         return
     workspace.remember("remove layer")
-    quiet(tr("take {0}", layer.take))
-    _takes(workspace, layer)
+    draw_note(tr("take {0}", layer.take))
+    _draw_takes(workspace, layer)
     field_names = {field.name for field in fields(layer)}  # type: ignore[arg-type]
     if layer.source != "takes":
         # Recorded streams cannot be mirrored, because their positions are absolute.
         field_names.discard("mirrored")
     for field, (low, high, pattern) in _NUMBER_RANGES.items():
         if field in field_names:
-            change = _changing(name, number, field)
+            change = _make_change(name, number, field)
             slider(workspace, f"layer {_LABELS[field]}", getattr(layer, field), low, high, pattern, change)
     for place, field in enumerate(field for field in _SWITCH_TIPS if field in field_names):
         if place % 2:
             imgui.same_line(_SECOND_SWITCH_X)
-        label, change = _LABELS[field], _changing(name, number, field)
+        label, change = _LABELS[field], _make_change(name, number, field)
         switch(workspace, label, getattr(layer, field), change, _SWITCH_TIPS[field])
     if isinstance(layer, Layer):
-        _chain(workspace, editor.project.shape(name), layer, number)
+        _draw_chain_options(workspace, editor.project.shape(name), layer, number)
     if (feet := foot_lock_mode(character, number)) is not None:
-        _feet(workspace, character, number, feet)
+        _draw_foot_lock(workspace, character, number, feet)
 
 
-def _takes(workspace: Workspace, layer: LayerBase) -> None:
+def _draw_takes(workspace: Workspace, layer: LayerBase) -> None:
     """Draws the alternative takes of a lane: which one is audible, and a delete button for each."""
     takes = workspace.commands.takes
-    beside = alternative_takes(workspace.editor.project, layer.alternatives)
-    if len(beside) < 2:
+    alternatives = alternative_takes(workspace.editor.project, layer.alternatives)
+    if len(alternatives) < 2:
         return
-    quiet("takes of this lane")
-    for recorded, heard in beside.items():
-        if imgui.radio_button(f"{recorded}###heard {recorded}", heard) and not heard:
+    draw_note("takes of this lane")
+    for recorded, is_audible in alternatives.items():
+        if imgui.radio_button(f"{recorded}###heard {recorded}", is_audible) and not is_audible:
             takes.choose(recorded)
         workspace.remember(f"hear {recorded}")
         imgui.same_line(imgui.get_content_region_avail().x - 44)
@@ -110,7 +110,7 @@ def _takes(workspace: Workspace, layer: LayerBase) -> None:
         workspace.remember(f"drop {recorded}")
 
 
-def _changing(name: str, number: int, field: str) -> Change:
+def _make_change(name: str, number: int, field: str) -> Change:
     """Returns the edit that sets one field of a layer."""
 
     def change(project: Project, value: float) -> Project:
@@ -121,7 +121,7 @@ def _changing(name: str, number: int, field: str) -> Change:
     return change
 
 
-def _chain(workspace: Workspace, shape: Shape, layer: Layer, number: int) -> None:
+def _draw_chain_options(workspace: Workspace, shape: Shape, layer: Layer, number: int) -> None:
     """Draws the options that only layers of bones have: leading the end, and root motion."""
 
     def lead(project: Project, on: float) -> Project:
@@ -136,26 +136,27 @@ def _chain(workspace: Workspace, shape: Shape, layer: Layer, number: int) -> Non
     switch(workspace, "root travels", shape.travel == layer.id, travel, tip)
 
 
-def _feet(workspace: Workspace, character: RigBase, number: int, feet: str) -> None:
+def _draw_foot_lock(workspace: Workspace, character: RigBase, number: int, feet: str) -> None:
     """Draws the foot lock mode for the clips of the lane; a change is one edit of all its layers."""
     name, jointed = character.id, isinstance(character, Shape)
-    quiet("feet")
+    draw_note("feet")
     imgui.set_next_item_width(-1)
     changed, wanted = imgui.combo("##feet", FEET.index(feet), [tr(_FOOT_LOCK_LABELS[mode]) for mode in FEET])
     workspace.remember("feet")
     if jointed:
         tooltip("Every choice but Auto also finds the feet that are not pinned yet (P)")
     else:
-        tooltip("The parts that touch the floor at rest, or the feet you named (E)")
+        tooltip("Feet are the parts that touch the floor at rest, or those you named (E)")
     is_requested = False
     if not jointed and feet != "never":
         is_requested = imgui.button(labelled(tr("Find the feet again"), "Find the feet again"), ImVec2(-1, 0))
         workspace.remember("feet again")
-        tooltip("Feet are held for the motion at that time; find them again after you edit its clips")
+        tooltip("The feet were found for an earlier motion; find them again after you edit its clips")
     if is_requested or (changed and FEET[wanted] != feet):
         bars = workspace.timeline.layout.bars()
-        mine = (bar.layers for bar in bars if bar.character.id == name and number in bar.layers)
-        numbers, way = next(mine, (number,)), FEET[wanted]
+        layers_of_bar = (bar.layers for bar in bars if bar.character.id == name and number in bar.layers)
+        numbers, foot_lock = next(layers_of_bar, (number,)), FEET[wanted]
         workspace.editor.edit(
-            later("feet: {0}", _FOOT_LOCK_LABELS[way]), lambda project: lock_feet(project, name, numbers, way)
+            later("feet: {0}", _FOOT_LOCK_LABELS[foot_lock]),
+            lambda project: lock_feet(project, name, numbers, foot_lock),
         )

@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.panels.modal import action_tip
-from enliven_viewer.studio.panels.stage import tabs_width
+from enliven_viewer.studio.panels.stage import measure_tabs
 from enliven_viewer.studio.workspace import Workspace
 
 _MENU_ICON = "\uf0c9"
@@ -22,24 +22,24 @@ def draw_menu(workspace: Workspace) -> None:
     if not imgui.begin_main_menu_bar():
         return
     names = list(workspace.actions.menus)
-    letters = sum(imgui.calc_text_size(tr(name)).x for name in names)
+    names_width = sum(imgui.calc_text_size(tr(name)).x for name in names)
     # Add the item spacing twice for each name, because ImGui adds it on both sides.
-    needed = letters + 2 * len(names) * imgui.get_style().item_spacing.x
-    room = imgui.get_window_width() - tabs_width(narrow=True)
-    if needed <= room:
-        _menus(workspace)
+    needed = names_width + 2 * len(names) * imgui.get_style().item_spacing.x
+    available_width = imgui.get_window_width() - measure_tabs(narrow=True)
+    if needed <= available_width:
+        _draw_menus(workspace)
     else:
         # The window is too narrow for the menu bar. Show one menu with all of the menus, so that the
         # workspace tabs stay visible.
         opened = imgui.begin_menu(f"{_MENU_ICON}  {tr('Menu')}###all")
         workspace.remember("menu all")
         if opened:
-            _menus(workspace)
+            _draw_menus(workspace)
             imgui.end_menu()
     imgui.end_main_menu_bar()
 
 
-def _menus(workspace: Workspace) -> None:
+def _draw_menus(workspace: Workspace) -> None:
     """Draws each menu with its actions."""
     for menu, actions in workspace.actions.menus.items():
         opened = imgui.begin_menu(f"{tr(menu)}###{menu}")
@@ -48,11 +48,11 @@ def _menus(workspace: Workspace) -> None:
             for number, (group, entries) in enumerate(
                 itertools.groupby(actions, lambda action: action.group)
             ):
-                _entries(workspace, group, list(entries), first=not number)
+                _draw_entries(workspace, group, list(entries), first=not number)
             imgui.end_menu()
 
 
-def _entries(workspace: Workspace, group: str, actions: list[Action], *, first: bool) -> None:
+def _draw_entries(workspace: Workspace, group: str, actions: list[Action], *, first: bool) -> None:
     """Draws the entries of one group, in a submenu if the group has a name."""
     if actions[0].apart and not first:
         imgui.separator()
@@ -61,14 +61,14 @@ def _entries(workspace: Workspace, group: str, actions: list[Action], *, first: 
     for number, action in enumerate(actions):
         if action.apart and number:
             imgui.separator()
-        _entry(workspace, action)
+        _draw_entry(workspace, action)
         if action.id == "file.open":
-            _recent(workspace)
+            _draw_recent_files(workspace)
     if group:
         imgui.end_menu()
 
 
-def _entry(workspace: Workspace, action: Action) -> None:
+def _draw_entry(workspace: Workspace, action: Action) -> None:
     """Draws one menu entry; grey if the action is unavailable."""
     actions, on = workspace.actions, action.is_on is not None and action.is_on()
     key, possible = actions.shown_key(action), not action.why_not()
@@ -78,7 +78,7 @@ def _entry(workspace: Workspace, action: Action) -> None:
     action_tip(workspace, action.id)
 
 
-def _recent(workspace: Workspace) -> None:
+def _draw_recent_files(workspace: Workspace) -> None:
     """Draws the recently opened or saved files; the tooltip shows the folder."""
     paths = [Path(name) for name in workspace.preferences.recent]
     if not imgui.begin_menu(f"{tr('Open recent')}###Open recent", bool(paths)):

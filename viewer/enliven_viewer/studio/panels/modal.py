@@ -18,14 +18,14 @@ _MARGIN = 24.0
 
 
 @contextmanager
-def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterator[bool]:
+def modal(title: str, width: float, height: float = 0.0, flags: int = 0) -> Iterator[bool]:
     """Opens a centred dialogue with a size in pixels; 0 fits the contents. Yields True if it is drawn."""
     title = f"{tr(title)}###{title}"
     imgui.open_popup(title)
     view = imgui.get_main_viewport()
-    room = ImVec2(view.size.x - _MARGIN, view.size.y - _MARGIN)
+    available_size = ImVec2(view.size.x - _MARGIN, view.size.y - _MARGIN)
     imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, ImVec2(0.5, 0.5))
-    imgui.set_next_window_size(ImVec2(min(wide, room.x), min(high, room.y)))
+    imgui.set_next_window_size(ImVec2(min(width, available_size.x), min(height, available_size.y)))
     shown = bool(imgui.begin_popup_modal(title, None, _WINDOW_FLAGS | flags)[0])
     yield shown
     if shown:
@@ -34,8 +34,8 @@ def modal(title: str, wide: float, high: float = 0.0, flags: int = 0) -> Iterato
 
 def button(workspace: Workspace, label: str) -> bool:
     """Draws a dialogue button and records its place. Returns True if it was pressed."""
-    wide = max(imgui.calc_text_size(tr(label)).x + 20.0, 110.0)
-    pressed = imgui.button(f"{tr(label)}###{label}", ImVec2(wide, 0))
+    width = max(imgui.calc_text_size(tr(label)).x + 20.0, 110.0)
+    pressed = imgui.button(f"{tr(label)}###{label}", ImVec2(width, 0))
     workspace.remember(f"dialog {label}")
     return bool(pressed)
 
@@ -52,17 +52,17 @@ def choice(workspace: Workspace, yes: str, no: str) -> bool:
     return pressed
 
 
-def action_button(workspace: Workspace, action_id: str, wide: float = 0.0) -> None:
+def action_button(workspace: Workspace, action_id: str, width: float = 0.0) -> None:
     """Draws a button that runs an action.
 
     If the action is unavailable, the button is grey and the tooltip says why.
 
     Args:
-        wide: width in pixels; 0 fits the label.
+        width: width in pixels; 0 fits the label.
     """
     action = workspace.actions[action_id]
     imgui.begin_disabled(bool(action.why_not()))
-    if imgui.button(f"{tr(action.label)}###{action.id}", ImVec2(wide, 0)):
+    if imgui.button(f"{tr(action.label)}###{action.id}", ImVec2(width, 0)):
         workspace.actions.do(action_id)
     imgui.end_disabled()
     workspace.remember(f"do {action.label}")
@@ -73,4 +73,4 @@ def action_tip(workspace: Workspace, action_id: str) -> None:
     """Shows the tooltip of an action on the last widget, even if that is disabled."""
     flags = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
     if imgui.is_item_hovered(flags):
-        imgui.set_tooltip(workspace.actions.tip(workspace.actions[action_id]))
+        imgui.set_tooltip(workspace.actions.make_tooltip(workspace.actions[action_id]))

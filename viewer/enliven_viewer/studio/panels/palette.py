@@ -7,17 +7,17 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.panels.modal import modal
-from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.panels.style import pack_colour
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import FAINT, INK, QUIET
 
-_SIZE = (600.0, 420.0)
+_DIALOG_SIZE = (600.0, 420.0)
 """Size in pixels: a dozen rows with name, menu and shortcut side by side."""
 
 
 def draw_palette(workspace: Workspace) -> None:
     """Draws the palette while it is open."""
-    with modal("Find an action", *_SIZE) as shown:
+    with modal("Find an action", *_DIALOG_SIZE) as shown:
         if not shown:
             return
         finding = workspace.finding
@@ -39,18 +39,18 @@ def draw_palette(workspace: Workspace) -> None:
         imgui.begin_child("##found")
         picked = None
         for number, action in enumerate(finding.matches):
-            if _row(workspace, action, number == finding.marked, bool(moved)):
+            if _draw_row(workspace, action, number == finding.marked, bool(moved)):
                 finding.marked, picked = number, action
         if not finding.matches:
             imgui.text_disabled(tr("Nothing has this name."))
         imgui.end_child()
         if entered or picked is not None:
-            _do(workspace)
+            _run_highlighted(workspace)
         elif imgui.is_key_pressed(imgui.Key.escape):
             workspace.cancel()
 
 
-def _do(workspace: Workspace) -> None:
+def _run_highlighted(workspace: Workspace) -> None:
     """Runs the highlighted action if it is available, and closes the palette."""
     action = workspace.finding.highlighted_action()
     if action is not None:
@@ -60,26 +60,28 @@ def _do(workspace: Workspace) -> None:
         workspace.finding.refused = True
 
 
-def _row(workspace: Workspace, action: Action, marked: bool, follow: bool) -> bool:
+def _draw_row(workspace: Workspace, action: Action, marked: bool, follow: bool) -> bool:
     """Draws one action: its name, its menu or why it is unavailable, and its shortcut.
 
     Returns True if it was clicked.
     """
     reason, key = action.why_not(), workspace.actions.shown_key(action)
-    at, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    position, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     clicked = imgui.selectable(f"##{action.id}", marked, 0, ImVec2(0, 24))[0]
     workspace.remember(f"palette {action.id}")
     if marked and follow:
         imgui.set_scroll_here_y()
-    draw, font = imgui.get_window_draw_list(), imgui.get_font()
-    top = at.y + (24 - imgui.get_font_size()) / 2
-    draw.add_text(ImVec2(at.x + 6, top), packed(FAINT if reason else INK), tr(action.label))
-    left = at.x + 18 + imgui.calc_text_size(tr(action.label)).x
+    draw_list, font = imgui.get_window_draw_list(), imgui.get_font()
+    top = position.y + (24 - imgui.get_font_size()) / 2
+    draw_list.add_text(ImVec2(position.x + 6, top), pack_colour(FAINT if reason else INK), tr(action.label))
+    left = position.x + 18 + imgui.calc_text_size(tr(action.label)).x
     size = imgui.get_font_size() * 0.85
-    room = wide - (left - at.x) - imgui.calc_text_size(key).x - 20
-    draw.push_clip_rect(ImVec2(left, at.y), ImVec2(left + max(room, 0.0), at.y + 24), True)
-    draw.add_text(font, size, ImVec2(left, top + 2), packed(QUIET, 0.7), tr(reason or action.menu))
-    draw.pop_clip_rect()
-    right = at.x + wide - imgui.calc_text_size(key).x - 6
-    draw.add_text(ImVec2(right, top), packed(FAINT if reason else QUIET), key)
+    max_width = width - (left - position.x) - imgui.calc_text_size(key).x - 20
+    draw_list.push_clip_rect(
+        ImVec2(left, position.y), ImVec2(left + max(max_width, 0.0), position.y + 24), True
+    )
+    draw_list.add_text(font, size, ImVec2(left, top + 2), pack_colour(QUIET, 0.7), tr(reason or action.menu))
+    draw_list.pop_clip_rect()
+    right = position.x + width - imgui.calc_text_size(key).x - 6
+    draw_list.add_text(ImVec2(right, top), pack_colour(FAINT if reason else QUIET), key)
     return bool(clicked)

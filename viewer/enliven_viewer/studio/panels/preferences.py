@@ -10,18 +10,18 @@ from enliven_viewer.language import LANGUAGES, Texts, tr
 from enliven_viewer.studio.actions import KEYS, Action, held_keys, key_label
 from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.modal import button, modal
-from enliven_viewer.studio.panels.style import quiet, tinted
+from enliven_viewer.studio.panels.style import draw_note, push_colours
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import WAIT
 
-_SIZE = (620.0, 520.0)
+_DIALOG_SIZE = (620.0, 520.0)
 """Size in pixels: fifteen rows with action, shortcut and button side by side."""
 _KEY_WIDTH = 150.0
 """Width in pixels of a shortcut's button: Ctrl+Shift+PgDn."""
 _THEME_WIDTH = 130.0
 """Width in pixels of the theme field: its longest name."""
 _THEME_LABELS = Texts({"dark": "Dark", "light": "Light"})
-_PALETTE_LABELS = Texts({"usual": "The usual ones", "okabe-ito": "For all eyes (Okabe-Ito)"})
+_PALETTE_LABELS = Texts({"usual": "Standard", "okabe-ito": "For colour-blind people (Okabe-Ito)"})
 """Names of the palettes; the second also suits people with red-green colour blindness."""
 _REMOVE_WIDTH = 42.0
 """Width in pixels of the button that removes the shortcut."""
@@ -29,29 +29,29 @@ _REMOVE_WIDTH = 42.0
 
 def draw_preferences(workspace: Workspace) -> None:
     """Draws the dialogue while it is open."""
-    with modal("Preferences", *_SIZE) as shown:
+    with modal("Preferences", *_DIALOG_SIZE) as shown:
         if not shown:
             return
-        _reading(workspace)
+        _draw_reading_options(workspace)
         asking = bool(workspace.wanted_key.action)
         imgui.begin_child("##keys", ImVec2(0, -3 * imgui.get_frame_height() - 18))
         for menu, actions in workspace.actions.menus.items():
-            quiet(tr(menu).upper())
+            draw_note(tr(menu).upper())
             for action in actions:
-                _row(workspace, action)
+                _draw_row(workspace, action)
         imgui.end_child()
-        _capture(workspace)
+        _handle_capture(workspace)
         if button(workspace, "Close") or (imgui.is_key_pressed(imgui.Key.escape) and not asking):
             workspace.cancel()
         imgui.same_line()
         imgui.begin_disabled(not workspace.actions.changed)
-        if imgui.button(f"{tr('All keys as they came')}###usual"):
-            workspace.actions.own_keys()
+        if imgui.button(f"{tr('Reset all shortcuts')}###usual"):
+            workspace.actions.reset_shortcuts()
         workspace.remember("usual keys")
         imgui.end_disabled()
 
 
-def _reading(workspace: Workspace) -> None:
+def _draw_reading_options(workspace: Workspace) -> None:
     """Draws the text size, animation, theme, palette and language."""
     preferences, actions = workspace.preferences, workspace.actions
     imgui.align_text_to_frame_padding()
@@ -71,16 +71,16 @@ def _reading(workspace: Workspace) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Theme"))
     imgui.same_line(110)
-    theme = _choice(workspace, "theme", _THEME_LABELS, preferences.theme, _THEME_WIDTH)
+    theme = _draw_choice(workspace, "theme", _THEME_LABELS, preferences.theme, _THEME_WIDTH)
     imgui.same_line(260)
     imgui.text_unformatted(tr("Colours"))
     imgui.same_line()
-    colours = _choice(workspace, "colours", _PALETTE_LABELS, preferences.colours, -1.0)
+    colours = _draw_choice(workspace, "colours", _PALETTE_LABELS, preferences.colours, -1.0)
     tooltip("Colours of limbs, performers, takes and control points")
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Language"))
     imgui.same_line(110)
-    language = _choice(workspace, "language", LANGUAGES, preferences.language, 170.0)
+    language = _draw_choice(workspace, "language", LANGUAGES, preferences.language, 170.0)
     if language != preferences.language:
         preferences.set_language(language)
     if (theme, colours) != (preferences.theme, preferences.colours):
@@ -88,21 +88,23 @@ def _reading(workspace: Workspace) -> None:
     imgui.separator()
 
 
-def _choice(workspace: Workspace, name: str, words: Mapping[str, str], now: str, wide: float) -> str:
+def _draw_choice(
+    workspace: Workspace, name: str, labels: Mapping[str, str], current: str, width: float
+) -> str:
     """Draws a list of options. Returns the key of the selected one."""
-    imgui.set_next_item_width(wide)
-    opened = imgui.begin_combo(f"##{name}", words[now])
+    imgui.set_next_item_width(width)
+    opened = imgui.begin_combo(f"##{name}", labels[current])
     workspace.remember(name)
     if opened:
-        for key, word in words.items():
-            if imgui.selectable(f"{word}###{name} {key}", key == now)[0]:
-                now = key
+        for key, label in labels.items():
+            if imgui.selectable(f"{label}###{name} {key}", key == current)[0]:
+                current = key
             workspace.remember(f"{name} {key}")
         imgui.end_combo()
-    return now
+    return current
 
 
-def _row(workspace: Workspace, action: Action) -> None:
+def _draw_row(workspace: Workspace, action: Action) -> None:
     """Draws an action with the buttons that change its shortcut."""
     wanted, key = workspace.wanted_key, workspace.actions.shown_key(action)
     imgui.align_text_to_frame_padding()
@@ -119,28 +121,28 @@ def _row(workspace: Workspace, action: Action) -> None:
     imgui.end_disabled()
 
 
-def _taking(action: Action) -> str:
+def _make_reassign_label(action: Action) -> str:
     """Returns the label of the button that reassigns a shortcut to an action."""
-    return tr("Take it for \u201c{0}\u201d", tr(action.label))
+    return tr("Use it for \u201c{0}\u201d", tr(action.label))
 
 
-def _capture(workspace: Workspace) -> None:
+def _handle_capture(workspace: Workspace) -> None:
     """Assigns the pressed key. If it belongs to another action, shows which one and asks."""
     wanted, actions = workspace.wanted_key, workspace.actions
     if wanted.action and not wanted.key:
         for name, key in KEYS.items():
             if imgui.is_key_pressed(key, repeat=False):
                 wanted.press(actions, held_keys() + name)
-    other = actions.rival(wanted.action, wanted.key) if wanted.key else None
+    other = actions.find_conflict(wanted.action, wanted.key) if wanted.key else None
     if other is None:
-        quiet("Click a key to change it. While a tool works, keys that it names in its hint are its own.")
+        draw_note("Click a shortcut to change it. The active tool keeps the keys that its hint names.")
         imgui.dummy(ImVec2(0, imgui.get_frame_height() - 8))
         return
-    with tinted(WAIT, imgui.Col_.text):
+    with push_colours(WAIT, imgui.Col_.text):
         imgui.text_unformatted(
-            tr("{0} is the key of \u201c{1}\u201d.", key_label(wanted.key), tr(other.label))
+            tr("{0} is already the shortcut of \u201c{1}\u201d.", key_label(wanted.key), tr(other.label))
         )
-    if imgui.button(f"{_taking(actions[wanted.action])}###take"):
+    if imgui.button(f"{_make_reassign_label(actions[wanted.action])}###take"):
         wanted.take(actions)
     workspace.remember("take the key")
     imgui.same_line()

@@ -14,7 +14,7 @@ from enliven_viewer.studio.panels.fields import character_name, slider, tooltip
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.modal import action_button
 from enliven_viewer.studio.panels.outliner import draw_numbers
-from enliven_viewer.studio.panels.style import heading, panel, quiet
+from enliven_viewer.studio.panels.style import draw_heading, draw_note, open_panel
 from enliven_viewer.studio.tools import BRUSHES, MAX_RADIUS_PX, MIN_RADIUS_PX, PaintTool
 from enliven_viewer.studio.workspace import Workspace
 
@@ -51,13 +51,13 @@ _KIND_LABELS = Texts({"possessed mesh": "possessed character", "puppet": "puppet
 def draw_side(workspace: Workspace, area: Area) -> None:
     """Draws the right panel."""
     editor = workspace.editor
-    with panel("side", area):
+    with open_panel("side", area):
         chosen = editor.chosen()
         several = editor.selection.several
         if several:
-            _several(workspace)
+            _draw_several_actions(workspace)
         elif isinstance(workspace.input.tool, PaintTool):
-            _brush(workspace, workspace.input.tool)
+            _draw_brush_options(workspace, workspace.input.tool)
         elif chosen is not None:
             _draw_selection(workspace, chosen)
         chosen, layer = editor.chosen(), editor.selection.layer
@@ -69,19 +69,19 @@ def draw_side(workspace: Workspace, area: Area) -> None:
 
 def _draw_selection(workspace: Workspace, character: RigBase) -> None:
     editor = workspace.editor
-    heading(tr("Chosen {0}", _KIND_LABELS.get(character.word, character.word)))
+    draw_heading(tr("Chosen {0}", _KIND_LABELS.get(character.word, character.word)))
     character_name(workspace, character)
     if editor.chosen() is not character:
         return
     jointed = bool((character.parents >= 0).any())
-    quiet(made_of(character))
+    draw_note(describe_parts(character))
     if isinstance(character, Shape):
-        _clips(workspace, character)
+        _draw_clips(workspace, character)
     draw_numbers(workspace)
-    _buttons(workspace, (*_CHARACTER_ACTIONS, *_BONE_ACTIONS) if jointed else _CHARACTER_ACTIONS)
+    _draw_buttons(workspace, (*_CHARACTER_ACTIONS, *_BONE_ACTIONS) if jointed else _CHARACTER_ACTIONS)
 
 
-def made_of(character: RigBase) -> str:
+def describe_parts(character: RigBase) -> str:
     """Returns the number of a character's bones, and whether it lacks a surface."""
     bones = int((character.parents >= 0).sum())
     parts = [tr_n("{0} bone", "{0} bones", bones) if bones else tr("bends anywhere")]
@@ -90,7 +90,7 @@ def made_of(character: RigBase) -> str:
     return ", ".join(parts)
 
 
-def _clips(workspace: Workspace, shape: Shape) -> None:
+def _draw_clips(workspace: Workspace, shape: Shape) -> None:
     """Draws the selection of a model's own clips."""
     editor = workspace.editor
     names = own_clips(editor.project, shape)
@@ -103,29 +103,29 @@ def _clips(workspace: Workspace, shape: Shape) -> None:
             label = name or _NO_CLIP
             pressed, _ = imgui.selectable(f"{tr(label)}###clip {label}", name == played)
             if pressed and (name != played or moved):
-                _play(workspace, shape.id, name)
+                _play_clip(workspace, shape.id, name)
             workspace.remember(f"play {name or 'none'}")
         imgui.end_combo()
     workspace.remember("clip")
     tooltip("The model's clip that plays instead of its other motion; keys stay")
 
 
-def _play(workspace: Workspace, name: str, clip: str | None) -> None:
+def _play_clip(workspace: Workspace, name: str, clip: str | None) -> None:
     """Makes a shape play one of its clips, or none."""
     step = later("play {0}", clip) if clip else later("play no clip")
     workspace.editor.edit(step, lambda project: play_own_clip(project, name, clip))
 
 
-def _brush(workspace: Workspace, tool: PaintTool) -> None:
+def _draw_brush_options(workspace: Workspace, tool: PaintTool) -> None:
     """Draws the options of the stiffness brush."""
-    heading("Brush")
-    for number, (brush, word) in enumerate(BRUSHES.items()):
+    draw_heading("Brush")
+    for number, (brush, label) in enumerate(BRUSHES.items()):
         if number:
             imgui.same_line()
-        if imgui.radio_button(f"{tr(word)}###brush {brush}", tool.brush == brush):
+        if imgui.radio_button(f"{tr(label)}###brush {brush}", tool.brush == brush):
             workspace.actions.do(f"paint.{brush}")
         workspace.remember(f"brush {brush}")
-        tooltip(workspace.actions.tip(workspace.actions[f"paint.{brush}"]))
+        tooltip(workspace.actions.make_tooltip(workspace.actions[f"paint.{brush}"]))
     imgui.set_next_item_width(-1)
     tool.radius = imgui.slider_float("##brush", tool.radius, MIN_RADIUS_PX, MAX_RADIUS_PX, tr("size %.0f"))[1]
     workspace.remember("brush size")
@@ -133,15 +133,15 @@ def _brush(workspace: Workspace, tool: PaintTool) -> None:
     if imgui.checkbox(labelled(tr("Both sides"), "Both sides"), tool.both_sides)[0]:
         workspace.actions.do("paint.both_sides")
     workspace.remember("both sides")
-    tooltip(workspace.actions.tip(workspace.actions["paint.both_sides"]))
+    tooltip(workspace.actions.make_tooltip(workspace.actions["paint.both_sides"]))
     character = workspace.editor.chosen()
     if character is not None and character.mesh is not None and character.kind == "graph":
-        _swing(workspace, character.id)
+        _draw_swing(workspace, character.id)
     action_button(workspace, "paint.clear", 2 * _BUTTON_WIDTH)
-    quiet("Performers feel it as soon as they hold it. Soft spots swing past what they do.")
+    draw_note("It takes effect as soon as a performer steps in. Soft spots swing further than the performer.")
 
 
-def _swing(workspace: Workspace, name: str) -> None:
+def _draw_swing(workspace: Workspace, name: str) -> None:
     """Draws the slider for the exaggeration of soft parts.
 
     It takes effect on the stage during the drag.
@@ -157,16 +157,16 @@ def _swing(workspace: Workspace, name: str) -> None:
     tooltip("How far soft spots swing past the motion. 0: not at all. 1: like a mass on a spring")
 
 
-def _several(workspace: Workspace) -> None:
+def _draw_several_actions(workspace: Workspace) -> None:
     """Draws the actions on several characters at once."""
     names = workspace.editor.selection.characters
-    heading(tr("{0} shapes are chosen", len(names)))
-    quiet(", ".join(names))
+    draw_heading(tr("{0} shapes are chosen", len(names)))
+    draw_note(", ".join(names))
     draw_numbers(workspace)
-    _buttons(workspace, _SELECTION_ACTIONS)
+    _draw_buttons(workspace, _SELECTION_ACTIONS)
 
 
-def _buttons(workspace: Workspace, actions: tuple[str, ...]) -> None:
+def _draw_buttons(workspace: Workspace, actions: tuple[str, ...]) -> None:
     for place, action in enumerate(actions):
         if place % 2:
             imgui.same_line()

@@ -17,7 +17,14 @@ from enliven.mapping import (
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import FIXED, heading, packed, panel, quiet, small
+from enliven_viewer.studio.panels.style import (
+    FIXED_WINDOW_FLAGS,
+    draw_heading,
+    draw_note,
+    open_panel,
+    pack_colour,
+    use_small_text,
+)
 from enliven_viewer.studio.sources import MotionMatch
 from enliven_viewer.studio.tools import MapTool
 from enliven_viewer.studio.workspace import Workspace
@@ -36,22 +43,22 @@ _THUMBNAIL_SIZE = ImVec2(92, 92)
 
 def split_side(side: Area) -> tuple[Area, Area]:
     """Splits the right panel: the list of shapes above, the source view below."""
-    high = round(_HEIGHT_FRACTION * side.height) if side.height >= _MIN_SPLIT_HEIGHT else side.height
-    above = Area(side.x, side.y, side.width, side.height - high)
-    return above, Area(side.x, side.y + side.height - high, side.width, high)
+    height = round(_HEIGHT_FRACTION * side.height) if side.height >= _MIN_SPLIT_HEIGHT else side.height
+    above = Area(side.x, side.y, side.width, side.height - height)
+    return above, Area(side.x, side.y + side.height - height, side.width, height)
 
 
 def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area, texture: int | None) -> None:
     """Draws the source view; ``texture`` is the rendered take."""
-    with panel("source", area, imgui.WindowFlags_.no_scrollbar):
-        heading("Source")
-        _takes(workspace, tool)
+    with open_panel("source", area, imgui.WindowFlags_.no_scrollbar):
+        draw_heading("Source")
+        _draw_takes(workspace, tool)
         size = imgui.get_content_region_avail()
         tool.source.size = (
             max(size.x, 1.0),
             max(size.y - _BUTTONS_HEIGHT - (_QUALITY_HEIGHT if tool.last_mapping else 0.0), 1.0),
         )
-        _picture(workspace, tool, texture)
+        _draw_picture(workspace, tool, texture)
         _, tool.loop = imgui.checkbox(labelled(tr("loop"), "loop"), tool.loop)
         workspace.remember("loop")
         imgui.same_line()
@@ -66,11 +73,11 @@ def draw_source(workspace: Workspace, tool: MapTool, area: Area, viewport: Area,
         tooltip("Map every limb of the take onto a limb of the chosen shape at once")
         _draw_options(workspace, tool)
         if tool.last_mapping is not None:
-            with small():
-                for line in _quality_lines(*tool.last_mapping[2:]):
-                    quiet(line)
+            with use_small_text():
+                for line in _list_quality_lines(*tool.last_mapping[2:]):
+                    draw_note(line)
     if tool.offered:
-        _offers(workspace, tool, viewport)
+        _draw_matches(workspace, tool, viewport)
 
 
 _WHOLE_BODY_OPTIONS = (
@@ -122,7 +129,7 @@ def _draw_options(workspace: Workspace, tool: MapTool) -> None:
     imgui.end_popup()
 
 
-def _quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
+def _list_quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
     """Returns the quality of a retargeted motion, line by line."""
     worst = ", ".join(limb.limb for limb in quality.worst_limbs[:2])
     if not quality.worst_limbs:
@@ -150,7 +157,7 @@ def _quality_lines(plan: Plan, quality: MotionQuality) -> list[str]:
     ]
 
 
-def _takes(workspace: Workspace, tool: MapTool) -> None:
+def _draw_takes(workspace: Workspace, tool: MapTool) -> None:
     takes = workspace.editor.project.takes
     imgui.set_next_item_width(-1)
     if imgui.begin_combo("##take", tool.source.take or tr("choose a take")):
@@ -161,29 +168,37 @@ def _takes(workspace: Workspace, tool: MapTool) -> None:
         imgui.end_combo()
     workspace.remember("takes")
     if not takes:
-        quiet("No takes yet. Open a BVH file, or an animated model.")
+        draw_note("No takes yet. Open a BVH file, or an animated model.")
 
 
-def _picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
+def _draw_picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
     source, origin = tool.source, imgui.get_cursor_screen_pos()
     size = ImVec2(*source.size)
     imgui.invisible_button("##source", size)
     workspace.remember("source")
-    draw = imgui.get_window_draw_list()
+    draw_list = imgui.get_window_draw_list()
     corner = ImVec2(origin.x + size.x, origin.y + size.y)
     if texture is not None and source.clip is not None:
-        draw.add_image_rounded(
-            imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 1), ImVec2(1, 0), packed(UNTINTED), 6.0
+        draw_list.add_image_rounded(
+            imgui.ImTextureRef(texture),
+            origin,
+            corner,
+            ImVec2(0, 1),
+            ImVec2(1, 0),
+            pack_colour(UNTINTED),
+            6.0,
         )
     else:
-        draw.add_rect_filled(origin, corner, packed(DARK), 6.0)
-    with small():
-        words = (
+        draw_list.add_rect_filled(origin, corner, pack_colour(DARK), 6.0)
+    with use_small_text():
+        caption_text = (
             tr("{0} bones chosen", len(source.chain) - 1) if len(source.chain) > 1 else tr("click a chain")
         )
-        draw.add_text(ImVec2(origin.x + 8, origin.y + 6), packed(CHAIN if source.chain else QUIET), words)
-    at = imgui.get_mouse_pos()
-    place = (at.x - origin.x, at.y - origin.y)
+        draw_list.add_text(
+            ImVec2(origin.x + 8, origin.y + 6), pack_colour(CHAIN if source.chain else QUIET), caption_text
+        )
+    pointer = imgui.get_mouse_pos()
+    place = (pointer.x - origin.x, pointer.y - origin.y)
     if imgui.is_item_activated():
         source.press(place)
     if imgui.is_item_hovered() or imgui.is_item_active():
@@ -195,48 +210,55 @@ def _picture(workspace: Workspace, tool: MapTool, texture: int | None) -> None:
         source.release()
 
 
-def _offers(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
+def _draw_matches(workspace: Workspace, tool: MapTool, viewport: Area) -> None:
     """Draws thumbnails of the matches along the top, best first. A click accepts the highlighted one."""
-    wide = len(tool.offered) * (_THUMBNAIL_SIZE.x + 8) + 24
+    width = len(tool.offered) * (_THUMBNAIL_SIZE.x + 8) + 24
     imgui.set_next_window_pos(ImVec2(viewport.x + 14, viewport.y + 56))
-    imgui.set_next_window_size(ImVec2(wide, _THUMBNAIL_SIZE.y + 46))
-    imgui.begin("matches", None, FIXED | imgui.WindowFlags_.no_scrollbar)
-    quiet("Matches, the best first. Click one to accept it.")
+    imgui.set_next_window_size(ImVec2(width, _THUMBNAIL_SIZE.y + 46))
+    imgui.begin("matches", None, FIXED_WINDOW_FLAGS | imgui.WindowFlags_.no_scrollbar)
+    draw_note("Matches, the best first. Click one to accept it.")
     tool.highlighted = tool.offered[0]
     taken: MotionMatch | None = None
     for number, offer in enumerate(tool.offered):
         if number:
             imgui.same_line()
-        at = imgui.get_cursor_screen_pos()
+        position = imgui.get_cursor_screen_pos()
         if imgui.invisible_button(f"##match {number}", _THUMBNAIL_SIZE):
             taken = offer
         workspace.remember(f"match {number}")
         if imgui.is_item_hovered():
             tool.highlighted = offer
-        _thumbnail(workspace, offer, at, tool.highlighted is offer)
+        _draw_thumbnail(workspace, offer, position, tool.highlighted is offer)
     imgui.end()
     if taken is not None:
         tool.accept(taken)
         tool.offered, tool.highlighted = [], None
 
 
-def _thumbnail(workspace: Workspace, offer: MotionMatch, at: ImVec2, lit: bool) -> None:
+def _draw_thumbnail(
+    workspace: Workspace, offer: MotionMatch, corner_position: ImVec2, is_highlighted: bool
+) -> None:
     """Draws the shape's bones as currently seen, with the driven ones in colour."""
-    draw = imgui.get_window_draw_list()
-    corner = ImVec2(at.x + _THUMBNAIL_SIZE.x, at.y + _THUMBNAIL_SIZE.y)
-    draw.add_rect_filled(at, corner, packed(DARK), 6.0)
-    if lit:
-        draw.add_rect(at, corner, packed(ACCENT), 6.0, 1.5)
+    draw_list = imgui.get_window_draw_list()
+    corner = ImVec2(corner_position.x + _THUMBNAIL_SIZE.x, corner_position.y + _THUMBNAIL_SIZE.y)
+    draw_list.add_rect_filled(corner_position, corner, pack_colour(DARK), 6.0)
+    if is_highlighted:
+        draw_list.add_rect(corner_position, corner, pack_colour(ACCENT), 6.0, 1.5)
     posed = workspace.editor.stage_character(offer.shape)
     pixels = workspace.editor.lens.project(posed.handles)[0]
     low, high = np.nanmin(pixels, axis=0), np.nanmax(pixels, axis=0)
     scale = (_THUMBNAIL_SIZE.x - 26) / max(float((high - low).max()), 1.0)
     places = (pixels - (low + high) / 2) * scale + [
-        at.x + _THUMBNAIL_SIZE.x / 2,
-        at.y + _THUMBNAIL_SIZE.y / 2 + 5,
+        corner_position.x + _THUMBNAIL_SIZE.x / 2,
+        corner_position.y + _THUMBNAIL_SIZE.y / 2 + 5,
     ]
     driven = {b for _, chain in offer.pairs for b in chain[1:]}
     for parent, joint in posed.bones:
         a, b = ImVec2(*places[parent]), ImVec2(*places[joint])
-        mine = joint in driven
-        draw.add_line(a, b, packed(CHAIN if mine else QUIET, 1.0 if mine else 0.55), 2.4 if mine else 1.2)
+        is_driven = joint in driven
+        draw_list.add_line(
+            a,
+            b,
+            pack_colour(CHAIN if is_driven else QUIET, 1.0 if is_driven else 0.55),
+            2.4 if is_driven else 1.2,
+        )

@@ -29,19 +29,19 @@ from enliven_viewer.theme import (
     is_light,
 )
 
-BODY = 15.0
+BODY_TEXT_SIZE = 15.0
 """Default text size in pixels."""
-SMALL = 12.5
+SMALL_TEXT_SIZE = 12.5
 """Size in pixels of small text, such as labels of lanes."""
-EYE, CLOSED_EYE = "\uf06e", "\uf070"
+EYE_ICON, CLOSED_EYE_ICON = "\uf06e", "\uf070"
 """Icons of Font Awesome 4: an audible layer, and a muted one."""
 _PADDING = 6.0
 """Pixels above the first line of a list and below its last."""
-UNDER_TEXT = 0.40
+ACCENT_OPACITY_UNDER_TEXT = 0.40
 """Opacity of the accent colour behind text, such as the value of a slider, so that the text stays
 readable.
 """
-FIXED = (
+FIXED_WINDOW_FLAGS = (
     imgui.WindowFlags_.no_move
     | imgui.WindowFlags_.no_resize
     | imgui.WindowFlags_.no_collapse
@@ -52,7 +52,7 @@ FIXED = (
 
 def load_fonts() -> None:
     """Loads Roboto with Font Awesome's glyphs."""
-    hello_imgui.load_font_ttf_with_font_awesome_icons(FONT, BODY)
+    hello_imgui.load_font_ttf_with_font_awesome_icons(FONT, BODY_TEXT_SIZE)
 
 
 def apply_style() -> None:
@@ -95,9 +95,9 @@ def apply_colours() -> None:
         kind.header_hovered: (*amber, 0.18),
         kind.header_active: (*amber, 0.40),
         kind.check_mark: ACCENT,
-        kind.slider_grab: (*amber, UNDER_TEXT),
-        kind.slider_grab_active: (*amber, UNDER_TEXT),
-        kind.plot_histogram: (*amber, UNDER_TEXT),
+        kind.slider_grab: (*amber, ACCENT_OPACITY_UNDER_TEXT),
+        kind.slider_grab_active: (*amber, ACCENT_OPACITY_UNDER_TEXT),
+        kind.plot_histogram: (*amber, ACCENT_OPACITY_UNDER_TEXT),
         kind.separator: LINE,
         kind.scrollbar_bg: CLEAR,
         kind.scrollbar_grab: PRESSED,
@@ -111,26 +111,26 @@ def apply_colours() -> None:
         style.set_color_(which, ImVec4(*colour))
 
 
-def packed(colour: Colour, opacity: float = 1.0) -> int:
+def pack_colour(colour: Colour, opacity: float = 1.0) -> int:
     """Returns a colour in the format of draw lists."""
     return imgui.get_color_u32(ImVec4(colour[0], colour[1], colour[2], colour[3] * opacity))
 
 
 @contextmanager
-def panel(name: str, area: Area, flags: int = 0) -> Iterator[None]:
+def open_panel(name: str, area: Area, flags: int = 0) -> Iterator[None]:
     """Opens a window with a fixed place and size."""
     imgui.set_next_window_pos(ImVec2(area.x, area.y))
     imgui.set_next_window_size(ImVec2(area.width, area.height))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
-    imgui.begin(name, None, FIXED | flags)
+    imgui.begin(name, None, FIXED_WINDOW_FLAGS | flags)
     imgui.pop_style_var()
     yield
     imgui.end()
 
 
 @contextmanager
-def list_box(name: str, height: float) -> Iterator[float]:
-    """Puts all inside into a box of fixed height, which scrolls: what comes late moves nothing below it.
+def open_list_box(name: str, height: float) -> Iterator[float]:
+    """Opens a scrolling box of fixed height, so that contents that appear late move nothing below it.
 
     Yields:
         The width in pixels of its lines, the same with and without a scrollbar.
@@ -144,7 +144,7 @@ def list_box(name: str, height: float) -> Iterator[float]:
 
 
 @contextmanager
-def tinted(colour: Colour, *which: int) -> Iterator[None]:
+def push_colours(colour: Colour, *which: int) -> Iterator[None]:
     """Applies a colour to everything inside the context."""
     for style_colour in which:
         imgui.push_style_color(style_colour, ImVec4(*colour))
@@ -153,42 +153,44 @@ def tinted(colour: Colour, *which: int) -> Iterator[None]:
 
 
 @contextmanager
-def filled(colour: Colour) -> Iterator[None]:
+def push_fill(colour: Colour) -> Iterator[None]:
     """Fills every button inside with ACCENT, GOOD, WAIT or BAD, with readable text on it."""
     kinds = (imgui.Col_.button, imgui.Col_.button_hovered, imgui.Col_.button_active)
-    with tinted(colour, *kinds), tinted(ON_FILL, imgui.Col_.text):
+    with push_colours(colour, *kinds), push_colours(ON_FILL, imgui.Col_.text):
         yield
 
 
 @contextmanager
-def small() -> Iterator[None]:
+def use_small_text() -> Iterator[None]:
     """Uses the small text size inside the context."""
-    imgui.push_font(None, SMALL)
+    imgui.push_font(None, SMALL_TEXT_SIZE)
     yield
     imgui.pop_font()
 
 
-def caption(draw: imgui.ImDrawList, at: ImVec2, text: str, colour: Colour, size: float) -> None:
+def draw_caption(
+    draw_list: imgui.ImDrawList, position: ImVec2, text: str, colour: Colour, size: float
+) -> None:
     """Draws a line of text over an image, on a glass background so that it is readable on any image."""
     grown = size / imgui.get_font_size()
     extent = imgui.calc_text_size(text)
-    low = ImVec2(at.x - 5, at.y - 2)
-    high = ImVec2(at.x + grown * extent.x + 5, at.y + grown * extent.y + 2)
-    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.85)), 5.0)
-    draw.add_text(imgui.get_font(), size, at, packed(colour), text)
+    low = ImVec2(position.x - 5, position.y - 2)
+    high = ImVec2(position.x + grown * extent.x + 5, position.y + grown * extent.y + 2)
+    draw_list.add_rect_filled(low, high, pack_colour((*GLASS[:3], 0.85)), 5.0)
+    draw_list.add_text(imgui.get_font(), size, position, pack_colour(colour), text)
 
 
-def heading(text: str) -> None:
+def draw_heading(text: str) -> None:
     """Draws the title of a panel section."""
     imgui.dummy(ImVec2(0, 2))
-    with small(), tinted(QUIET, imgui.Col_.text):
+    with use_small_text(), push_colours(QUIET, imgui.Col_.text):
         imgui.text(tr(text).upper())
     imgui.separator()
 
 
-def quiet(text: str) -> None:
+def draw_note(text: str) -> None:
     """Draws a wrapped line of secondary text."""
-    with small(), tinted(QUIET, imgui.Col_.text):
+    with use_small_text(), push_colours(QUIET, imgui.Col_.text):
         imgui.push_text_wrap_pos(0.0)
         imgui.text_unformatted(tr(text))
         imgui.pop_text_wrap_pos()

@@ -5,22 +5,28 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.live import time_text
-from enliven_viewer.studio.panel_layout import LEAST, Area
+from enliven_viewer.live import format_time
+from enliven_viewer.studio.panel_layout import MIN_TIMELINE_HEIGHT, Area
 from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.modal import action_tip
 from enliven_viewer.studio.panels.stage import draw_recorded_clip
-from enliven_viewer.studio.panels.style import packed, panel, quiet, small, tinted
+from enliven_viewer.studio.panels.style import (
+    draw_note,
+    open_panel,
+    pack_colour,
+    push_colours,
+    use_small_text,
+)
 from enliven_viewer.studio.panels.timeline_lanes import LanePainter
 from enliven_viewer.studio.panels.timeline_markers import draw_markers, draw_sounds, draw_span
-from enliven_viewer.studio.panels.timeline_puppets import draw_details, tell_details
-from enliven_viewer.studio.timeline import LABELS, RULER
+from enliven_viewer.studio.panels.timeline_puppets import draw_details, draw_details_tooltip
+from enliven_viewer.studio.timeline import LABEL_WIDTH, RULER_HEIGHT
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, LINE, QUIET
 
-_START, _PLAY, _PAUSE, _LOOP = "\uf048", "\uf04b", "\uf04c", "\uf01e"
+_START_ICON, _PLAY_ICON, _PAUSE_ICON, _LOOP_ICON = "\uf048", "\uf04b", "\uf04c", "\uf01e"
 """Icons of Font Awesome 4 on the buttons of the transport."""
-_SPLIT, _FLAG, _MAGNET, _ALL = "\uf0c4", "\uf024", "\uf076", "\uf07e"
+_SPLIT_ICON, _FLAG_ICON, _MAGNET_ICON, _ALL_ICON = "\uf0c4", "\uf024", "\uf076", "\uf07e"
 """Icons of Font Awesome 4: split, marker, snapping, and the whole project."""
 _CLICKABLE_PARTS = (
     *("bar", "mute", "lock", "fold", "solo", "name", "marker", "marked", "takes"),
@@ -43,27 +49,29 @@ _NO_TAKE = later("The puppet plays no take yet. Choose one in the performer's vi
 
 def draw_timeline(workspace: Workspace, area: Area) -> None:
     """Draws the bottom panel."""
-    with panel("timeline", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse):
-        _grip(workspace, area)
-        _transport(workspace)
+    with open_panel(
+        "timeline", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+    ):
+        _handle_resizing(workspace, area)
+        _draw_transport(workspace)
         origin = imgui.get_cursor_screen_pos()
         size = imgui.get_content_region_avail()
         workspace.timeline.width = size.x
         imgui.invisible_button("##track", ImVec2(max(size.x, 1), max(size.y, 1)))
         workspace.remember("timeline")
         workspace.timeline.follow(size.y, workspace.perform.recording.take_last_character())
-        _listen(workspace, origin, size)
-        draw = imgui.get_window_draw_list()
-        draw.push_clip_rect(origin, ImVec2(origin.x + size.x, origin.y + size.y), True)
-        _lanes(workspace, origin, size)
-        _ruler(workspace, origin, size)
+        _handle_pointer(workspace, origin, size)
+        draw_list = imgui.get_window_draw_list()
+        draw_list.push_clip_rect(origin, ImVec2(origin.x + size.x, origin.y + size.y), True)
+        _draw_lanes(workspace, origin, size)
+        _draw_ruler(workspace, origin, size)
         draw_span(workspace, origin, size)
         draw_markers(workspace, origin, size)
-        _playhead(workspace, origin, size)
-        draw.pop_clip_rect()
+        _draw_playhead(workspace, origin, size)
+        draw_list.pop_clip_rect()
 
 
-def _grip(workspace: Workspace, area: Area) -> None:
+def _handle_resizing(workspace: Workspace, area: Area) -> None:
     """Draws the upper edge. A drag changes the timeline's height; a double click resets it."""
     preferences, place = workspace.preferences, imgui.get_cursor_pos()
     imgui.set_cursor_pos(ImVec2(0, 0))
@@ -72,64 +80,68 @@ def _grip(workspace: Workspace, area: Area) -> None:
     held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
     if hovered or held:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ns)
-        draw, top = imgui.get_window_draw_list(), area.y + 1
-        draw.add_line(ImVec2(area.x, top), ImVec2(area.x + area.width, top), packed(ACCENT, 0.8), 2.0)
+        draw_list, top = imgui.get_window_draw_list(), area.y + 1
+        draw_list.add_line(
+            ImVec2(area.x, top), ImVec2(area.x + area.width, top), pack_colour(ACCENT, 0.8), 2.0
+        )
     if hovered and imgui.is_mouse_double_clicked(0):
         preferences.timeline_height = 0.0
         preferences.save()
     elif held and imgui.get_io().mouse_delta.y:
-        preferences.timeline_height = max(imgui.get_io().display_size.y - imgui.get_mouse_pos().y, LEAST)
+        preferences.timeline_height = max(
+            imgui.get_io().display_size.y - imgui.get_mouse_pos().y, MIN_TIMELINE_HEIGHT
+        )
     if imgui.is_item_deactivated():
         preferences.save()
     imgui.set_cursor_pos(place)
 
 
-def _transport(workspace: Workspace) -> None:
+def _draw_transport(workspace: Workspace) -> None:
     editor = workspace.editor
-    if imgui.button(_START + "##start", ImVec2(34, 0)):
+    if imgui.button(_START_ICON + "##start", ImVec2(34, 0)):
         editor.scrub(0.0)
     imgui.same_line()
-    if imgui.button((_PAUSE if editor.playing else _PLAY) + "###play", ImVec2(44, 0)):
+    if imgui.button((_PAUSE_ICON if editor.playing else _PLAY_ICON) + "###play", ImVec2(44, 0)):
         editor.playing = not editor.playing
     workspace.remember("play")
     imgui.same_line()
     if editor.loop:
-        imgui.push_style_color(imgui.Col_.text, packed(ACCENT))
+        imgui.push_style_color(imgui.Col_.text, pack_colour(ACCENT))
     looping = editor.loop
-    if imgui.button(_LOOP + "##loop", ImVec2(34, 0)):
+    if imgui.button(_LOOP_ICON + "##loop", ImVec2(34, 0)):
         editor.loop = not editor.loop
     if looping:
         imgui.pop_style_color()
     tooltip("Begin again at the end, or at the out point")
-    _points(workspace)
+    _draw_loop_points(workspace)
     imgui.same_line(0.0, 18.0)
     imgui.align_text_to_frame_padding()
-    imgui.text(f"{time_text(editor.time)}  /  {time_text(editor.length)}")
+    imgui.text(f"{format_time(editor.time)}  /  {format_time(editor.length)}")
     imgui.same_line(0.0, 18.0)
     imgui.set_next_item_width(76)
     changed, speed = imgui.drag_float("##speed", editor.speed, 0.01, 0.1, 4.0, "%.2f x")
     if changed:
         editor.speed = speed
     tooltip("Drag: how fast it plays here; the project does not change")
-    _tracking(workspace)
-    _buttons(workspace)
+    _draw_tracking(workspace)
+    _draw_buttons(workspace)
 
 
-def _points(workspace: Workspace) -> None:
+def _draw_loop_points(workspace: Workspace) -> None:
     """Draws the buttons of the loop's in and out points; a narrow window has them only in the menu."""
     if imgui.get_window_width() < _MIN_WIDTH_WITH_MARKS:
         return
     chosen = workspace.editor.marked is not None
     for label, action in (("[", "view.in_point"), ("]", "view.out_point")):
         imgui.same_line()
-        with tinted(ACCENT if chosen else QUIET, imgui.Col_.text):
+        with push_colours(ACCENT if chosen else QUIET, imgui.Col_.text):
             if imgui.button(f"{label}##{action}", ImVec2(26, 0)):
                 workspace.actions.do(action)
         workspace.remember(action)
         action_tip(workspace, action)
 
 
-def _tracking(workspace: Workspace) -> None:
+def _draw_tracking(workspace: Workspace) -> None:
     """Draws the progress of the tracker for an opened depth recording, and a stop button."""
     depth = workspace.depth
     depth.poll()
@@ -143,36 +155,36 @@ def _tracking(workspace: Workspace) -> None:
     workspace.remember("stop tracking")
 
 
-def _buttons(workspace: Workspace) -> None:
+def _draw_buttons(workspace: Workspace) -> None:
     """Draws the clip buttons at the right."""
     timeline = workspace.timeline
     imgui.same_line(imgui.get_window_width() - 4 * 42 - 12)
-    if imgui.button(_SPLIT + "##split", ImVec2(34, 0)):
+    if imgui.button(_SPLIT_ICON + "##split", ImVec2(34, 0)):
         workspace.actions.do("clip.split")
     workspace.remember("split")
     tooltip("Split the clip under the playhead  (Shift+S)")
     imgui.same_line()
-    if imgui.button(_FLAG + "##marker", ImVec2(34, 0)):
+    if imgui.button(_FLAG_ICON + "##marker", ImVec2(34, 0)):
         workspace.actions.do("clip.mark")
     workspace.remember("add marker")
     tooltip("A marker at the playhead  (Shift+M); double-click one to name it")
     imgui.same_line()
-    with tinted(ACCENT if timeline.snapping else QUIET, imgui.Col_.text):
-        if imgui.button(_MAGNET + "##snap", ImVec2(34, 0)):
+    with push_colours(ACCENT if timeline.snapping else QUIET, imgui.Col_.text):
+        if imgui.button(_MAGNET_ICON + "##snap", ImVec2(34, 0)):
             timeline.snapping = not timeline.snapping
     workspace.remember("snapping")
     tooltip("Dragged items snap to clips, markers, the playhead and frames")
     imgui.same_line()
-    if imgui.button(_ALL + "##all", ImVec2(34, 0)):
+    if imgui.button(_ALL_ICON + "##all", ImVec2(34, 0)):
         timeline.show_all()
     workspace.remember("show all")
     tooltip("Show the whole project; Ctrl+wheel zooms, Shift+wheel scrolls")
 
 
-def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
+def _handle_pointer(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     """Passes the pointer's clicks, drags and wheel to the timeline."""
-    at, timeline = imgui.get_mouse_pos(), workspace.timeline
-    x, y = at.x - origin.x, at.y - origin.y
+    pointer, timeline = imgui.get_mouse_pos(), workspace.timeline
+    x, y = pointer.x - origin.x, pointer.y - origin.y
     if imgui.is_item_hovered():
         if imgui.is_mouse_double_clicked(0) and timeline.double(x, y):
             pass
@@ -182,7 +194,7 @@ def _listen(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
         _handle_wheel(workspace, x, size)
         if imgui.is_mouse_dragging(2, 0.0):
             timeline.pan(-imgui.get_io().mouse_delta.x)
-        _cursor(timeline.layout.handle_at(x, y).kind)
+        _set_cursor(timeline.layout.handle_at(x, y).kind)
     elif imgui.is_mouse_clicked(0):
         timeline.rows.marked = None
     if timeline.busy and imgui.is_mouse_down(0):
@@ -203,30 +215,30 @@ def _handle_wheel(workspace: Workspace, x: float, size: ImVec2) -> None:
         timeline.scrolled = min(max(timeline.scrolled - 24 * io.mouse_wheel, 0.0), low)
 
 
-def _cursor(kind: str) -> None:
+def _set_cursor(kind: str) -> None:
     if kind in ("edge", "begin", "blend", "switch", "from", "to"):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
     elif kind in _CLICKABLE_PARTS:
         imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
 
 
-def _ruler(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
-    draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
-    draw.add_rect_filled(origin, ImVec2(origin.x + size.x, origin.y + RULER), packed(DARK))
+def _draw_ruler(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
+    draw_list, layout = imgui.get_window_draw_list(), workspace.timeline.layout
+    draw_list.add_rect_filled(origin, ImVec2(origin.x + size.x, origin.y + RULER_HEIGHT), pack_colour(DARK))
     draw_sounds(workspace, origin)
-    with small():
+    with use_small_text():
         for time, numbered in layout.ticks():
             x = origin.x + layout.x(time)
-            if x < origin.x + LABELS - 1:
+            if x < origin.x + LABEL_WIDTH - 1:
                 continue
-            top = origin.y + (RULER - 9 if numbered else RULER - 4)
-            draw.add_line(ImVec2(x, top), ImVec2(x, origin.y + RULER), packed(QUIET, 0.6))
+            top = origin.y + (RULER_HEIGHT - 9 if numbered else RULER_HEIGHT - 4)
+            draw_list.add_line(ImVec2(x, top), ImVec2(x, origin.y + RULER_HEIGHT), pack_colour(QUIET, 0.6))
             label = f"{time:g} s"
             if numbered and x + 4 + imgui.calc_text_size(label).x <= origin.x + size.x:
-                draw.add_text(ImVec2(x + 4, origin.y + 5), packed(QUIET), label)
+                draw_list.add_text(ImVec2(x + 4, origin.y + 5), pack_colour(QUIET), label)
 
 
-def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
+def _draw_lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     layout = workspace.timeline.layout
     lanes = layout.lanes()
     for lane in lanes:
@@ -236,25 +248,32 @@ def _lanes(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
             _PAINTER.head(workspace, lane, origin, size)
         else:
             draw_details(workspace, layout, lane, origin, size)
-    tell_details(workspace, layout, origin)
+    draw_details_tooltip(workspace, layout, origin)
     if not draw_recorded_clip(workspace, layout, origin, size.y) and not lanes:
-        imgui.set_cursor_screen_pos(ImVec2(origin.x + LABELS + 8, origin.y + RULER + 12))
+        imgui.set_cursor_screen_pos(ImVec2(origin.x + LABEL_WIDTH + 8, origin.y + RULER_HEIGHT + 12))
         performs = workspace.perform.active_workspace == "Perform"
-        usual = _NO_RECORDING if performs else _NO_MOTION
-        quiet(_NO_TAKE if workspace.editor.puppets.puppet is not None else usual)
+        empty_text = _NO_RECORDING if performs else _NO_MOTION
+        draw_note(_NO_TAKE if workspace.editor.puppets.puppet is not None else empty_text)
 
 
-def _playhead(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
-    draw = imgui.get_window_draw_list()
+def _draw_playhead(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
+    draw_list = imgui.get_window_draw_list()
     layout, stuck = workspace.timeline.layout, workspace.timeline.stuck
     if stuck is not None:
-        at = origin.x + layout.x(stuck)
-        draw.add_line(ImVec2(at, origin.y + RULER), ImVec2(at, origin.y + size.y), packed(CHAIN, 0.9), 1.0)
-    edge = origin.x + LABELS - 12
-    draw.add_line(ImVec2(edge, origin.y), ImVec2(edge, origin.y + size.y), packed(LINE))
+        snap_x = origin.x + layout.x(stuck)
+        draw_list.add_line(
+            ImVec2(snap_x, origin.y + RULER_HEIGHT),
+            ImVec2(snap_x, origin.y + size.y),
+            pack_colour(CHAIN, 0.9),
+            1.0,
+        )
+    edge = origin.x + LABEL_WIDTH - 12
+    draw_list.add_line(ImVec2(edge, origin.y), ImVec2(edge, origin.y + size.y), pack_colour(LINE))
     x = origin.x + layout.x(workspace.editor.time)
     if x < edge:
         return
-    draw.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), packed(ACCENT), 1.5)
-    y = origin.y + RULER - 1
-    draw.add_triangle_filled(ImVec2(x - 6, y - 9), ImVec2(x + 6, y - 9), ImVec2(x, y), packed(ACCENT))
+    draw_list.add_line(ImVec2(x, origin.y), ImVec2(x, origin.y + size.y), pack_colour(ACCENT), 1.5)
+    y = origin.y + RULER_HEIGHT - 1
+    draw_list.add_triangle_filled(
+        ImVec2(x - 6, y - 9), ImVec2(x + 6, y - 9), ImVec2(x, y), pack_colour(ACCENT)
+    )

@@ -8,9 +8,9 @@ from imgui_bundle import ImVec2, imgui
 from enliven.modeling.edits import remove_marker, rename_marker
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.panels.fields import name_field
-from enliven_viewer.studio.panels.style import packed, small
-from enliven_viewer.studio.sound import envelope
-from enliven_viewer.studio.timeline import LABELS, RULER, SPAN
+from enliven_viewer.studio.panels.style import pack_colour, use_small_text
+from enliven_viewer.studio.sound import compute_envelope
+from enliven_viewer.studio.timeline import LABEL_WIDTH, RULER_HEIGHT, SPAN_BAND_HEIGHT
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, CHAIN, DARK, INK
 
@@ -21,44 +21,53 @@ _WAVEFORM_LINE_WIDTH = 2.0
 
 def draw_markers(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
     """Draws a flag and a thin line at each marker."""
-    draw, timeline = imgui.get_window_draw_list(), workspace.timeline
+    draw_list, timeline = imgui.get_window_draw_list(), workspace.timeline
     for marker, x in timeline.layout.markers():
-        if x < LABELS - 1:
+        if x < LABEL_WIDTH - 1:
             continue
-        at, top = origin.x + x, origin.y
-        draw.add_line(ImVec2(at, top + 6), ImVec2(at, origin.y + size.y), packed(CHAIN, 0.45), 1.0)
-        flag = (ImVec2(at, top + 2), ImVec2(at + 9, top + 6), ImVec2(at, top + 10))
-        draw.add_triangle_filled(*flag, packed(CHAIN))
-        with small():
-            wide = imgui.calc_text_size(marker.id).x
-            draw.add_rect_filled(
-                ImVec2(at + 1, top + 9), ImVec2(at + wide + 8, top + RULER), packed(DARK, 0.9), 3.0
+        marker_x, top = origin.x + x, origin.y
+        draw_list.add_line(
+            ImVec2(marker_x, top + 6), ImVec2(marker_x, origin.y + size.y), pack_colour(CHAIN, 0.45), 1.0
+        )
+        flag = (ImVec2(marker_x, top + 2), ImVec2(marker_x + 9, top + 6), ImVec2(marker_x, top + 10))
+        draw_list.add_triangle_filled(*flag, pack_colour(CHAIN))
+        with use_small_text():
+            width = imgui.calc_text_size(marker.id).x
+            draw_list.add_rect_filled(
+                ImVec2(marker_x + 1, top + 9),
+                ImVec2(marker_x + width + 8, top + RULER_HEIGHT),
+                pack_colour(DARK, 0.9),
+                3.0,
             )
-            draw.add_text(ImVec2(at + 5, top + 10), packed(INK, 0.95), marker.id)
+            draw_list.add_text(ImVec2(marker_x + 5, top + 10), pack_colour(INK, 0.95), marker.id)
     if timeline.marker and not imgui.is_popup_open(_POPUP_ID):
         imgui.open_popup(_POPUP_ID)
-    _marker_popup(workspace)
+    _draw_marker_popup(workspace)
 
 
 def draw_sounds(workspace: Workspace, origin: ImVec2) -> None:
     """Draws the waveform of the sounds along the ruler, with their names at the left."""
-    draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
-    first, last = LABELS, workspace.timeline.width
+    draw_list, layout = imgui.get_window_draw_list(), workspace.timeline.layout
+    first, last = LABEL_WIDTH, workspace.timeline.width
     count = int((last - first) / _WAVEFORM_LINE_WIDTH)
     if not layout.project.sounds or count < 1:
         return
-    middle, tint = origin.y + RULER / 2, packed(ACCENT, 0.5 if workspace.sound.is_on else 0.2)
+    middle, tint = origin.y + RULER_HEIGHT / 2, pack_colour(ACCENT, 0.5 if workspace.sound.is_on else 0.2)
     for sound in layout.project.sounds.values():
-        loud = envelope(sound, layout.time(first), layout.time(first + count * _WAVEFORM_LINE_WIDTH), count)
+        loud = compute_envelope(
+            sound, layout.time(first), layout.time(first + count * _WAVEFORM_LINE_WIDTH), count
+        )
         for column in np.flatnonzero(loud):
-            x, high = (
+            x, height = (
                 origin.x + first + column * _WAVEFORM_LINE_WIDTH,
-                max(loud[column] * (RULER / 2 - 2), 0.5),
+                max(loud[column] * (RULER_HEIGHT / 2 - 2), 0.5),
             )
-            draw.add_line(ImVec2(x, middle - high), ImVec2(x, middle + high), tint, _WAVEFORM_LINE_WIDTH)
-    with small():
+            draw_list.add_line(
+                ImVec2(x, middle - height), ImVec2(x, middle + height), tint, _WAVEFORM_LINE_WIDTH
+            )
+    with use_small_text():
         name = f"\uf001  {', '.join(layout.project.sounds)}"
-        draw.add_text(ImVec2(origin.x + 8, origin.y + 5), packed(INK, 0.9), name)
+        draw_list.add_text(ImVec2(origin.x + 8, origin.y + 5), pack_colour(INK, 0.9), name)
 
 
 def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
@@ -66,21 +75,27 @@ def draw_span(workspace: Workspace, origin: ImVec2, size: ImVec2) -> None:
 
     It is red in the Perform workspace, where recordings use it.
     """
-    draw, layout = imgui.get_window_draw_list(), workspace.timeline.layout
+    draw_list, layout = imgui.get_window_draw_list(), workspace.timeline.layout
     if layout.marked is None:
         return
     tint = BAD if workspace.perform.active_workspace == "Perform" else ACCENT
-    low, high = (origin.x + max(layout.x(end), LABELS - 1) for end in layout.marked)
-    top, bottom = origin.y + RULER - SPAN, origin.y + RULER
-    draw.add_rect_filled(ImVec2(low, bottom), ImVec2(high, origin.y + size.y), packed(tint, 0.07))
-    draw.add_rect_filled(ImVec2(low, top), ImVec2(high, bottom), packed(tint, 0.75), 2.0)
-    for at, way in ((low, 1.0), (high, -1.0)):
-        draw.add_line(ImVec2(at, origin.y + 2), ImVec2(at, origin.y + size.y), packed(tint, 0.9), 1.5)
-        grip = (ImVec2(at, origin.y + 2), ImVec2(at + 7 * way, origin.y + 2), ImVec2(at, origin.y + 10))
-        draw.add_triangle_filled(*grip, packed(tint))
+    low, high = (origin.x + max(layout.x(end), LABEL_WIDTH - 1) for end in layout.marked)
+    top, bottom = origin.y + RULER_HEIGHT - SPAN_BAND_HEIGHT, origin.y + RULER_HEIGHT
+    draw_list.add_rect_filled(ImVec2(low, bottom), ImVec2(high, origin.y + size.y), pack_colour(tint, 0.07))
+    draw_list.add_rect_filled(ImVec2(low, top), ImVec2(high, bottom), pack_colour(tint, 0.75), 2.0)
+    for end_x, direction in ((low, 1.0), (high, -1.0)):
+        draw_list.add_line(
+            ImVec2(end_x, origin.y + 2), ImVec2(end_x, origin.y + size.y), pack_colour(tint, 0.9), 1.5
+        )
+        grip = (
+            ImVec2(end_x, origin.y + 2),
+            ImVec2(end_x + 7 * direction, origin.y + 2),
+            ImVec2(end_x, origin.y + 10),
+        )
+        draw_list.add_triangle_filled(*grip, pack_colour(tint))
 
 
-def _marker_popup(workspace: Workspace) -> None:
+def _draw_marker_popup(workspace: Workspace) -> None:
     """Draws the popup that renames or removes a marker."""
     timeline, editor = workspace.timeline, workspace.editor
     name = timeline.marker

@@ -8,7 +8,7 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.modal import action_tip
-from enliven_viewer.studio.panels.style import packed, panel
+from enliven_viewer.studio.panels.style import open_panel, pack_colour
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, INK, QUIET, Colour
 
@@ -39,51 +39,62 @@ _ICON_WIDTH = 19.0
 def draw_toolbar(workspace: Workspace, area: Area) -> None:
     """Draws the buttons; that of the active tool is amber."""
     actions = workspace.actions.menus["Tools"]
-    with panel("tools", area, imgui.WindowFlags_.no_scrollbar):
-        each = imgui.get_content_region_avail().y / len(actions)
-        is_low = each - _BUTTON_GAP < _MIN_STACKED_HEIGHT
-        apart = _BUTTON_GAP / 2 if is_low else _BUTTON_GAP
+    with open_panel("tools", area, imgui.WindowFlags_.no_scrollbar):
+        button_height = imgui.get_content_region_avail().y / len(actions)
+        is_low = button_height - _BUTTON_GAP < _MIN_STACKED_HEIGHT
+        gap = _BUTTON_GAP / 2 if is_low else _BUTTON_GAP
         if is_low:  # The window is low, so use smaller margins to keep every tool visible.
             imgui.set_cursor_pos_y(_LOW_PADDING)
-            each = (area.height - 2 * _LOW_PADDING) / len(actions)
-        size = ImVec2(_BUTTON_WIDTH, min(max(each - apart, _BUTTON_HEIGHTS[0]), _BUTTON_HEIGHTS[1]))
-        imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0, apart))
+            button_height = (area.height - 2 * _LOW_PADDING) / len(actions)
+        size = ImVec2(_BUTTON_WIDTH, min(max(button_height - gap, _BUTTON_HEIGHTS[0]), _BUTTON_HEIGHTS[1]))
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0, gap))
         for action in actions:
             name, chosen = action.id.removeprefix("tool."), action.is_on is not None and action.is_on()
-            at = imgui.get_cursor_screen_pos()
+            position = imgui.get_cursor_screen_pos()
             if imgui.invisible_button(f"##{name}", size):
                 workspace.actions.do(action.id)
             hovered = imgui.is_item_hovered()
             workspace.remember(f"tool {name}")
             action_tip(workspace, action.id)
-            _face(at, size, action, chosen, hovered)
+            _draw_button_face(position, size, action, chosen, hovered)
         imgui.pop_style_var()
 
 
-def _face(at: ImVec2, size: ImVec2, action: Action, chosen: bool, hovered: bool) -> None:
+def _draw_button_face(position: ImVec2, size: ImVec2, action: Action, chosen: bool, hovered: bool) -> None:
     """Draws icon and name: one below the other, or side by side in a low button."""
-    draw = imgui.get_window_draw_list()
+    draw_list = imgui.get_window_draw_list()
     if chosen or hovered:
-        tint = packed(ACCENT, 0.22 if chosen else 0.08)
-        draw.add_rect_filled(at, ImVec2(at.x + size.x, at.y + size.y), tint, 7.0)
+        tint = pack_colour(ACCENT, 0.22 if chosen else 0.08)
+        draw_list.add_rect_filled(position, ImVec2(position.x + size.x, position.y + size.y), tint, 7.0)
     label = tr(action.label)
     colours = (ACCENT, ACCENT) if chosen else (INK, QUIET)
     if size.y >= _MIN_STACKED_HEIGHT:
-        top = at.y + max((size.y - _ICON_SIZE - _NAME_TEXT_SIZE - 6.0) / 2, 0.0)
-        name_top = min(top + _ICON_SIZE + 6.0, at.y + size.y - _NAME_TEXT_SIZE - 2.0)
-        _centred(action.icon, _ICON_SIZE, at.x, size.x, top, colours[0])
-        _centred(label, _NAME_TEXT_SIZE, at.x, size.x, name_top, colours[1])
+        top = position.y + max((size.y - _ICON_SIZE - _NAME_TEXT_SIZE - 6.0) / 2, 0.0)
+        name_top = min(top + _ICON_SIZE + 6.0, position.y + size.y - _NAME_TEXT_SIZE - 2.0)
+        _draw_centred(action.icon, _ICON_SIZE, position.x, size.x, top, colours[0])
+        _draw_centred(label, _NAME_TEXT_SIZE, position.x, size.x, name_top, colours[1])
         return
     icon, letters = min(_LOW_ICON_SIZE, size.y - 1.0), min(_LOW_NAME_TEXT_SIZE, size.y - 2.0)
-    _centred(action.icon, icon, at.x, _ICON_WIDTH, at.y + (size.y - icon) / 2 - 1.0, colours[0])
+    _draw_centred(
+        action.icon, icon, position.x, _ICON_WIDTH, position.y + (size.y - icon) / 2 - 1.0, colours[0]
+    )
     grown = letters / imgui.get_font_size()
-    room = min(imgui.calc_text_size(label).x * grown, size.x - _ICON_WIDTH)
-    _centred(label, letters, at.x + _ICON_WIDTH, room, at.y + (size.y - letters) / 2 - 1.0, colours[1])
+    max_width = min(imgui.calc_text_size(label).x * grown, size.x - _ICON_WIDTH)
+    _draw_centred(
+        label,
+        letters,
+        position.x + _ICON_WIDTH,
+        max_width,
+        position.y + (size.y - letters) / 2 - 1.0,
+        colours[1],
+    )
 
 
-def _centred(text: str, high: float, left: float, room: float, top: float, colour: Colour) -> None:
+def _draw_centred(
+    text: str, height: float, left: float, max_width: float, top: float, colour: Colour
+) -> None:
     """Draws a centred line of text in a given width, with smaller letters if it is too wide."""
-    wide = imgui.calc_text_size(text).x * high / imgui.get_font_size()
-    high *= min(room / max(wide, 1e-3), 1.0)
-    place = ImVec2(left + max(room - wide, 0.0) / 2, top)
-    imgui.get_window_draw_list().add_text(imgui.get_font(), high, place, packed(colour), text)
+    width = imgui.calc_text_size(text).x * height / imgui.get_font_size()
+    height *= min(max_width / max(width, 1e-3), 1.0)
+    place = ImVec2(left + max(max_width - width, 0.0) / 2, top)
+    imgui.get_window_draw_list().add_text(imgui.get_font(), height, place, pack_colour(colour), text)

@@ -1,15 +1,15 @@
-from .actions import NO_STAGE as NO_STAGE, perform_actions as perform_actions
+from .actions import NO_STAGE as NO_STAGE, make_perform_actions as make_perform_actions
 from .cameras import Camera as Camera, CameraSearch as CameraSearch
-from .close_up import CloseUp as CloseUp, pending_limb_box as pending_limb_box
+from .close_up import CloseUp as CloseUp, find_pending_limb_box as find_pending_limb_box
 from .holders import Holder as Holder
 from .preview_placement import (
-    WIDER as WIDER,
+    DEFAULT_ASPECT as DEFAULT_ASPECT,
     PreviewPlacement as PreviewPlacement,
     ProjectedBody as ProjectedBody,
-    rectangle_of as rectangle_of,
+    find_rectangle as find_rectangle,
     project_bodies as project_bodies,
-    width_of as width_of,
+    find_aspect as find_aspect,
 )
 from .physics import LOOSE_LABELS as LOOSE_LABELS, LOOSE_WORLDS as LOOSE_WORLDS
 from .recording import StageRecording as StageRecording
-from .session import ROOMS as ROOMS, PerformSession as PerformSession
+from .session import WORKSPACES as WORKSPACES, PerformSession as PerformSession

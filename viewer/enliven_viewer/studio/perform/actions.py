@@ -9,10 +9,10 @@ from functools import partial
 
 from enliven.wire import Mode
 from enliven_viewer.language import later
-from enliven_viewer.live import PARTS, LiveStage
+from enliven_viewer.live import PART_CHOICES, LiveStage
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.perform.physics import LOOSE_LABELS
-from enliven_viewer.studio.perform.session import ROOMS, PerformSession
+from enliven_viewer.studio.perform.session import WORKSPACES, PerformSession
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ NO_STAGE = later("No stage is connected. Connect to one, or start one, in the Pe
 """The message of actions that need a stage."""
 
 
-def perform_actions(session: PerformSession) -> Iterator[Action]:
+def make_perform_actions(session: PerformSession) -> Iterator[Action]:
     """Yields every action, for menus, the command palette and the list of shortcuts."""
     for action in PERFORM_ACTIONS:
         on = None if action.is_on is None else partial(action.is_on, session)
@@ -71,42 +71,42 @@ def perform_actions(session: PerformSession) -> Iterator[Action]:
         )
 
 
-def _live(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
+def _on_live_stage(act: Callable[[LiveStage], object]) -> Callable[[PerformSession], object]:
     """Returns a function on the followed stage or take; without one it does nothing."""
     return lambda session: act(session.live) if session.live is not None else None
 
 
-def _step_in(mode: Mode) -> Callable[[PerformSession], object]:
+def _make_step_in(mode: Mode) -> Callable[[PerformSession], object]:
     """Returns a function that lets a performer possess a character, as soon as that is possible."""
     return lambda session: session.possession_requests.press(mode)
 
 
-def _several(
+def _make_group(
     group: str, rooms: tuple[str, ...], *rows: tuple[str, str, Callable[[LiveStage], object]]
 ) -> Iterator[PerformAction]:
     """Yields actions on the followed stage for one submenu: label, shortcut and function of each."""
     for label, key, act in rows:
-        yield PerformAction(label, key, _live(act), rooms, group=group)
+        yield PerformAction(label, key, _on_live_stage(act), rooms, group=group)
 
 
-def _go(room: str) -> Callable[[PerformSession], object]:
-    return lambda session: setattr(session, "active_workspace", room)
+def _make_workspace_switch(workspace_name: str) -> Callable[[PerformSession], object]:
+    return lambda session: setattr(session, "active_workspace", workspace_name)
 
 
 _LIVE_WORKSPACES = ("Perform", "Play")
 _STAND_LABEL = "Stand in front of the camera"
 PERFORM_ACTIONS = (
-    PerformAction(_STAND_LABEL, "", _go("Perform"), live=False),
+    PerformAction(_STAND_LABEL, "", _make_workspace_switch("Perform"), live=False),
     *(
         PerformAction(
             f"Workspace: {room}",
             f"ctrl+{n + 1}",
-            _go(room),
+            _make_workspace_switch(room),
             live=False,
             group="Workspace",
             is_on=lambda session, room=room: session.active_workspace == room,
         )
-        for n, room in enumerate(ROOMS)
+        for n, room in enumerate(WORKSPACES)
     ),
     PerformAction(
         "Put the chosen character on the stage",
@@ -137,7 +137,7 @@ PERFORM_ACTIONS = (
     PerformAction(
         "Record beside what was recorded last",
         "ctrl+shift+r",
-        lambda session: session.recording.again(beside=True),
+        lambda session: session.recording.again(keeps_last=True),
         why_not=PerformSession.lacks_recording,
     ),
     PerformAction(
@@ -154,14 +154,14 @@ PERFORM_ACTIONS = (
         ("Perform",),
         live=False,
     ),
-    PerformAction("Possess alone", "p", _step_in("alone"), _LIVE_WORKSPACES, apart=True),
-    PerformAction("Possess beside others", "j", _step_in("join"), _LIVE_WORKSPACES),
-    PerformAction("Hold with these parts as well", "e", _step_in("extend"), _LIVE_WORKSPACES),
-    PerformAction("Release", "r", _live(LiveStage.release), _LIVE_WORKSPACES),
+    PerformAction("Possess alone", "p", _make_step_in("alone"), _LIVE_WORKSPACES, apart=True),
+    PerformAction("Possess beside others", "j", _make_step_in("join"), _LIVE_WORKSPACES),
+    PerformAction("Hold with these parts as well", "e", _make_step_in("extend"), _LIVE_WORKSPACES),
+    PerformAction("Release", "r", _on_live_stage(LiveStage.release), _LIVE_WORKSPACES),
     PerformAction(
         "Scale with both hands, or let it stay",
         "x",
-        _live(LiveStage.scale_by_hands),
+        _on_live_stage(LiveStage.scale_by_hands),
         _LIVE_WORKSPACES,
         why_not=PerformSession.lacks_edge,
     ),
@@ -176,26 +176,26 @@ PERFORM_ACTIONS = (
         PerformAction(
             f"With: {part}",
             str(n + 1),
-            _live(lambda live, n=n: live.choose_parts(n)),
+            _on_live_stage(lambda live, n=n: live.choose_parts(n)),
             _LIVE_WORKSPACES,
             group="With",
             apart=n == 0,
         )
-        for n, part in enumerate(PARTS)
+        for n, part in enumerate(PART_CHOICES)
     ),
-    *_several(
+    *_make_group(
         "Performers",
         _LIVE_WORKSPACES,
         ("Next performer", "b", LiveStage.choose_performer),
-        ("Less smoothed", "comma", lambda live: live.smoother(-1)),
-        ("More smoothed", "period", lambda live: live.smoother(1)),
+        ("Less smoothed", "comma", lambda live: live.change_smoothing(-1)),
+        ("More smoothed", "period", lambda live: live.change_smoothing(1)),
         ("Only who is here now performs", "k", LiveStage.toggle_lock),
     ),
-    *_several(
+    *_make_group(
         "Matches",
         _LIVE_WORKSPACES,
-        ("Next match with the pose", "n", lambda live: live.browse(1)),
-        ("Match before", "m", lambda live: live.browse(-1)),
+        ("Next match with the pose", "n", lambda live: live.show_other_match(1)),
+        ("Match before", "m", lambda live: live.show_other_match(-1)),
     ),
     PerformAction(
         "Open the microphone, or close it",
@@ -223,7 +223,7 @@ PERFORM_ACTIONS = (
         _LIVE_WORKSPACES,
         group="See",
     ),
-    *_several(
+    *_make_group(
         "See",
         _LIVE_WORKSPACES,
         ("Graph of the meshes", "g", lambda live: live.switch("graph")),
@@ -238,10 +238,10 @@ PERFORM_ACTIONS = (
         about="The view moves to the limb while a pose chooses it, shows its side too, and then moves back.",
         group="See",
     ),
-    *_several(
+    *_make_group(
         "Playing back", _LIVE_WORKSPACES, ("Back to what is live", "l", lambda live: live.playhead.go_live())
     ),
-    *_several(
+    *_make_group(
         "Playing back",
         ("Play",),
         ("Pause the stage", "space", lambda live: live.playhead.toggle_pause()),

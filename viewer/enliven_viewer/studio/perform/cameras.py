@@ -1,4 +1,4 @@
-"""The cameras of this machine, as found by the edge's program, and test images of them."""
+"""The cameras of this machine, as listed by the edge's program, and test images of them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ _TEST_DURATION_S = "0.6"
 """Duration in seconds of a test: enough for some images, and the frame rate."""
 _MAX_ANSWER_BYTES = 1 << 20
 """Maximum number of bytes read of the edge's answer: a thousand cameras."""
-_MISSING_EDGE = later("The edge is not installed here, so only cameras of other computers can be used.")
+_MISSING_EDGE = later(
+    "The camera program is not installed here, so only cameras of other computers can be used."
+)
 
 
 class Camera(msgspec.Struct, frozen=True):
@@ -64,7 +66,7 @@ class CameraSearch:
     Attributes:
         cameras: the result of the last search; None before the first search has ended.
         problem: why the search failed, or empty.
-        looked: the last tested camera, and the result in words.
+        test_result: the last tested camera, and the result in words.
         picture: (H, W, 3) sRGB of its depth image; None without one.
         number: number of images so far, so that a panel can detect a new one.
     """
@@ -72,7 +74,7 @@ class CameraSearch:
     def __init__(self) -> None:
         self.cameras: tuple[Camera, ...] | None = None
         self.problem = ""
-        self.looked: tuple[Camera, str] | None = None
+        self.test_result: tuple[Camera, str] | None = None
         self.picture: UInt8 | None = None
         self.number = 0
         self._search: tuple[subprocess.Popen[bytes], IO[str]] | None = None
@@ -85,7 +87,7 @@ class CameraSearch:
         return self._search is not None
 
     @property
-    def looking(self) -> Camera | None:
+    def tested_camera(self) -> Camera | None:
         """Returns the camera that is being tested; None without one."""
         return None if self._look is None else self._look[2]
 
@@ -99,7 +101,7 @@ class CameraSearch:
         out = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115, it is read when the search ends
         self._search = start_process(["sensors", "--json"], stdout=out), out
 
-    def look(self, camera: Camera) -> None:
+    def take_test_image(self, camera: Camera) -> None:
         """Takes a test image of a depth camera."""
         if self._look is not None or not camera.can_start:
             return
@@ -108,7 +110,7 @@ class CameraSearch:
         path.unlink(missing_ok=True)
         output = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115, it is read when the look ends
         _, sensor, *settings = camera.words
-        words = [
+        arguments = [
             "sensors",
             sensor,
             *settings,
@@ -119,16 +121,16 @@ class CameraSearch:
             "--picture",
             "none",
         ]
-        self._look = start_process(words, stderr=output, stdout=output), output, camera, path
+        self._look = start_process(arguments, stderr=output, stdout=output), output, camera, path
 
     def poll(self) -> None:
         """Takes the results of finished searches and tests. Call once per frame."""
         if self._search is not None and self._search[0].poll() is not None:
             (process, out), self._search = self._search, None
-            self._take(_text(out), bool(process.returncode))
+            self._handle_search(_read_and_close(out), bool(process.returncode))
         if self._look is not None and self._look[0].poll() is not None:
             (process, output, camera, path), self._look = self._look, None
-            self._see(camera, _text(output), path, bool(process.returncode))
+            self._handle_test(camera, _read_and_close(output), path, bool(process.returncode))
 
     def close(self) -> None:
         """Ends search and test, and removes their files."""
@@ -140,7 +142,7 @@ class CameraSearch:
             self._folder.cleanup()
             self._folder = None
 
-    def _take(self, text: str, failed: bool) -> None:
+    def _handle_search(self, text: str, failed: bool) -> None:
         """Reads the list from the last line of the edge's output."""
         try:
             self.cameras = tuple(msgspec.json.decode(text.strip().splitlines()[-1], type=list[Camera]))
@@ -148,26 +150,28 @@ class CameraSearch:
         except (msgspec.MsgspecError, IndexError, RecursionError):
             log.debug("cameras: %r", text[-400:])
             self.cameras = ()
-            self.problem = tr("The edge could not list its cameras. Type: enliven doctor") if failed else ""
+            self.problem = (
+                tr("The cameras could not be listed. Type in a terminal: enliven doctor") if failed else ""
+            )
 
-    def _see(self, camera: Camera, output: str, path: Path, failed: bool) -> None:
+    def _handle_test(self, camera: Camera, output: str, path: Path, failed: bool) -> None:
         """Stores the image of a test, or the error."""
         lines = [line.strip() for line in output.splitlines() if line.strip()]
         if failed or not path.is_file():
-            why = (lines or [tr("it sent no frame")])[-1].removeprefix("enliven: ")
-            self.looked, self.picture = (camera, why), None
+            why = (lines or [tr("it sent no picture")])[-1].removeprefix("enliven: ")
+            self.test_result, self.picture = (camera, why), None
             return
         try:
             with Image.open(path) as image:
                 self.picture = np.asarray(image.convert("RGB"), np.uint8)
         except (OSError, ValueError):
-            self.looked, self.picture = (camera, tr("its picture could not be read")), None
+            self.test_result, self.picture = (camera, tr("its picture could not be read")), None
             return
         self.number += 1
-        self.looked = (camera, tr("near is bright"))
+        self.test_result = (camera, tr("near is bright, far is dark"))
 
 
-def _text(file: IO[str]) -> str:
+def _read_and_close(file: IO[str]) -> str:
     """Returns what a process has written into a file, and closes the file."""
     file.seek(0)
     with file:

@@ -29,24 +29,24 @@ class CharacterSizes:
     """The character sizes read from the edge, and those of the project, which are sent to it.
 
     Attributes:
-        words: large text: the character with its size, and what the hands do; None for none.
+        words: large text: the character with its size, and the effect of the hands; None for no text.
     """
 
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
         self.words: tuple[str, str] | None = None
-        self._told: dict[str, SizeMessage] = {}
+        self._known_sizes: dict[str, SizeMessage] = {}
         self._asked: dict[tuple[str, str], tuple[float | None, float]] = {}
         self._words_until = 0.0
 
     @property
     def scaled_character(self) -> str | None:
         """Returns the character that hands are scaling; None for none."""
-        return next((name for name, message in self._told.items() if message.body >= 0), None)
+        return next((name for name, message in self._known_sizes.items() if message.body >= 0), None)
 
     def of(self, name: str) -> float:
         """Returns the size of a character on the stage, relative to its own size."""
-        return self._told[name].size if name in self._told else 1.0
+        return self._known_sizes[name].size if name in self._known_sizes else 1.0
 
     def wanted_size(self, name: str) -> float:
         """Returns the size that a character of the project should have there, relative to its own size."""
@@ -55,27 +55,27 @@ class CharacterSizes:
     def advance(self, client: EdgeClient, standing: Collection[str]) -> None:
         """Reads sizes from the edge, stores those set by hands, and sends the project's where they differ."""
         client.take(SIZES)
-        before, self._told = self._told, {}
+        before, self._known_sizes = self._known_sizes, {}
         for message in client.latest(SIZES).values():
             if message.character in standing:
-                self._told[message.character] = message
+                self._known_sizes[message.character] = message
         self._update_text(before)
         for name in standing:
-            self._swing(name, client)
+            self._send_exaggeration(name, client)
         if self._editor.draft is not None:
             return
         for name in standing:
             if name not in self._editor.project.characters or name == self.scaled_character:
                 continue
             if name in before and before[name].body >= 0:
-                self._keep(name)
+                self._store_size(name)
             elif abs(self.of(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
                 size = self.wanted_size(name)
                 self._ask(client, Resize("set", name, size=size), size)
 
     def forget(self) -> None:
         """Discards the edge's sizes after the link was closed."""
-        self.words, self._told, self._asked = None, {}, {}
+        self.words, self._known_sizes, self._asked = None, {}, {}
 
     def reset(self, name: str | None, ask: Callable[[Order], object]) -> None:
         """Resets the size of a character; as an edit if the character is in the project."""
@@ -108,7 +108,7 @@ class CharacterSizes:
             if now > self._words_until:
                 self.words = None
 
-    def _keep(self, name: str) -> None:
+    def _store_size(self, name: str) -> None:
         """Stores a size set by hands as an edit of the project."""
         if abs(self.of(name) / self.wanted_size(name) - 1.0) > _SIZE_TOLERANCE:
             self._edit(name, self.of(name))
@@ -120,10 +120,10 @@ class CharacterSizes:
             over_locks=True,
         )
 
-    def _swing(self, name: str, client: EdgeClient) -> None:
+    def _send_exaggeration(self, name: str, client: EdgeClient) -> None:
         """Sends the exaggeration of soft parts if the project, or a current drag, differs from the edge."""
         project = self._editor.draft or self._editor.project
-        edge_exaggeration = self._told[name].exaggeration if name in self._told else None
+        edge_exaggeration = self._known_sizes[name].exaggeration if name in self._known_sizes else None
         wanted = project.handling.get(name, FREE).exaggeration
         if name in project.characters and wanted != edge_exaggeration:
             self._ask(client, Resize("exaggerate", name, exaggeration=wanted), wanted)
@@ -137,9 +137,9 @@ class CharacterSizes:
         asked, when = self._asked.get(key, (np.nan, -_RESEND_INTERVAL_S))
         if asked != wanted or now - when > _RESEND_INTERVAL_S:
             self._asked[key] = wanted, now
-            client.ask(order, lambda answer: self._take_answer(order, wanted, answer))
+            client.ask(order, lambda answer: self._handle_answer(order, wanted, answer))
 
-    def _take_answer(self, order: Resize, wanted: float | None, answer: Answer) -> None:
+    def _handle_answer(self, order: Resize, wanted: float | None, answer: Answer) -> None:
         if isinstance(answer, Refused):
             self._asked[order.do, order.character or ""] = wanted, float("inf")
             outcome = tr("keeps its size") if order.do == "set" else tr("swings as before")

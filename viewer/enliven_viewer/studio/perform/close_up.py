@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.playback import bounds_of
+from enliven_viewer.playback import find_bounds
 from enliven_viewer.render import Box, OrbitCamera, Scene, SceneCharacter
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import Lens
@@ -23,7 +23,7 @@ ones.
 _MIN_LIMB_MOVEMENT = 0.35
 """Minimum movement of a limb, as a fraction of its size, before the view follows."""
 _VIEW_TOLERANCE = 1e-6
-"""Tolerance in metres and radians for the view being unchanged; otherwise the artist has turned it."""
+"""Change of the view, in metres and radians, above which the artist must have moved it."""
 
 
 class CloseUp:
@@ -47,10 +47,10 @@ class CloseUp:
         """Switches the automatic view on or off."""
         self.on = not self.on
 
-    def advance(self, seconds: float, scene: Scene | None, meant: str | None) -> None:
+    def advance(self, seconds: float, scene: Scene | None, character_id: str | None) -> None:
         """Moves the view to the part that is about to be attached, of a given character or of any."""
         self._since += seconds
-        box = None if scene is None or not self.on else pending_limb_box(scene, meant)
+        box = None if scene is None or not self.on else find_pending_limb_box(scene, character_id)
         if (
             box is None
             and self.box is not None
@@ -62,7 +62,7 @@ class CloseUp:
         self.box = box
         if box is None:
             self._go_back()
-        elif self._framed is None or (self._since > _MIN_STAY_S and _elsewhere(box, self._framed)):
+        elif self._framed is None or (self._since > _MIN_STAY_S and _has_moved(box, self._framed)):
             self._go_to(box)
 
     def lens(self, width: float, height: float) -> Lens | None:
@@ -72,7 +72,7 @@ class CloseUp:
         camera = OrbitCamera(self.editor.camera.field_of_view)
         azimuth, elevation = self.editor.camera.goal[3:5]
         camera.face(azimuth + math.pi / 2, elevation)
-        camera.frame(self.box, width / height, at_once=True, room=_FRAMING_MARGIN)
+        camera.frame(self.box, width / height, at_once=True, margin=_FRAMING_MARGIN)
         return Lens(camera.view(width / height), (width, height))
 
     @property
@@ -89,7 +89,7 @@ class CloseUp:
             if self._framed is None:
                 self._before = camera.goal
             camera.frame(
-                box, size[0] / max(size[1], 1.0), room=_FRAMING_MARGIN, at_once=self.editor.less_motion()
+                box, size[0] / max(size[1], 1.0), margin=_FRAMING_MARGIN, at_once=self.editor.less_motion()
             )
             self._sent = camera.goal
         self._framed, self._since = box, 0.0
@@ -102,23 +102,27 @@ class CloseUp:
         self._before = self._framed = None
 
 
-def pending_limb_box(scene: Scene, meant: str | None = None) -> Box | None:
+def find_pending_limb_box(scene: Scene, character_id: str | None = None) -> Box | None:
     """Returns the bounding box of the limb that the next possession would attach.
 
     Returns None without such a limb, or if it is most of a character.
 
     Args:
-        meant: id of the character; None for the first one with a part about to be attached.
+        character_id: id of the character; None for the first one with a part about to be attached.
     """
     for actor in scene.actors:
-        points = _limb(scene, actor) if meant in (None, actor.character.id) else None
-        box, whole = bounds_of([points]) if points is not None else None, bounds_of([actor.extent])
-        if box is not None and whole is not None and _size(box) < _MAX_PART_FRACTION * _size(whole):
+        points = _find_limb(scene, actor) if character_id in (None, actor.character.id) else None
+        box, whole = find_bounds([points]) if points is not None else None, find_bounds([actor.extent])
+        if (
+            box is not None
+            and whole is not None
+            and _measure_diagonal(box) < _MAX_PART_FRACTION * _measure_diagonal(whole)
+        ):
             return box
     return None
 
 
-def _limb(scene: Scene, actor: SceneCharacter) -> Float | None:
+def _find_limb(scene: Scene, actor: SceneCharacter) -> Float | None:
     """Returns (N, 3) metres: the bones of the shown match, or the previewed nodes; None without either."""
     board, cues = scene.boards.get(actor.character.id), actor.cues
     if board is not None and board.state == "choosing" and 0 <= board.shown < len(board.rows):
@@ -132,12 +136,12 @@ def _limb(scene: Scene, actor: SceneCharacter) -> Float | None:
     return np.asarray(actor.pose.positions[nodes[is_valid]], np.float64)
 
 
-def _size(box: Box) -> float:
+def _measure_diagonal(box: Box) -> float:
     """Returns the length of the box's diagonal in metres."""
     return float(np.linalg.norm(box[1] - box[0]))
 
 
-def _elsewhere(box: Box, before: Box) -> bool:
+def _has_moved(box: Box, before: Box) -> bool:
     """Returns True if a limb has moved, or is another one."""
-    least = _MIN_LIMB_MOVEMENT * max(_size(box), _size(before))
-    return max(float(np.abs(box[k] - before[k]).max()) for k in (0, 1)) > least
+    min_distance = _MIN_LIMB_MOVEMENT * max(_measure_diagonal(box), _measure_diagonal(before))
+    return max(float(np.abs(box[k] - before[k]).max()) for k in (0, 1)) > min_distance

@@ -46,7 +46,7 @@ class Holder:
 
 
 class Holders:
-    """The attachments of all characters, and the messages since each was last free."""
+    """The attachments of all characters, and for each character the messages since it was last free."""
 
     def __init__(self) -> None:
         self._parts: dict[str, dict[int, tuple[str, ...]]] = {}
@@ -60,24 +60,24 @@ class Holders:
         ]
         return tuple(sorted(holders, key=lambda holder: (holder.body, holder.character)))
 
-    def take(self, said: HoldMessage) -> None:
+    def take(self, message: HoldMessage) -> None:
         """Processes a change of attachments."""
-        before = self._parts.get(said.character, {})
+        before = self._parts.get(message.character, {})
         if not before:
-            self.since_free[said.character] = []
-        self.since_free[said.character].append(said)
-        own = before.get(said.former if said.mode == "take over" else said.body, ())
-        held = {} if said.mode in ("alone", "remove") else dict(before)
-        if said.mode in ("alone", "join"):
-            held[said.body] = (said.parts,)
-        elif said.mode == "extend":
-            held[said.body] = (*(part for part in own if part != said.parts), said.parts)
-        elif said.mode == "take over":
-            held[said.body] = own or (said.parts,)
-        held = {who: held.get(who, (said.parts,)) for who in said.holders}
-        self._parts[said.character] = held
+            self.since_free[message.character] = []
+        self.since_free[message.character].append(message)
+        parts_before = before.get(message.former if message.mode == "take over" else message.body, ())
+        held = {} if message.mode in ("alone", "remove") else dict(before)
+        if message.mode in ("alone", "join"):
+            held[message.body] = (message.parts,)
+        elif message.mode == "extend":
+            held[message.body] = (*(part for part in parts_before if part != message.parts), message.parts)
+        elif message.mode == "take over":
+            held[message.body] = parts_before or (message.parts,)
+        held = {who: held.get(who, (message.parts,)) for who in message.holders}
+        self._parts[message.character] = held
         if not held:
-            self.since_free[said.character] = []
+            self.since_free[message.character] = []
 
     def forget(self) -> None:
         """Discards everything, for example after a restart of an edge."""

@@ -50,29 +50,34 @@ class LiveOverlay:
     _layers: dict[str, tuple[_Key, LiveLayer]] = field(default_factory=dict)
     _overs: dict[str, tuple[Project, Character, LiveOverdub]] = field(default_factory=dict)
 
-    def merge(self, scene: Scene, told: OverlayConditions) -> Scene:
+    def merge(self, scene: Scene, conditions: OverlayConditions) -> Scene:
         """Returns the scene without duplicates.
 
         A rigged character plays its own motion at its place on the stage, with live motion added.
         """
-        own, actors, boards, hidden = self.editor.project.characters, [], dict(scene.boards), set[str]()
+        project_characters, actors, boards, hidden = (
+            self.editor.project.characters,
+            [],
+            dict(scene.boards),
+            set[str](),
+        )
         for actor in scene.actors:
             name = actor.character.id
-            character = own.get(name)
+            character = project_characters.get(name)
             if character is None:
                 actors.append(actor)
-            elif not told.is_performing:
+            elif not conditions.is_performing:
                 boards.pop(name, None)
             elif isinstance(character, Shape) and len(character.skeleton) == len(actor.pose.positions):
-                moved, joints = self._add_live_motion(character, actor, told)
+                moved, joints = self._add_live_motion(character, actor, conditions)
                 actors.append(moved)
                 hidden.add(name)
                 if name in boards:
                     boards[name] = _move_match_lines(boards[name], character, actor, joints)
-            elif isinstance(character, GraphShape) and self._overdubs(character, actor, told):
+            elif isinstance(character, GraphShape) and self._overdubs(character, actor, conditions):
                 actors.append(self._add_performance(character, actor))
                 hidden.add(name)
-            elif _replaces_own(character, actor, told, playing=self.editor.playing):
+            elif _replaces_own(character, actor, conditions, playing=self.editor.playing):
                 actors.append(actor)
                 hidden.add(name)
         self.hidden = frozenset(hidden)
@@ -81,22 +86,24 @@ class LiveOverlay:
         return replace(scene, actors=tuple(actors), boards=boards)
 
     def _add_live_motion(
-        self, shape: Shape, actor: SceneCharacter, told: OverlayConditions
+        self, shape: Shape, actor: SceneCharacter, conditions: OverlayConditions
     ) -> tuple[SceneCharacter, Float]:
         """Returns a rigged character with its own motion and the live motion added, and its joints."""
         replaced = frozenset[int]()
-        if told.replaces_motion and told.plays_live and actor.cues is not None:
+        if conditions.replaces_motion and conditions.plays_live and actor.cues is not None:
             replaced = frozenset(actor.cues.nodes[actor.cues.firm].tolist())
         key, cached = (self.editor.project, replaced), self._layers.get(shape.id)
         if cached is None or cached[0][0] is not key[0] or cached[0][1] != replaced:
             cached = self._layers[shape.id] = key, LiveLayer(self.editor.project, shape.id, replaced)
-        pose, joints = cached[1].pose(actor.pose, self.editor.time, heard=told.plays_live)
+        pose, joints = cached[1].pose(actor.pose, self.editor.time, heard=conditions.plays_live)
         return replace(actor, pose=pose), joints
 
-    def _overdubs(self, shape: GraphShape, actor: SceneCharacter, told: OverlayConditions) -> bool:
+    def _overdubs(self, shape: GraphShape, actor: SceneCharacter, conditions: OverlayConditions) -> bool:
         """Returns True if the live motion of a possessed mesh is added to its own."""
-        performed = shape.id in told.held_ids and told.plays_live and not told.replaces_motion
-        return performed and _same(shape, actor) and has_motion(self.editor.project, shape)
+        performed = (
+            shape.id in conditions.held_ids and conditions.plays_live and not conditions.replaces_motion
+        )
+        return performed and _has_same_surface(shape, actor) and has_motion(self.editor.project, shape)
 
     def _add_performance(self, shape: GraphShape, actor: SceneCharacter) -> SceneCharacter:
         """Returns a possessed mesh with its own motion and the live motion added."""
@@ -112,16 +119,18 @@ class LiveOverlay:
         return replace(actor, character=drawn, pose=pose, cues=None)
 
 
-def _same(character: RigBase, actor: SceneCharacter) -> bool:
+def _has_same_surface(character: RigBase, actor: SceneCharacter) -> bool:
     """Returns True if the stage has the same surface as the project."""
     return character.mesh is not None and len(character.mesh.vertices) == len(actor.character.vertices)
 
 
 def _replaces_own(
-    character: RigBase, actor: SceneCharacter, told: OverlayConditions, *, playing: bool
+    character: RigBase, actor: SceneCharacter, conditions: OverlayConditions, *, playing: bool
 ) -> bool:
     """Returns True if the live version replaces the project's: it is being controlled, or nothing plays."""
-    return told.plays_live and (not playing or (_same(character, actor) and character.id in told.held_ids))
+    return conditions.plays_live and (
+        not playing or (_has_same_surface(character, actor) and character.id in conditions.held_ids)
+    )
 
 
 def _move_match_lines(board: MatchList, shape: Shape, actor: SceneCharacter, joints: Float) -> MatchList:

@@ -21,7 +21,7 @@ class LocalEdge:
     """One edge as a child process.
 
     Args:
-        words: command line arguments, such as "--sensor", "synthetic".
+        arguments: command line arguments, such as "--sensor", "synthetic".
 
     Attributes:
         endpoint: address on which it will listen.
@@ -30,15 +30,15 @@ class LocalEdge:
         ResourceError: if the edge's program is not installed.
     """
 
-    def __init__(self, *words: str) -> None:
+    def __init__(self, *arguments: str) -> None:
         if find_spec("enliven_edge") is None:
             mend = tr("Install it: pip install enliven-edge, or connect to an edge on the network.")
-            raise ResourceError(tr("the edge's program is not installed here"), where="stage", mend=mend)
+            raise ResourceError(tr("the camera program is not installed here"), where="stage", mend=mend)
         pose, control = free_ports()[:2]
         self.endpoint = Endpoint("127.0.0.1", pose, control)
         ports = ("--port", str(pose), "--control-port", str(control), "--name", f"window-{os.getpid()}")
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115, it must live as long as the edge
-        self._process = start_process(["edge", *words, *ports], stderr=self._log)
+        self._process = start_process(["edge", *arguments, *ports], stderr=self._log)
 
     @property
     def ended(self) -> str | None:
@@ -61,6 +61,6 @@ class LocalEdge:
         self._log.close()
 
 
-def replaying(recording: Path | None) -> LocalEdge:
+def start_replay(recording: Path | None) -> LocalEdge:
     """Returns an edge that plays a recording in a loop; by default the bundled one."""
     return LocalEdge("--loop", *(("--recording", str(recording)) if recording else ()))

@@ -8,7 +8,7 @@ from enliven.wire import PHYSICS, Answer, PhysicsMessage, PlayPhysics, Refused
 from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform.topic_state import NOT_READY, TopicState
+from enliven_viewer.studio.perform.topic_state import NOT_READY_TEXT, TopicState
 
 LooseWorld = Literal["none", "boxes", "dodgeball"]
 LOOSE_WORLDS: tuple[LooseWorld, ...] = get_args(LooseWorld)
@@ -53,7 +53,7 @@ class StagePhysics:
         """Returns how to get objects, or why there are none, in at most two sentences."""
         state = self.state
         if state is None:
-            return _OLD_EDGE if self._state.is_unsupported else NOT_READY
+            return _OLD_EDGE if self._state.is_unsupported else NOT_READY_TEXT
         if state.state in _STATE_HINTS:
             return _STATE_HINTS[state.state]
         return f"{state.what[:1].upper()}{state.what[1:]}. {state.mend}"

@@ -8,15 +8,15 @@ from typing import Protocol
 
 from enliven.wire import SCAN, SUPERSEDED, Answer, Mode, Refused, ScanMessage
 from enliven_viewer.language import tr
-from enliven_viewer.link import NO_ANSWER, EdgeClient
+from enliven_viewer.link import NO_ANSWER_TEXT, EdgeClient
 from enliven_viewer.live import LiveStage
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform.stage_sender import StageSender
 
-PATIENCE_S = 120.0
+MAX_WAIT_S = 120.0
 """Longest time that a press waits while the stage, a character or a performer is missing, in seconds. Kernels
 are compiled at the first start, and an artist alone walks from the keyboard to the camera."""
-SEEN_S = 0.8
+MIN_TIME_IN_VIEW_S = 0.8
 """Time for which a new performer must be in view before the possession, in seconds. By then, the performer is
 completely visible and still."""
 
@@ -59,7 +59,7 @@ class _PendingPress:
     Attributes:
         mode: what happens to earlier attachments.
         character: id of the selected character; empty to let the edge choose.
-        until: monotonic time at which the press expires.
+        until: time at which the press expires, as returned by time.monotonic().
         asked: whether a request to the edge is unanswered.
         since: monotonic time of the first request.
         of_scan: whether it applies to the character of a running scan.
@@ -81,7 +81,7 @@ class PossessionRequests:
     """Requests to possess a character now, or as soon as stage, character and performer are there.
 
     Attributes:
-        words: what a press waits for, shown as large text; empty if it does not wait.
+        words: the condition that a press waits for, shown as large text; empty if it does not wait.
     """
 
     def __init__(self, stage: FollowedStage) -> None:
@@ -106,7 +106,7 @@ class PossessionRequests:
             live.possess(mode)
         elif live is not None:
             chosen = self._stage.editor.selection.character or self._stage.stage_selection
-            self._press = _PendingPress(mode, chosen or "", time.monotonic() + PATIENCE_S)
+            self._press = _PendingPress(mode, chosen or "", time.monotonic() + MAX_WAIT_S)
             self.advance()
 
     def forget(self) -> None:
@@ -119,7 +119,7 @@ class PossessionRequests:
         if press is None:
             return
         if press.asked:
-            self.words = self._busy_text(press)
+            self.words = self._describe_busy_stage(press)
             return
         lacking = self._lacks(press)
         if lacking:
@@ -127,7 +127,7 @@ class PossessionRequests:
             return
         self.words = self._waits_for(press)
         if self.words and time.monotonic() > press.until:
-            self._refuse(tr("Possess was given up") + ". " + self.words)
+            self._refuse(tr("Possess has waited too long") + ". " + self.words)
         elif not self.words:
             self._ask(press)
 
@@ -142,14 +142,18 @@ class PossessionRequests:
         name, phase = press.character, self._scan.phase
         state = stage.sender.states.get(name, "")
         if state.startswith("refused"):
-            return tr("{0} cannot stand on the stage. {1}", name, state.removeprefix("refused: "))
+            return tr("{0} cannot be put on the stage. {1}", name, state.removeprefix("refused: "))
         if phase in ("scanning", "paused"):
             return tr("The camera scans. Finish the scan first, or cancel it")
         if press.of_scan and phase in ("off", "failed"):
             return tr("The scan did not become a character. Scan again, or choose another one")
-        own = stage.editor.project.characters.get(name)
-        if own is not None and name not in stage.stage_ids:
-            return "" if own.mesh is not None else tr("It has no surface, so it cannot be performed")
+        project_character = stage.editor.project.characters.get(name)
+        if project_character is not None and name not in stage.stage_ids:
+            return (
+                ""
+                if project_character.mesh is not None
+                else tr("It has no surface, so it cannot be performed")
+            )
         is_known = stage.client is not None and stage.client.edges[0].complete
         is_coming = bool(stage.sender.states) or press.of_scan or phase == "finishing" or not is_known
         nothing = tr("Nothing stands on the stage. Choose a character, and put it there")
@@ -161,7 +165,7 @@ class PossessionRequests:
         if live is None or stage.client is None:
             return ""
         if not stage.connected or not (stage.stage_ids or stage.client.edges[0].complete):
-            return live.making
+            return live.preparation_text
         if self._scan.phase == "finishing":
             press.of_scan = True
             return tr("The scan becomes a character")
@@ -174,7 +178,7 @@ class PossessionRequests:
             press.seen_since, press.had_to_wait = None, True
             return tr("No one is in view: step in front of the camera")
         press.seen_since = press.seen_since or now
-        if press.had_to_wait and now - press.seen_since < SEEN_S:
+        if press.had_to_wait and now - press.seen_since < MIN_TIME_IN_VIEW_S:
             return tr("Stand still for a moment")
         return ""
 
@@ -184,14 +188,16 @@ class PossessionRequests:
         Returns a text while it is awaited, else empty.
         """
         stage, name = self._stage, press.character
-        own = stage.editor.project.characters
-        if name in stage.stage_ids or (stage.stage_ids and name not in own and not press.of_scan):
+        project_characters = stage.editor.project.characters
+        if name in stage.stage_ids or (
+            stage.stage_ids and name not in project_characters and not press.of_scan
+        ):
             return ""
-        if name in own and name not in stage.sender.states and stage.client is not None:
+        if name in project_characters and name not in stage.sender.states and stage.client is not None:
             stage.sender.put(stage.client.stage, stage.editor.project, name)
         return tr("{0} is being made ready for the stage", name) if name else tr("A character is on its way")
 
-    def _busy_text(self, press: _PendingPress) -> str:
+    def _describe_busy_stage(self, press: _PendingPress) -> str:
         """Returns a text if the edge has not answered for a while."""
         lasts = press.since is not None and time.monotonic() - press.since > _BUSY_DELAY_S
         return tr("The stage is busy. Please wait a moment") if lasts else ""
@@ -202,16 +208,16 @@ class PossessionRequests:
         if stage.live is None or stage.client is None:
             return
         press.asked, press.since = True, press.since or time.monotonic()
-        self.words = self._busy_text(press)
-        meant = press.character if press.character in stage.stage_ids else None
-        order = stage.live.order_to_possess(press.mode, meant)
-        stage.client.ask(order, lambda answer: self._take_answer(press, answer))
+        self.words = self._describe_busy_stage(press)
+        character_id = press.character if press.character in stage.stage_ids else None
+        order = stage.live.order_to_possess(press.mode, character_id)
+        stage.client.ask(order, lambda answer: self._handle_answer(press, answer))
 
-    def _take_answer(self, press: _PendingPress, answer: Answer) -> None:
+    def _handle_answer(self, press: _PendingPress, answer: Answer) -> None:
         """Handles the edge's answer. A busy edge is asked again."""
         if press is not self._press:
             return
-        if isinstance(answer, Refused) and answer.reason.endswith(NO_ANSWER):
+        if isinstance(answer, Refused) and answer.reason.endswith(NO_ANSWER_TEXT):
             press.asked = False
             if time.monotonic() > press.until:
                 self._refuse(tr("The stage does not answer. Check that its program runs"))

@@ -11,13 +11,13 @@ from enliven.arrays import Float
 from enliven.person import BONES, Body
 from enliven.wire import CameraMessage
 
-EYE = 1.1
+ASSUMED_CAMERA_HEIGHT = 1.1
 """Height in metres of an assumed camera, as on a table, if the messages do not contain the camera's
 position.
 """
 _TAN_HALF_FOV = np.tan(np.radians(29.0))
 """Tangent of half the vertical field of view: depth cameras have 56 to 60 degrees."""
-WIDER = 1.2
+DEFAULT_ASPECT = 1.2
 """Aspect ratio of the view: that of depth cameras, slightly cropped."""
 _MIN_CAMERA_DISTANCE = 0.6
 """Minimum distance in metres of a depth camera. If performers are nearer, an assumed camera in front of them
@@ -77,9 +77,9 @@ class ProjectedBody:
         return float(metres * self.focal / max(self.depth[joint], _MIN_CAMERA_DISTANCE))
 
 
-def width_of(camera: CameraMessage | None) -> float:
-    """Returns the aspect ratio of a camera's view; :data:`WIDER` if it sends no image."""
-    return WIDER if camera is None or not camera.height else camera.width / camera.height
+def find_aspect(camera: CameraMessage | None) -> float:
+    """Returns the aspect ratio of a camera's view; :data:`DEFAULT_ASPECT` if it sends no image."""
+    return DEFAULT_ASPECT if camera is None or not camera.height else camera.width / camera.height
 
 
 def project_bodies(bodies: Sequence[Body], camera: CameraMessage | None = None) -> tuple[ProjectedBody, ...]:
@@ -92,16 +92,18 @@ def project_bodies(bodies: Sequence[Body], camera: CameraMessage | None = None) 
     if camera is not None:
         return tuple(_project_body(camera, body) for body in bodies)
     nearest = max(float(body.joints[:, 2].max()) for body in bodies)
-    eye = np.array([0.0, EYE, 0.0])
+    eye = np.array([0.0, ASSUMED_CAMERA_HEIGHT, 0.0])
     if nearest > -_MIN_CAMERA_DISTANCE:
         middle = np.mean([body.joints.mean(0) for body in bodies], axis=0)
-        eye = np.array([middle[0], EYE, nearest + _ASSUMED_CAMERA_DISTANCE])
+        eye = np.array([middle[0], ASSUMED_CAMERA_HEIGHT, nearest + _ASSUMED_CAMERA_DISTANCE])
     bodies_seen = []
     for body in bodies:
-        way = body.joints - eye
-        depth = -way[:, 2]
+        offsets = body.joints - eye
+        depth = -offsets[:, 2]
         half = np.where(depth > 0.0, depth, np.nan) * _TAN_HALF_FOV
-        places = np.stack([0.5 * (WIDER + way[:, 0] / half), 0.5 * (1.0 - way[:, 1] / half)], 1)
+        places = np.stack(
+            [0.5 * (DEFAULT_ASPECT + offsets[:, 0] / half), 0.5 * (1.0 - offsets[:, 1] / half)], 1
+        )
         bodies_seen.append(ProjectedBody(body.id, places, depth, body.confidence))
     return tuple(bodies_seen)
 
@@ -129,20 +131,22 @@ class PreviewPlacement:
         Several cameras are side by side.
 
         Args:
-            views: total width of the camera views, in units of one with aspect ratio :data:`WIDER`.
+            views: total width of the camera views, in units of one with aspect ratio :data:`DEFAULT_ASPECT`.
             covered: returns the rectangles of the characters in pixels; called only now and then.
         """
         fits = min(
-            _MAX_HEIGHT, _MAX_WIDTH_FRACTION * width / (WIDER * views), height - _BOTTOM_SPACE - _MARGIN
+            _MAX_HEIGHT,
+            _MAX_WIDTH_FRACTION * width / (DEFAULT_ASPECT * views),
+            height - _BOTTOM_SPACE - _MARGIN,
         )
         tall = max(min(max(_HEIGHT_FRACTION * height, _MIN_HEIGHT), fits), 1.0)
-        wide = tall * WIDER * views
+        wide = tall * DEFAULT_ASPECT * views
         right, low = width - wide - _MARGIN, height - tall - _BOTTOM_SPACE
         corners = [(x, y, wide, tall) for x, y in ((right, low), (right, _MARGIN), (_MARGIN, low))]
         if self._drawn % _CORNER_SEARCH_FRAMES == 0:
             rectangles = covered()
             costs = [
-                sum(_common(corner, rectangle) for rectangle in rectangles) / (wide * tall)
+                sum(_measure_overlap(corner, rectangle) for rectangle in rectangles) / (wide * tall)
                 for corner in corners
             ]
             best = int(np.argmin(costs))
@@ -152,7 +156,7 @@ class PreviewPlacement:
         return corners[self._corner]
 
 
-def rectangle_of(pixels: Float) -> Rectangle | None:
+def find_rectangle(pixels: Float) -> Rectangle | None:
     """Returns the bounding rectangle of pixels (N, 2); None if one is behind the camera."""
     if not len(pixels) or not np.isfinite(pixels).all():
         return None
@@ -160,8 +164,8 @@ def rectangle_of(pixels: Float) -> Rectangle | None:
     return float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1])
 
 
-def _common(one: Rectangle, other: Rectangle) -> float:
+def _measure_overlap(first: Rectangle, second: Rectangle) -> float:
     """Returns the area of the intersection of two rectangles in square pixels."""
-    wide = min(one[0] + one[2], other[0] + other[2]) - max(one[0], other[0])
-    high = min(one[1] + one[3], other[1] + other[3]) - max(one[1], other[1])
-    return max(wide, 0.0) * max(high, 0.0)
+    width = min(first[0] + first[2], second[0] + second[2]) - max(first[0], second[0])
+    height = min(first[1] + first[3], second[1] + second[3]) - max(first[1], second[1])
+    return max(width, 0.0) * max(height, 0.0)

@@ -9,7 +9,7 @@ from typing import Any
 from enliven.frames import BodyFrame
 from enliven.takes import PerformedMotion
 from enliven.wire import BODIES, HOLDS, POSE, Topic
-from enliven_viewer.playback import NS
+from enliven_viewer.playback import NS_PER_S
 from enliven_viewer.studio.perform.holders import Holders
 from enliven_viewer.studio.perform.stillness import Stillness
 
@@ -23,7 +23,7 @@ class LiveRecorder:
     """A recorder that receives all messages. It keeps those between :meth:`begin` and :meth:`end`.
 
     Attributes:
-        holders: which performers control what.
+        holders: the performers, each with the character that it controls.
         stillness: how long all performers have held still in this recording.
         cut: whether the sensor's clock restarted during the recording. Later messages are left out.
     """
@@ -56,7 +56,7 @@ class LiveRecorder:
         """Returns the recorded length in seconds on the sensor's clock."""
         if self._kept is None or self.newest_ns is None or self._delay_ns is not None:
             return 0.0
-        return max(self.newest_ns - self._kept.since_ns, 0) / NS
+        return max(self.newest_ns - self._kept.since_ns, 0) / NS_PER_S
 
     def begin(self, name: str, delay_ns: int = 0) -> None:
         """Starts recording now, or at the first message if the sensor's clock is not known yet.
@@ -85,7 +85,7 @@ class LiveRecorder:
         kept.events.sort(key=lambda event: event.time_ns)
         return kept
 
-    def so_far(self) -> PerformedMotion | None:
+    def copy_unfinished(self) -> PerformedMotion | None:
         """Returns a copy of the unfinished recording, which continues; None without a recording."""
         if self._kept is None:
             return None
@@ -101,9 +101,9 @@ class LiveRecorder:
     def record(self, topic: Topic, value: Any) -> None:
         """Processes a value of a topic from the link."""
         if topic is POSE:
-            self._pose(value)
+            self._record_pose(value)
         elif topic is BODIES and not (self._frames and value.time_ns <= self._frames[-1].time_ns):
-            self._note(value.time_ns)
+            self._follow_clock(value.time_ns)
             frame = BodyFrame(list(value.bodies), value.time_ns, value.edge)
             self._frames.append(frame)
             self.stillness.see(frame)
@@ -120,16 +120,16 @@ class LiveRecorder:
         self._frames.clear()
         self.holders.forget()
 
-    def _pose(self, received: Any) -> None:
+    def _record_pose(self, received: Any) -> None:
         pose, kept = received.pose, self._kept
-        self._note(pose.time_ns)
+        self._follow_clock(pose.time_ns)
         if kept is None or self.cut or received.character is None or pose.time_ns < kept.since_ns:
             return
         key = pose.character, received.revision
         kept.characters.setdefault(key, received.character)
         kept.poses.setdefault(key, []).append(pose)
 
-    def _note(self, time_ns: int) -> None:
+    def _follow_clock(self, time_ns: int) -> None:
         """Follows the sensor's clock, and starts a recording that waits for it.
 
         After a slow frame, many messages arrive at once, topic by topic, so their times are not in order.

@@ -35,7 +35,7 @@ class StageRecording:
         editor: the editor; recordings become edits of its project.
         live: returns the followed stage; None without a link.
         connected: returns whether messages arrive from an edge.
-        may: shows a non-empty text that says what is missing, and returns whether nothing is missing.
+        may: takes a text about a missing condition, shows it, and returns True if the text is empty.
         lacks: returns why the edge cannot be used; empty if it can.
         guests: secondary edges that are recorded too, each by its own clock.
 
@@ -47,7 +47,7 @@ class StageRecording:
         count_in: whether three beats precede a recording.
         hold_still: seconds of stillness of all performers that end a recording; 0 disables this.
         loops: whether the span is recorded repeatedly, each pass as another alternative.
-        pressed: the phase when the record button was pressed.
+        pressed: the phase at the time when the mouse button went down on the record button.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class StageRecording:
         self.count_in, self.hold_still = True, 0.0
         self.loops = False
         self._beside = self._fresh = ""
-        self._live, self._connected, self._may, self._lacks = live, connected, may, lacks
+        self._live, self._connected, self._check_availability, self._lacks = live, connected, may, lacks
         self._guests = guests
         self._left = self._silent = self._start = 0.0
 
@@ -80,8 +80,8 @@ class StageRecording:
         elif self.phase == "recording":
             # Move the playhead by the sensor's clock, regardless of the frame rate.
             self.editor.growing = self.editor.time = self._start + self.seconds
-            heard = self._connected() or any(guest.connected for guest in self._guests)
-            self._silent = 0.0 if heard else self._silent + seconds
+            is_connected = self._connected() or any(guest.connected for guest in self._guests)
+            self._silent = 0.0 if is_connected else self._silent + seconds
             if self.hold_still and self.recorder.still > self.hold_still:
                 self.stop(self.recorder.stillness.since_ns)
             elif self.span is not None and self.seconds >= self.span[1] - self._start:
@@ -89,7 +89,7 @@ class StageRecording:
             elif (self.recorder.cut and not self._guests) or self._silent > _SILENCE_TIMEOUT_S:
                 self.stop()
                 self.editor.toasts.say(
-                    tr("The edge is gone, so the recording ended"),
+                    tr("The connection to the stage was lost, so the recording ended"),
                     tr("The recording up to that point is kept."),
                 )
 
@@ -129,22 +129,22 @@ class StageRecording:
         """Starts a recording with its count-in, or ends it."""
         if self.phase != "idle":
             self.stop()
-        elif self._may(self._lacks()):
+        elif self._check_availability(self._lacks()):
             self.phase, self._left = "counting", _COUNT_IN_S if self.count_in else 0.0
 
-    def again(self, *, beside: bool = False) -> None:
+    def again(self, *, keeps_last: bool = False) -> None:
         """Starts again where the recording began. A running recording is dropped; a finished one is undone.
 
         Args:
-            beside: whether to keep the finished one, muted, as an alternative of the new one.
+            keeps_last: whether to keep the finished one, muted, as an alternative of the new one.
         """
         if self.phase == "idle":
             if not self.last_recording:
                 self.editor.toasts.say(tr("Nothing was recorded yet"), tr("Record first."))
                 return
             alternatives = alternatives_of(self.editor.project, self.last_recording)
-            if beside:
-                self._silence(alternatives)
+            if keeps_last:
+                self._mute_alternatives(alternatives)
             else:
                 self._beside = alternatives if alternatives != self.last_recording else ""
                 self.editor.undo()
@@ -161,7 +161,7 @@ class StageRecording:
         name = self.editor.history.undo_name or ""
         return name.removeprefix(_RECORD_PREFIX) if name.startswith(_RECORD_PREFIX) else ""
 
-    def _silence(self, alternatives: str) -> None:
+    def _mute_alternatives(self, alternatives: str) -> None:
         """Mutes all takes of a group, before another one is recorded."""
         self.editor.edit(
             later("silence {0}", alternatives), lambda p: choose_take(p, alternatives, ""), over_locks=True
@@ -182,9 +182,9 @@ class StageRecording:
             until_ns: time on the sensor's clock at which the recording is cut off; None keeps all of it.
         """
         phase, self.phase = self.phase, "idle"
-        beside, self._beside = self._beside, ""
+        alternatives, self._beside = self._beside, ""
         if phase != "recording":
-            if beside and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
+            if alternatives and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
                 self.editor.undo()
             return
         editor = self.editor
@@ -197,7 +197,7 @@ class StageRecording:
 
         def change(project: Project) -> Project:
             after, names = _insert_recording(
-                project, (performed, *others), start, replaces=replaces, beside=beside
+                project, (performed, *others), start, replaces=replaces, alternatives=alternatives
             )
             added.extend(names)
             return after
@@ -211,7 +211,7 @@ class StageRecording:
             editor.scrub(start)
             editor.playing, self._fresh = True, shown_names[-1]
 
-    def so_far(self) -> Callable[[Project], Project] | None:
+    def make_unfinished_edit(self) -> Callable[[Project], Project] | None:
         """Returns the edit that stores the unfinished recording, which continues; None without a recording.
 
         The edit has its own copy of the recording, so it may run in another thread.
@@ -219,18 +219,20 @@ class StageRecording:
         if self.phase != "recording":
             return None
         recorders = (self.recorder, *(guest.recorder for guest in self._guests))
-        copies = [copy for copy in (recorder.so_far() for recorder in recorders) if copy is not None]
-        start, replaces, beside = self._start, self.replaces, self._beside
-        return lambda project: _insert_recording(project, copies, start, replaces=replaces, beside=beside)[0]
+        copies = [copy for copy in (recorder.copy_unfinished() for recorder in recorders) if copy is not None]
+        start, replaces, alternatives = self._start, self.replaces, self._beside
+        return lambda project: _insert_recording(
+            project, copies, start, replaces=replaces, alternatives=alternatives
+        )[0]
 
     def drop(self) -> None:
         """Discards the count-in or the running recording."""
         phase, self.phase = self.phase, "idle"
-        beside, self._beside = self._beside, ""
+        alternatives, self._beside = self._beside, ""
         if phase == "recording":
             self._end_recorders()
             self.editor.growing, self.editor.playing = 0.0, False
-        if beside and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
+        if alternatives and (self.editor.history.undo_name or "").startswith(_MUTE_PREFIX):
             self.editor.undo()
 
     def take_last_character(self) -> str:
@@ -252,7 +254,7 @@ class StageRecording:
         self.stop(begun)
         if self.loops:
             if alternatives := alternatives_of(self.editor.project, self.last_recording):
-                self._silence(alternatives)
+                self._mute_alternatives(alternatives)
             self._begin()
 
     def _begin(self) -> None:
@@ -260,16 +262,16 @@ class StageRecording:
         editor, live = self.editor, self._live()
         assert live is not None
         self.phase, self._silent = "recording", 0.0
-        usual = editor.time if editor.time < editor.length - _MIN_SPAN_S else 0.0
-        self._start = editor.growing = usual if self.span is None else self.span[0]
-        name = self._name()
-        self.recorder.begin(name, self._delay_ns())
+        default_start = editor.time if editor.time < editor.length - _MIN_SPAN_S else 0.0
+        self._start = editor.growing = default_start if self.span is None else self.span[0]
+        name = self._make_name()
+        self.recorder.begin(name, self._measure_delay_ns())
         for guest in self._guests:
             guest.recorder.begin(name, guest.delay_ns)
         editor.time, editor.playing = self._start, True
         live.playhead.go_live()
 
-    def _delay_ns(self) -> int:
+    def _measure_delay_ns(self) -> int:
         """Returns the measured latency in nanoseconds from a performer's movement to its arrival here.
 
         Returns 0 if unknown.
@@ -280,7 +282,7 @@ class StageRecording:
             return 0
         return round(1e6 * (edge.sensor_to_pose_ms + (edge.pose_to_screen_ms or 0.0)))
 
-    def _name(self) -> str:
+    def _make_name(self) -> str:
         takes = self.editor.project.takes
         number = 1
         while any(name == f"take {number}" or name.startswith(f"take {number} ") for name in takes):
@@ -289,7 +291,7 @@ class StageRecording:
 
 
 def _insert_recording(
-    project: Project, performed: Sequence[PerformedMotion], start: float, *, replaces: bool, beside: str
+    project: Project, performed: Sequence[PerformedMotion], start: float, *, replaces: bool, alternatives: str
 ) -> tuple[Project, list[str]]:
     """Returns a project with a recording inserted at a time, and the ids of its new items.
 
@@ -299,7 +301,7 @@ def _insert_recording(
     after, names = project, list[str]()
     for recording in performed:
         begin = recording.since_ns - round(start * 1e9)
-        after, new = add_performance(after, recording, begin, replaces=replaces, beside=beside)
+        after, new = add_performance(after, recording, begin, replaces=replaces, beside=alternatives)
         names += new
     if not names:
         problem, mend = tr("nothing moved"), tr("Step in front of the sensor, or take hold of a character.")

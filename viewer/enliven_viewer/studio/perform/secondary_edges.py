@@ -16,11 +16,11 @@ from enliven_viewer.render import Scene
 from enliven_viewer.settings import PlaybackSettings
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 
-APART = 100
+PERFORMER_ID_OFFSET = 100
 """Offset between the performer ids of one edge and the next. An edge tracks fewer at a time."""
 
 
-def camera_of(client: EdgeClient) -> CameraMessage | None:
+def get_camera(client: EdgeClient) -> CameraMessage | None:
     """Returns the last camera message of an edge; None if there is none."""
     client.take(CAMERA)
     return next(iter(client.latest(CAMERA).values()), None)
@@ -76,7 +76,7 @@ class SecondaryEdge:
     @property
     def camera(self) -> CameraMessage | None:
         """Returns the position and the image of its camera; None if it does not send them."""
-        return camera_of(self._client)
+        return get_camera(self._client)
 
     @property
     def delay_ns(self) -> int:
@@ -121,8 +121,11 @@ def merge_scenes(scene: Scene, guests: Sequence[SecondaryEdge]) -> Scene:
             continue
         there = guest.live.scene
         actors += there.actors
-        bodies += [replace(body, id=body.id + APART * guest.number) for body in there.bodies]
-        boards |= {name: _renumber_board(board, APART * guest.number) for name, board in there.boards.items()}
+        bodies += [replace(body, id=body.id + PERFORMER_ID_OFFSET * guest.number) for body in there.bodies]
+        boards |= {
+            name: _renumber_board(board, PERFORMER_ID_OFFSET * guest.number)
+            for name, board in there.boards.items()
+        }
     return replace(scene, actors=tuple(actors), bodies=tuple(bodies), boards=boards)
 
 

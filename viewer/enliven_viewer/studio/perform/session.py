@@ -26,11 +26,11 @@ from enliven_viewer.studio.perform.physics import StagePhysics
 from enliven_viewer.studio.perform.possession_requests import PossessionRequests
 from enliven_viewer.studio.perform.recorder import LiveRecorder
 from enliven_viewer.studio.perform.recording import StageRecording
-from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge, camera_of, merge_scenes
+from enliven_viewer.studio.perform.secondary_edges import SecondaryEdge, get_camera, merge_scenes
 from enliven_viewer.studio.perform.stage_sender import StageSender
 from enliven_viewer.studio.perform.voice import StageVoice
 
-ROOMS = ("Perform", "Animate", "Model", "Play")
+WORKSPACES = ("Perform", "Animate", "Model", "Play")
 """The workspaces, which differ in their panels. The loaded project stays the same."""
 
 
@@ -42,7 +42,7 @@ class PerformSession:
         folder: folder of the stored addresses.
 
     Attributes:
-        active_workspace: the current workspace, one of :data:`ROOMS`.
+        active_workspace: the current workspace, one of :data:`WORKSPACES`.
         live: the followed stage or take; None without a link.
         scene: the live scene, shown next to the project's characters; None without a link.
         stage_selection: the character selected in the stage's list, if it is not in the project.
@@ -67,7 +67,7 @@ class PerformSession:
         self._live_overlay = LiveOverlay(editor)
         self.secondary_edges: list[SecondaryEdge] = []
         self.recording = StageRecording(
-            *(editor, lambda: self.live, lambda: self.connected, self._may, self.lacks_edge),
+            *(editor, lambda: self.live, lambda: self.connected, self._check_availability, self.lacks_edge),
             self.secondary_edges,
         )
         self.close_up = CloseUp(editor)
@@ -188,7 +188,7 @@ class PerformSession:
         self.live = self.scene = self._client = self._local_edge = None
         self.close_up.advance(0.0, None, None)
         self.stage_selection = ""
-        self.editor.beside_box = None
+        self.editor.live_box = None
         self.sender.forget()
         self.sizes.forget()
         self.possession_requests.forget()
@@ -214,7 +214,7 @@ class PerformSession:
     @property
     def camera(self) -> CameraMessage | None:
         """Returns the position and the image of the edge's camera; None if it does not send them."""
-        return None if self._client is None else camera_of(self._client)
+        return None if self._client is None else get_camera(self._client)
 
     @property
     def stage(self) -> StageLink | None:
@@ -223,15 +223,17 @@ class PerformSession:
 
     @property
     def holders(self) -> tuple[Holder, ...]:
-        """Returns which performers currently control what."""
-        own = _numbered_holders(self.live, self.recording.recorder) if self.connected and self.live else ()
+        """Returns the performers that control a character, with the character and the body parts."""
+        primary_holders = (
+            _number_holders(self.live, self.recording.recorder) if self.connected and self.live else ()
+        )
         guest_holders = (
             holder
             for guest in self.secondary_edges
             if guest.connected
-            for holder in _numbered_holders(guest.live, guest.recorder)
+            for holder in _number_holders(guest.live, guest.recorder)
         )
-        return (*own, *guest_holders)
+        return (*primary_holders, *guest_holders)
 
     @property
     def performers(self) -> tuple[int, ...]:
@@ -247,8 +249,8 @@ class PerformSession:
         if self.live is None:
             return ()
         people = (tr("Performer {0}", self.live.numbers.number_of(body)) for body in self.performers)
-        beside = (line for guest in self.secondary_edges for line in guest.present)
-        return (*people, *self.stage_ids, *beside) or (tr("No one is there yet"),)
+        other_lines = (line for guest in self.secondary_edges for line in guest.present)
+        return (*people, *self.stage_ids, *other_lines) or (tr("No one is there yet"),)
 
     @property
     def stage_ids(self) -> tuple[str, ...]:
@@ -296,7 +298,7 @@ class PerformSession:
             performs and self.connected, heard, self.recording.replaces, self.live.held
         )
         self.scene = merge_scenes(self._live_overlay.merge(self.live.scene, telling), self.secondary_edges)
-        self.editor.beside_box = self.scene.box
+        self.editor.live_box = self.scene.box
         self.close_up.advance(seconds, self.scene if performs else None, self.target)
         if performs and self.live.present != self._framed and self.live.scene.box:
             self.editor.frame_all(at_once=not self._framed, reset=not self._framed)
@@ -338,7 +340,7 @@ class PerformSession:
         if self.connected:
             return ""
         if self.live is not None and self.live.is_local and not len(self.live.document.timeline):
-            return tr("{0}. Wait until a person is seen", self.live.making)
+            return tr("{0}. Wait until a person is seen", self.live.preparation_text)
         return "The stage is silent. Check that its camera's program runs"
 
     def lacks_voice(self) -> str:
@@ -359,17 +361,17 @@ class PerformSession:
         character = self.editor.chosen()
         if character is None:
             return self.lacks_edge() or "Nothing is chosen. Click the character that you want to perform"
-        bare = "It has no surface, so it cannot be performed" if character.mesh is None else ""
-        return self.lacks_edge() or bare
+        no_surface_text = "It has no surface, so it cannot be performed" if character.mesh is None else ""
+        return self.lacks_edge() or no_surface_text
 
     def lacks_to_take_off(self) -> str:
         """Returns why the selected character cannot be removed from the stage, with advice."""
-        there = self.editor.selection.character in self.stage_ids
-        return self.lacks_edge() or ("" if there else "It is not on the stage. Choose one that is")
+        is_on_stage = self.editor.selection.character in self.stage_ids
+        return self.lacks_edge() or ("" if is_on_stage else "It is not on the stage. Choose one that is")
 
     def put(self) -> None:
         """Puts the selected character on the stage, where it follows every edit."""
-        if self._may(self.lacks_to_put()) and self.stage is not None:
+        if self._check_availability(self.lacks_to_put()) and self.stage is not None:
             self.sender.put(self.stage, self.editor.project, self.editor.selection.character or "")
 
     def put_soon(self, name: str) -> None:
@@ -395,18 +397,18 @@ class PerformSession:
 
     def take_off(self, name: str = "") -> None:
         """Removes a character from the stage; by default the selected one."""
-        if self._may("" if name else self.lacks_to_take_off()) and self.stage is not None:
+        if self._check_availability("" if name else self.lacks_to_take_off()) and self.stage is not None:
             self.sender.remove(self.stage, name or self.editor.selection.character or "")
 
-    def _may(self, lacking: str) -> bool:
+    def _check_availability(self, lacking: str) -> bool:
         """Returns True if nothing is missing; otherwise shows what is."""
         if lacking:
             self.editor.toasts.say(*tr(lacking).split(". "))
         return not lacking
 
 
-def _numbered_holders(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
-    """Returns which performers control what on one edge, with the numbers shown to people."""
+def _number_holders(live: LiveStage, recorder: LiveRecorder) -> tuple[Holder, ...]:
+    """Returns the performers that control a character on one edge, with the numbers shown to people."""
     return tuple(
         replace(holder, number=live.numbers.number_of(holder.body)) for holder in recorder.holders.now
     )

@@ -29,7 +29,7 @@ class StageSender:
     """
 
     def __init__(self, tell: Callable[[str, str], None]) -> None:
-        self._tell = tell
+        self._show_message = tell
         self.states: dict[str, str] = {}
         self._sent: dict[str, RigBase] = {}
         self._seen: dict[str, tuple[RigBase, float]] = {}
@@ -39,7 +39,7 @@ class StageSender:
         character = project.character(name)
         is_resent = self.states.get(name) == "on the stage"
         self._sent[name], self.states[name] = character, "being sent"
-        on_answer = partial(self._take_answer, name, is_resent)
+        on_answer = partial(self._handle_answer, name, is_resent)
         if isinstance(character, Puppet) and len(character.poses) < 2 and character.mesh is not None:
             # A puppet without examples cannot move by itself. So send only its mesh, which a performer can
             # possess.
@@ -47,15 +47,15 @@ class StageSender:
         else:
             stage.put(project, name, then=on_answer)
 
-    def mark_sent(self, name: str, one: RigBase) -> None:
+    def mark_sent(self, name: str, character: RigBase) -> None:
         """Records that a character made by the edge is on the stage in its current state."""
-        self._sent[name], self.states[name] = one, "on the stage"
+        self._sent[name], self.states[name] = character, "on the stage"
 
     def remove(self, stage: StageLink, name: str) -> None:
         """Removes a character from the stage."""
         self._sent.pop(name, None)
         self.states.pop(name, None)
-        stage.remove(name, partial(self._take_removal, name))
+        stage.remove(name, partial(self._handle_removal, name))
 
     def advance(self, stage: StageLink, project: Project) -> None:
         """Sends edited characters after a pause in the editing."""
@@ -82,18 +82,18 @@ class StageSender:
         """Discards the state of the stage after the link was closed."""
         self.states, self._sent, self._seen = {}, {}, {}
 
-    def _take_answer(self, name: str, again: bool, answer: Answer) -> None:
+    def _handle_answer(self, name: str, again: bool, answer: Answer) -> None:
         if name not in self._sent:
             return
         if isinstance(answer, Done):
             self.states[name] = "on the stage"
             if not again:
-                self._tell(tr("{0} stands on the stage", name), self._placement_note(name))
+                self._show_message(tr("{0} stands on the stage", name), self._make_placement_note(name))
         elif isinstance(answer, Refused):
             self.states[name] = later("refused: {0}", answer.reason)
-            self._tell(tr("{0} cannot stand on the stage", name), answer.reason)
+            self._show_message(tr("{0} cannot be put on the stage", name), answer.reason)
 
-    def _placement_note(self, name: str) -> str:
+    def _make_placement_note(self, name: str) -> str:
         """Returns a note for the artist about a character that was put on the stage."""
         if texture_bytes(self._sent[name]) > MAX_TEXTURE_BYTES:
             most = MAX_TEXTURE_BYTES >> 20
@@ -102,11 +102,11 @@ class StageSender:
             )
         return tr("It follows every edit.")
 
-    def _take_removal(self, name: str, answer: Answer) -> None:
+    def _handle_removal(self, name: str, answer: Answer) -> None:
         if isinstance(answer, Refused):
-            self._tell(tr("{0} was not removed from the stage", name), answer.reason)
+            self._show_message(tr("{0} was not removed from the stage", name), answer.reason)
         else:
-            self._tell(tr("{0} is gone from the stage", name), "")
+            self._show_message(tr("{0} is gone from the stage", name), "")
 
 
 def _differs_in_motion_only(character: RigBase, sent: RigBase) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.frames import BodyFrame
-from enliven_viewer.playback import NS
+from enliven_viewer.playback import NS_PER_S
 
 _MAX_MOVEMENT_M = 0.06
 """Maximum movement of a joint in metres while a performer holds still: breathing and sensor noise."""
@@ -50,4 +50,4 @@ class Stillness:
         """Returns for how long all have held still since the last movement; 0 before the first."""
         if self.since_ns is None or not self._moved:
             return 0.0
-        return max(now_ns - self.since_ns, 0) / NS
+        return max(now_ns - self.since_ns, 0) / NS_PER_S

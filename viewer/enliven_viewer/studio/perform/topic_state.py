@@ -9,9 +9,9 @@ from enliven.wire import Topic
 from enliven_viewer.language import later
 from enliven_viewer.link import EdgeClient
 
-NOT_READY = later("Waiting for the stage")
+NOT_READY_TEXT = later("Waiting for the stage")
 """Shown instead of a state that an edge has not sent yet."""
-GRACE_S = 3.0
+MAX_FIRST_STATE_DELAY_S = 3.0
 """Seconds from an edge's first message after which a missing state means an older edge.
 
 An edge sends its states at once; the subscription and a loaded machine delay them by up to a second.
@@ -47,5 +47,5 @@ class TopicState(Generic[Message]):
     @property
     def is_unsupported(self) -> bool:
         """Returns True if an edge is connected that does not publish this state, so it is older."""
-        waited = self._instance is not None and time.monotonic() - self._since > GRACE_S
+        waited = self._instance is not None and time.monotonic() - self._since > MAX_FIRST_STATE_DELAY_S
         return self.message is None and waited

@@ -8,12 +8,12 @@ from enliven.wire import HEARD, VOICE, Answer, HeardMessage, Listen, Refused, Vo
 from enliven_viewer.language import later, tr
 from enliven_viewer.link import EdgeClient
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.perform.topic_state import NOT_READY, TopicState
+from enliven_viewer.studio.perform.topic_state import NOT_READY_TEXT, TopicState
 
-SHOWN_S = 5.0
+UTTERANCE_DISPLAY_S = 5.0
 """Seconds for which an utterance is shown: long enough to read across the room, gone before the next one."""
 _OLD_EDGE = later("This stage's program is older and has no switch for the microphone. Update it")
-_STATES = {
+_STATE_TEXTS = {
     "off": later("The microphone is off"),
     "starting": later("The microphone is being opened"),
     "listening": later("Listening"),
@@ -39,7 +39,7 @@ class StageVoice:
     def advance(self, client: EdgeClient, *, is_near: bool) -> None:
         """Processes the edge's messages. Opens the microphone of a stage started by this window if wanted."""
         for message in client.take(HEARD):
-            self._heard, self._until = message, time.monotonic() + SHOWN_S
+            self._heard, self._until = message, time.monotonic() + UTTERANCE_DISPLAY_S
         self._state.advance(client)
         instance = client.edges[0].instance
         if is_near and self.wanted_state and self.state is not None and self._asked != instance:
@@ -80,9 +80,9 @@ class StageVoice:
     def status(self) -> str:
         """Returns the state of the microphone in words."""
         if self.state is None:
-            return _OLD_EDGE if self._state.is_unsupported else NOT_READY
+            return _OLD_EDGE if self._state.is_unsupported else NOT_READY_TEXT
         reason = f": {self.state.what}" if self.state.what else ""
-        return f"{_STATES[self.state.state]}{reason}"
+        return f"{_STATE_TEXTS[self.state.state]}{reason}"
 
     @property
     def advice(self) -> str:

@@ -11,10 +11,10 @@ import numpy as np
 
 from enliven.arrays import Float32
 from enliven_viewer.render import PLAIN, Renderer, Scene, linear_from_srgb
-from enliven_viewer.render.overlay import Tubes, tube_rows
+from enliven_viewer.render.overlay import Tubes, make_tube_rows
 from enliven_viewer.studio.performer.performer_view import PerformerFigure
 from enliven_viewer.studio.viewport import Lens
-from enliven_viewer.theme import FADED, HOVERED, point_colour
+from enliven_viewer.theme import HOVERED_JOINT, UNSELECTED_BONE, get_point_colour
 
 _LIMB_RADIUS = 0.026
 """Radius of a limb as a fraction of the performer's height."""
@@ -43,29 +43,40 @@ class PerformerPicture:
         self.renderer = renderer
         self._tubes = Tubes(renderer.ctx)
 
-    def draw(self, figure: PerformerFigure, lens: Lens, paired: Mapping[int, int], lit: int | None) -> None:
+    def draw(
+        self, figure: PerformerFigure, lens: Lens, paired: Mapping[int, int], highlighted_joint: int | None
+    ) -> None:
         """Draws and resolves one image.
 
-        ``paired`` maps joints to numbers of control points; ``lit`` is a highlighted joint.
+        ``paired`` maps joints to numbers of control points; ``highlighted_joint`` may be None.
         """
         low, high = figure.joints.min(0), figure.joints.max(0)
         self.renderer.draw(Scene((), (), PLAIN, extent=(low, high)), lens.view)
-        self._tubes.draw(self.renderer.picture, figure_rows(figure, paired, lit), _DEPTH_BIAS_M)
+        self._tubes.draw(
+            self.renderer.picture, make_figure_rows(figure, paired, highlighted_joint), _DEPTH_BIAS_M
+        )
 
 
-def figure_rows(figure: PerformerFigure, paired: Mapping[int, int], lit: int | None) -> Float32:
+def make_figure_rows(
+    figure: PerformerFigure, paired: Mapping[int, int], highlighted_joint: int | None
+) -> Float32:
     """Returns (N, 12) rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes`: limbs, then joints."""
-    parents, tall = figure.skeleton.parents, figure.height
+    parents, height = figure.skeleton.parents, figure.height
     starts, ends = figure.joints[parents[1:]], figure.joints[1:]
-    radii = np.full(len(starts), _LIMB_RADIUS * tall)
-    bones = tube_rows(
-        starts, ends, radii, linear_from_srgb(np.tile(np.array(FADED, float), (len(starts), 1)))
+    radii = np.full(len(starts), _LIMB_RADIUS * height)
+    bones = make_tube_rows(
+        starts, ends, radii, linear_from_srgb(np.tile(np.array(UNSELECTED_BONE, float), (len(starts), 1)))
     )
     bones[:, 7] *= 0.72
-    sizes = np.full(len(figure.joints), _JOINT_RADIUS * tall)
-    tints = np.tile(np.array(FADED, float), (len(figure.joints), 1))
+    sizes = np.full(len(figure.joints), _JOINT_RADIUS * height)
+    tints = np.tile(np.array(UNSELECTED_BONE, float), (len(figure.joints), 1))
     for joint, point in paired.items():
-        sizes[joint], tints[joint] = _PAIRED_JOINT_RADIUS * tall, point_colour(point)
-    if lit is not None:
-        sizes[lit], tints[lit] = max(sizes[lit], 0.9 * _PAIRED_JOINT_RADIUS * tall), HOVERED
-    return np.concatenate([bones, tube_rows(figure.joints, figure.joints, sizes, linear_from_srgb(tints))])
+        sizes[joint], tints[joint] = _PAIRED_JOINT_RADIUS * height, get_point_colour(point)
+    if highlighted_joint is not None:
+        sizes[highlighted_joint], tints[highlighted_joint] = (
+            max(sizes[highlighted_joint], 0.9 * _PAIRED_JOINT_RADIUS * height),
+            HOVERED_JOINT,
+        )
+    return np.concatenate(
+        [bones, make_tube_rows(figure.joints, figure.joints, sizes, linear_from_srgb(tints))]
+    )

@@ -17,10 +17,10 @@ from enliven.examples import yaw_of
 from enliven.mapping import facing_of, rotate_about_y
 from enliven.modeling.puppet import play_take
 from enliven_viewer.language import later, tr
-from enliven_viewer.render import DRAG_TURN, OrbitCamera
+from enliven_viewer.render import TURN_PER_PIXEL, OrbitCamera
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.examples import layer_of, with_joint
-from enliven_viewer.studio.viewport import Lens, Point, joints_of
+from enliven_viewer.studio.examples import find_layer_number, with_joint
+from enliven_viewer.studio.viewport import Lens, Point, find_joints
 
 _FRAMING_MARGIN = 1.3
 """Framing margin: size of the view relative to the performer at rest, so that raised arms fit."""
@@ -73,7 +73,7 @@ class PerformerView:
             return key.take
         if self._take in editor.project.takes:
             return self._take
-        number = None if puppet is None else layer_of(puppet, editor.selection.layer)
+        number = None if puppet is None else find_layer_number(puppet, editor.selection.layer)
         return puppet.layers[number].take if puppet is not None and number is not None else None
 
     @property
@@ -93,7 +93,7 @@ class PerformerView:
     def playhead(self, take: str) -> float:
         """Returns the time in a take at the project's time, regardless of an edited key pose."""
         editor, puppet = self.editor, self.editor.puppets.puppet
-        number = None if puppet is None else layer_of(puppet, editor.selection.layer, take)
+        number = None if puppet is None else find_layer_number(puppet, editor.selection.layer, take)
         if puppet is not None and number is not None:
             return puppet.layers[number].played(editor.time, editor.project.takes[take].duration)[0]
         return min(editor.time, editor.project.takes[take].duration)
@@ -104,7 +104,7 @@ class PerformerView:
         puppet = self.editor.puppets.puppet
         if puppet is None:
             return
-        number = layer_of(puppet, None, take)
+        number = find_layer_number(puppet, None, take)
         if number is not None:
             self.editor.select(layer=number)
         elif not puppet.layers:
@@ -133,12 +133,15 @@ class PerformerView:
         framed = (figure.skeleton, aspect)
         if self._framed != framed:
             self._framed = framed
-            half, tall = 0.42 * figure.height, 1.06 * figure.height
-            box = np.array([-half, 0.0, -half]), np.array([half, tall, half])
-            self.camera.frame(box, aspect, at_once=True, reset=True, room=_FRAMING_MARGIN)
+            half, height = 0.42 * figure.height, 1.06 * figure.height
+            box = np.array([-half, 0.0, -half]), np.array([half, height, half])
+            self.camera.frame(box, aspect, at_once=True, reset=True, margin=_FRAMING_MARGIN)
         if self.linked:
-            way = self.editor.lens.forward
-            self.camera.face(math.atan2(-way[0], -way[2]), math.asin(float(np.clip(-way[1], -1.0, 1.0))))
+            viewing_direction = self.editor.lens.forward
+            self.camera.face(
+                math.atan2(-viewing_direction[0], -viewing_direction[2]),
+                math.asin(float(np.clip(-viewing_direction[1], -1.0, 1.0))),
+            )
             self.camera.advance(10.0)
 
     def figure(self, moment: tuple[str, float] | None = None) -> PerformerFigure | None:
@@ -158,11 +161,11 @@ class PerformerView:
         return cached[1]
 
     def _make_figure(self, clip: Clip, frame: int) -> PerformerFigure:
-        joints = joints_of(clip.skeleton, clip.turns[frame], clip.root[frame])
+        joints = find_joints(clip.skeleton, clip.turns[frame], clip.root[frame])
         joints = joints - clip.root[frame] * [1.0, 0.0, 1.0]
         # Turn the performer into the direction of the mesh: remove the performer's yaw and the facing
         # direction of its rest pose.
-        back = -float(yaw_of(clip.turns[frame, 0])) - self._front_turn(clip)
+        back = -float(yaw_of(clip.turns[frame, 0])) - self._find_front_yaw(clip)
         height = float(np.ptp(clip.skeleton.positions[:, 1]))
         return PerformerFigure(clip.skeleton, rotate_about_y(joints, np.asarray(back)), max(height, 0.05))
 
@@ -174,10 +177,10 @@ class PerformerView:
         names = {name: k for k, name in enumerate(self.editor.project.takes[moment[0]].skeleton.names)}
         return {names[point.joint]: k for k, point in enumerate(puppet.points) if point.joint in names}
 
-    def press(self, at: Point) -> None:
+    def press(self, pixel: Point) -> None:
         """Pairs the clicked joint with the selected control point, or begins to turn the view."""
-        joint, figure = self.joint_at(at), self.figure()
-        self._last = at if joint is None else None
+        joint, figure = self.joint_at(pixel), self.figure()
+        self._last = pixel if joint is None else None
         if joint is not None and figure is not None:
             self.pair(figure.skeleton.names[joint])
 
@@ -205,17 +208,17 @@ class PerformerView:
                 later("pair {0}", chosen.name), lambda project: with_joint(project, name, chosen.name, joint)
             )
 
-    def move(self, at: Point) -> None:
+    def move(self, pixel: Point) -> None:
         """Highlights the joint under the pointer, or turns the view (and the stage with it)."""
         if self._last is None:
-            self.hovered = self.joint_at(at)
+            self.hovered = self.joint_at(pixel)
             return
-        across, down = at[0] - self._last[0], at[1] - self._last[1]
+        across, down = pixel[0] - self._last[0], pixel[1] - self._last[1]
         turned = self.editor.camera if self.linked else self.camera
-        turned.orbit(-DRAG_TURN * across, DRAG_TURN * down)
+        turned.orbit(-TURN_PER_PIXEL * across, TURN_PER_PIXEL * down)
         if not self.linked:
             self.camera.advance(10.0)
-        self._last = at
+        self._last = pixel
 
     def release(self) -> None:
         """Handles the release of the button."""
@@ -226,7 +229,7 @@ class PerformerView:
         self.camera.zoom(0.88**up)
         self.camera.advance(10.0)
 
-    def joint_at(self, at: Point) -> int | None:
+    def joint_at(self, pixel: Point) -> int | None:
         """Returns the joint within reach of a pixel.
 
         Of coincident joints, returns the one nearest to the root.
@@ -235,13 +238,15 @@ class PerformerView:
         if figure is None:
             return None
         pixels, depth = self.lens.project(figure.joints)
-        away = np.linalg.norm(pixels - at, axis=1)
-        near = [k for k in range(len(away)) if away[k] <= self.editor.settings.reach]
+        distances = np.linalg.norm(pixels - pixel, axis=1)
+        near_joints = [k for k in range(len(distances)) if distances[k] <= self.editor.settings.reach]
         return min(
-            near, key=lambda k: (round(float(away[k]) / 3.0), round(float(depth[k]), 2), k), default=None
+            near_joints,
+            key=lambda k: (round(float(distances[k]) / 3.0), round(float(depth[k]), 2), k),
+            default=None,
         )
 
-    def _front_turn(self, clip: Clip) -> float:
+    def _find_front_yaw(self, clip: Clip) -> float:
         """Returns the yaw of the performer's rest pose in radians."""
         if self._facing is None or self._facing[0] is not clip.skeleton:
             self._facing = (clip.skeleton, facing_of(clip.skeleton))

@@ -14,8 +14,8 @@ from enliven.document import Puppet
 from enliven.meshes import Mesh
 from enliven_viewer.render import PLAIN, OrbitCamera, Renderer, Scene, SceneCharacter
 from enliven_viewer.settings import RenderSettings
-from enliven_viewer.studio.puppets import PuppetSurfaces, puppet_meshes
-from enliven_viewer.theme import look_in_theme, theme_in_use
+from enliven_viewer.studio.puppets import PuppetSurfaces, create_puppet_meshes
+from enliven_viewer.theme import get_theme, look_in_theme
 
 log = logging.getLogger(__name__)
 _SIZE = (176, 160)
@@ -46,7 +46,7 @@ class Thumbnails:
     def __init__(self, ctx: moderngl.Context, surfaces: PuppetSurfaces) -> None:
         self._ctx, self._surfaces = ctx, surfaces
         self._renderer: Renderer | None = None
-        self._characters = puppet_meshes()
+        self._characters = create_puppet_meshes()
         self._solving: dict[_Key, tuple[Puppet, Future[Float]]] = {}
         self._done: dict[_Key, tuple[Mesh, moderngl.Texture]] = {}
         self._shown: dict[tuple[str, int], _Key] = {}
@@ -58,7 +58,7 @@ class Thumbnails:
             slot: number of the place that shows the thumbnail. Until it is drawn, the slot's previous
                 thumbnail is shown.
         """
-        key = (*_key(puppet, places), theme_in_use())
+        key = (*_make_key(puppet, places), get_theme())
         thumbnail = self._done.get(key)
         if thumbnail is not None:
             self._done[key] = self._done.pop(key)
@@ -97,7 +97,7 @@ class Thumbnails:
         high = np.maximum(puppet.mesh.vertices.max(0), vertices.max(0))
         camera, aspect = OrbitCamera(0.5), _SIZE[0] / _SIZE[1]
         camera.face(SIDE, _ELEVATION)
-        camera.frame((low, high), aspect, at_once=True, room=_FRAMING_MARGIN)
+        camera.frame((low, high), aspect, at_once=True, margin=_FRAMING_MARGIN)
         camera.advance(10.0)
         actor = SceneCharacter(character, character.rest_pose(), vertices=vertices.astype(np.float32))
         self._renderer.look = look_in_theme("studio")
@@ -105,6 +105,6 @@ class Thumbnails:
         return self._ctx.texture(_SIZE, 3, self._renderer.pixels().tobytes(), alignment=1)
 
 
-def _key(puppet: Puppet, places: Float) -> _Key:
+def _make_key(puppet: Puppet, places: Float) -> _Key:
     held: Iterable[object] = ((point.vertex, point.weight) for point in puppet.points)
     return id(puppet.mesh), puppet.id, tuple(held), puppet.surface, np.asarray(places).tobytes()

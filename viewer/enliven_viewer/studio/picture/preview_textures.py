@@ -7,7 +7,7 @@ import numpy as np
 
 from enliven.arrays import UInt8
 from enliven.wire import CameraMessage
-from enliven_viewer.theme import GLANCE_FAR, GLANCE_NEAR, theme_in_use
+from enliven_viewer.theme import DEPTH_FAR, DEPTH_NEAR, get_theme
 
 _NEARNESS_EXPONENT = 1.7
 """Exponent of the nearness, so that a person two metres in front of a wall contrasts with it."""
@@ -32,22 +32,22 @@ class PreviewTextures:
         if camera is None or not camera.height:
             return None
         cached = self._made.get(name)
-        if cached is not None and cached[0] is camera and cached[2] == theme_in_use():
+        if cached is not None and cached[0] is camera and cached[2] == get_theme():
             return int(cached[1].glo)
-        size, pixels = (camera.width, camera.height), picture_of(camera).tobytes()
+        size, pixels = (camera.width, camera.height), draw_depth_image(camera).tobytes()
         if cached is not None and cached[1].size == size:
             texture = cached[1]
             texture.write(pixels, alignment=1)
         else:
             texture = self._ctx.texture(size, 3, pixels, alignment=1)
-        self._made[name] = camera, texture, theme_in_use()
+        self._made[name] = camera, texture, get_theme()
         return int(texture.glo)
 
 
-def picture_of(camera: CameraMessage) -> UInt8:
+def draw_depth_image(camera: CameraMessage) -> UInt8:
     """Returns (height, width, 3) sRGB: near surfaces bright, far and unknown ones dark."""
     near = np.frombuffer(camera.nearness, np.uint8).reshape(camera.height, camera.width, 1) / 255.0
-    far = np.array(GLANCE_FAR) / 255.0
+    far = np.array(DEPTH_FAR) / 255.0
     return np.asarray(
-        np.round(255 * (far + near**_NEARNESS_EXPONENT * (np.array(GLANCE_NEAR) / 255.0 - far))), np.uint8
+        np.round(255 * (far + near**_NEARNESS_EXPONENT * (np.array(DEPTH_NEAR) / 255.0 - far))), np.uint8
     )

@@ -8,9 +8,16 @@ import numpy as np
 
 from enliven.arrays import AnyArray, Float, Float32
 from enliven_viewer.render import linear_from_srgb
-from enliven_viewer.render.overlay import tube_rows
+from enliven_viewer.render.overlay import make_tube_rows
 from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StageCharacter
-from enliven_viewer.theme import BONE, CHAINED, CHOSEN, FADED, HOVERED, ROOT
+from enliven_viewer.theme import (
+    CHAINED_BONE,
+    HOVERED_JOINT,
+    ROOT_JOINT,
+    SELECTED_BONE,
+    SELECTED_JOINT,
+    UNSELECTED_BONE,
+)
 
 _BONE_RADIUS_PX = 2.3
 """Radius in pixels of a bone at its parent: thin, so that the mesh stays visible."""
@@ -32,35 +39,40 @@ overlap.
 """
 
 
-def skeleton_rows(posed: StageCharacter, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
+def make_skeleton_rows(posed: StageCharacter, lens: Lens, selection: Selection, overlay: Overlay) -> Float32:
     """Returns (N - 1 + N, 12) rows of ``Tubes``: a character's bones, then its handles."""
-    pixel = lens.spans(posed.handles)
-    mine = posed.id in selection.characters
-    bones = np.tile(np.array(BONE if mine else FADED, float), (len(posed.handles), 1))
+    pixel = lens.pixel_sizes(posed.handles)
+    is_selected = posed.id in selection.characters
+    bones = np.tile(
+        np.array(SELECTED_BONE if is_selected else UNSELECTED_BONE, float), (len(posed.handles), 1)
+    )
     joints = bones.copy()
-    joints[0] = ROOT
+    joints[0] = ROOT_JOINT
     if overlay.chain is not None and overlay.chain[0] == posed.id:
-        _tint_chain(posed, overlay.chain[1], bones, joints)
+        _highlight_chain(posed, overlay.chain[1], bones, joints)
     if selection.character == posed.id and selection.handle is not None:
-        bones[selection.handle] = joints[selection.handle] = CHOSEN
+        bones[selection.handle] = joints[selection.handle] = SELECTED_JOINT
     if overlay.hovered is not None and overlay.hovered[0] == posed.id:
-        bones[overlay.hovered[1]] = joints[overlay.hovered[1]] = HOVERED
+        bones[overlay.hovered[1]] = joints[overlay.hovered[1]] = HOVERED_JOINT
     above, below = np.array(posed.bones, np.int64).reshape(-1, 2).T
     starts, ends = posed.handles[above], posed.handles[below]
     size = float(np.ptp(posed.handles, axis=0).max()) if len(posed.handles) > 1 else np.inf
     thick = np.minimum(_BONE_RADIUS_PX * pixel[below], _MAX_BONE_RADIUS * size)
-    rows = tube_rows(starts, ends, thick, linear_from_srgb(bones[below]))
+    rows = make_tube_rows(starts, ends, thick, linear_from_srgb(bones[below]))
     rows[:, 7] *= 0.42
     radii = np.full(len(joints), _JOINT_RADIUS_PX)
     radii[0] = _ROOT_RADIUS_PX
-    most = _MAX_JOINT_RADIUS * size * radii / _JOINT_RADIUS_PX
+    max_radii = _MAX_JOINT_RADIUS * size * radii / _JOINT_RADIUS_PX
     radii = np.minimum(
-        radii * pixel, np.minimum(most, _MAX_JOINT_PER_BONE * _longest(posed.handles, above, below))
+        radii * pixel,
+        np.minimum(max_radii, _MAX_JOINT_PER_BONE * _find_longest_bones(posed.handles, above, below)),
     )
-    return np.concatenate([rows, tube_rows(posed.handles, posed.handles, radii, linear_from_srgb(joints))])
+    return np.concatenate(
+        [rows, make_tube_rows(posed.handles, posed.handles, radii, linear_from_srgb(joints))]
+    )
 
 
-def _longest(handles: Float, above: AnyArray, below: AnyArray) -> Float:
+def _find_longest_bones(handles: Float, above: AnyArray, below: AnyArray) -> Float:
     """Returns (H,) metres, the length of the longest bone at each handle.
 
     The value is infinite at a handle without bones.
@@ -72,9 +84,9 @@ def _longest(handles: Float, above: AnyArray, below: AnyArray) -> Float:
     return np.where(longest > 0.0, longest, np.inf)
 
 
-def _tint_chain(posed: StageCharacter, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
+def _highlight_chain(posed: StageCharacter, chain: tuple[int, ...], bones: Float32, joints: Float32) -> None:
     """Highlights the bones between neighbours of a chain."""
     parents = posed.character.parents
     for a, b in itertools.pairwise(chain):
-        bones[b if parents[b] == a else a] = CHAINED
-    joints[list(chain)] = CHAINED
+        bones[b if parents[b] == a else a] = CHAINED_BONE
+    joints[list(chain)] = CHAINED_BONE

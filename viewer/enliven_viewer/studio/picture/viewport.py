@@ -9,16 +9,16 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float
-from enliven_viewer.playback import bounds_of
+from enliven_viewer.playback import find_bounds
 from enliven_viewer.render import PLAIN, Renderer, Scene, SceneCharacter
 from enliven_viewer.render.overlay import Tubes
 from enliven_viewer.settings import RenderSettings
 from enliven_viewer.studio.ghosts import GhostPicture
 from enliven_viewer.studio.picture.onion_skin import OnionSkin
 from enliven_viewer.studio.picture.scan_preview_pass import ScanPreview, ScanPreviewPass
-from enliven_viewer.studio.picture.skeletons import skeleton_rows
+from enliven_viewer.studio.picture.skeletons import make_skeleton_rows
 from enliven_viewer.studio.puppets import PuppetOverlay
-from enliven_viewer.studio.tools import NOTHING, ToolPicture
+from enliven_viewer.studio.tools import EMPTY_PICTURE, ToolPicture
 from enliven_viewer.studio.viewport import Lens, Overlay, Selection, StageCharacter
 
 _DEPTH_BIAS = 0.4
@@ -49,7 +49,7 @@ class Viewport:
         selection: Selection,
         overlay: Overlay,
         *,
-        over: ToolPicture = NOTHING,
+        over: ToolPicture = EMPTY_PICTURE,
         ghosts: GhostPicture | None = None,
         meshes: bool = True,
         bones: bool = True,
@@ -65,7 +65,7 @@ class Viewport:
             for character in stage
             if meshes and character.drawn
         ]
-        extent = bounds_of([character.extent for character in stage])
+        extent = find_bounds([character.extent for character in stage])
         scene = Scene(tuple(actors), (), PLAIN, extent=extent)
         if live is not None:
             scene = replace(live, actors=(*actors, *live.actors), extent=extent)
@@ -75,10 +75,10 @@ class Viewport:
             self._onion = self._onion or OnionSkin(self.renderer.ctx)
             self._onion.draw(self.renderer.picture, ghosts.bodies)
         self._draw_puppet(over)
-        handled = [character for character in stage if len(character.handles) and not character.own_tool]
+        handled = [character for character in stage if len(character.handles) and not character.has_own_tool]
         if bones and handled:
             rows = np.concatenate(
-                [skeleton_rows(character, lens, selection, overlay) for character in handled]
+                [make_skeleton_rows(character, lens, selection, overlay) for character in handled]
             )
             near = min(
                 float(((character.handles - lens.view.eye) @ lens.forward).min()) for character in handled
@@ -98,7 +98,7 @@ class Viewport:
 
     def _draw_puppet(self, over: ToolPicture) -> None:
         """Draws the geometry of the active tool over the image."""
-        if over is NOTHING:
+        if over is EMPTY_PICTURE:
             return
         self._puppet_overlay = self._puppet_overlay or PuppetOverlay(self.renderer.ctx)
         picture = self.renderer.picture

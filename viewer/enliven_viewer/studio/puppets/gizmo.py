@@ -12,11 +12,11 @@ import numpy as np
 
 from enliven.arrays import Float, Float32
 from enliven_viewer.render import linear_from_srgb
-from enliven_viewer.render.overlay import tube_rows
+from enliven_viewer.render.overlay import make_tube_rows
 from enliven_viewer.studio.viewport import Disc, Fill, Lens, Line, Point
-from enliven_viewer.theme import AXES, HELD_AXIS, MARK, Colour, Paint
+from enliven_viewer.theme import AXIS_COLOURS, HELD_AXIS, MARK, Colour, Paint
 
-LENGTH = 84.0
+ARROW_LENGTH_PX = 84.0
 """Length of an arrow in pixels."""
 _SQUARE_START_PX = 24.0
 """Distance in pixels along both axes at which a square begins, so that it does not cover the ring."""
@@ -26,14 +26,14 @@ _GRAB_DISTANCE_PX = 8.0
 """Distance in pixels within which an arrow can be grabbed."""
 _RING_RADIUS_PX = 13.0
 """Radius of the ring in pixels."""
-_MIN_VISIBLE_FRACTION = 0.2
+_MIN_FORESHORTENING = 0.2
 """Limit for hiding parts: a square seen nearly edge-on, or an arrow seen nearly end-on, cannot be grabbed."""
 _CONE_FRACTION = 0.24
 """Fraction of an arrow's length that its cone takes."""
 _GUIDE_HALF_LENGTH_PX = 260.0
 """Half length in pixels of the guide line along which an arrow is dragged: three times the arrow."""
-PARTS = ("x", "y", "z", "yz", "zx", "xy", "view")
-_STEPS = np.array([1.0, 2.0, 5.0, 10.0])
+GIZMO_PARTS = ("x", "y", "z", "yz", "zx", "xy", "view")
+_SNAP_STEP_FACTORS = np.array([1.0, 2.0, 5.0, 10.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,20 +55,20 @@ class Gizmo:
         centre, tips = self._projected_arrows()
         if not np.isfinite(centre).all() or not np.isfinite(tips).all():
             return ""
-        where = np.array(pixel)
-        if np.linalg.norm(where - centre) <= _RING_RADIUS_PX:
+        point = np.array(pixel)
+        if np.linalg.norm(point - centre) <= _RING_RADIUS_PX:
             return "view"
-        ways = [
-            (self._arrow_distance(centre, tips[axis], where), axis)
+        arrow_distances = [
+            (self._measure_arrow_distance(centre, tips[axis], point), axis)
             for axis in range(3)
-            if self._foreshortening(axis) > _MIN_VISIBLE_FRACTION
+            if self._find_foreshortening(axis) > _MIN_FORESHORTENING
         ]
-        away, axis = min(ways, default=(np.inf, 0))
-        if away <= _GRAB_DISTANCE_PX:
-            return PARTS[axis]
+        distance, axis = min(arrow_distances, default=(np.inf, 0))
+        if distance <= _GRAB_DISTANCE_PX:
+            return GIZMO_PARTS[axis]
         for axis in range(3):
-            if self._square_seen(axis) and _inside(self._square(axis), where):
-                return PARTS[3 + axis]
+            if self._is_square_visible(axis) and _is_inside(self._find_square(axis), point):
+                return GIZMO_PARTS[3 + axis]
         return ""
 
     def drag_offset(self, part: str, start: Point, now: Point, *, snap: bool) -> Float | None:
@@ -77,58 +77,60 @@ class Gizmo:
         Returns None if a pixel is beyond the horizon of the part's plane.
         """
         if part == "view":
-            way = self.lens.on_plane(now, self.place) - self.lens.on_plane(start, self.place)
+            offset = self.lens.on_plane(now, self.place) - self.lens.on_plane(start, self.place)
         elif len(part) == 1:
-            axis = PARTS.index(part)
-            way = np.eye(3)[axis] * (self._on_axis(axis, now) - self._on_axis(axis, start))
+            axis = GIZMO_PARTS.index(part)
+            offset = np.eye(3)[axis] * (self._project_on_axis(axis, now) - self._project_on_axis(axis, start))
         else:
-            normal = np.eye(3)[PARTS.index(part) - 3]
-            first, last = self._on_plane(normal, start), self._on_plane(normal, now)
+            normal = np.eye(3)[GIZMO_PARTS.index(part) - 3]
+            first, last = self._intersect_plane(normal, start), self._intersect_plane(normal, now)
             if first is None or last is None:
                 return None
-            way = last - first
+            offset = last - first
         step = self.step
-        return np.asarray(np.round(way / step) * step if snap else way)
+        return np.asarray(np.round(offset / step) * step if snap else offset)
 
     @property
     def step(self) -> float:
         """Returns the step in metres that Shift snaps to: a round number near ten pixels."""
         wanted = 10.0 * self.pixel
         power = 10.0 ** np.floor(np.log10(wanted))
-        return float(power * _STEPS[np.abs(_STEPS * power - wanted).argmin()])
+        return float(power * _SNAP_STEP_FACTORS[np.abs(_SNAP_STEP_FACTORS * power - wanted).argmin()])
 
-    def rows(self, lit: str, alone: str = "") -> Float32:
-        """Returns the arrows as ``tube_rows``; ``alone`` names the dragged part."""
+    def rows(self, highlighted_part: str, alone: str = "") -> Float32:
+        """Returns the arrows as rows of :func:`make_tube_rows`; ``alone`` names the dragged part."""
         arrows = []
         for axis in range(3):
-            part = PARTS[axis]
-            if self._foreshortening(axis) <= _MIN_VISIBLE_FRACTION or (alone and part not in alone):
+            part = GIZMO_PARTS[axis]
+            if self._find_foreshortening(axis) <= _MIN_FORESHORTENING or (alone and part not in alone):
                 continue
-            arrows.append(self._arrow(axis, HELD_AXIS if lit == part else AXES[axis]))
+            arrows.append(
+                self._make_arrow(axis, HELD_AXIS if highlighted_part == part else AXIS_COLOURS[axis])
+            )
         return np.concatenate(arrows) if arrows else np.zeros((0, 12), np.float32)
 
-    def marks(self, lit: str, alone: str = "") -> tuple[Fill | Line | Disc, ...]:
+    def marks(self, highlighted_part: str, alone: str = "") -> tuple[Fill | Line | Disc, ...]:
         """Returns the squares and the ring, as marks over the image."""
         centre, _ = self._projected_arrows()
         if not np.isfinite(centre).all():
             return ()
         marks: list[Fill | Line | Disc] = []
         if len(alone) == 1:
-            marks += self._track(PARTS.index(alone))
+            marks += self._make_guide_line(GIZMO_PARTS.index(alone))
         for axis in range(3):
-            part = PARTS[3 + axis]
-            if not self._square_seen(axis) or (alone and alone != part):
+            part = GIZMO_PARTS[3 + axis]
+            if not self._is_square_visible(axis) or (alone and alone != part):
                 continue
-            colour = _float(HELD_AXIS if lit == part else AXES[axis])
-            corners = tuple((float(x), float(y)) for x, y in self._square(axis))
-            marks.append(Fill(corners, (*colour[:3], 0.62 if lit == part else 0.34)))
+            colour = _to_float_colour(HELD_AXIS if highlighted_part == part else AXIS_COLOURS[axis])
+            corners = tuple((float(x), float(y)) for x, y in self._find_square(axis))
+            marks.append(Fill(corners, (*colour[:3], 0.62 if highlighted_part == part else 0.34)))
             marks.append(Line(corners, (*colour[:3], 0.95), 1.5, closed=True))
         if not alone or alone == "view":
-            tint = _float(HELD_AXIS) if lit == "view" else (*MARK[:3], 0.85)
+            tint = _to_float_colour(HELD_AXIS) if highlighted_part == "view" else (*MARK[:3], 0.85)
             marks.append(Disc((float(centre[0]), float(centre[1])), _RING_RADIUS_PX, tint, 2.0))
         return tuple(marks)
 
-    def _track(self, axis: int) -> list[Line]:
+    def _make_guide_line(self, axis: int) -> list[Line]:
         """Returns the guide line along which an arrow is dragged."""
         ends = (
             self.place
@@ -138,32 +140,35 @@ class Gizmo:
         if not np.isfinite(pixels).all():
             return []
         first, last = ((float(x), float(y)) for x, y in pixels)
-        return [Line((first, last), (*_float(AXES[axis])[:3], 0.55), 1.2)]
+        return [Line((first, last), (*_to_float_colour(AXIS_COLOURS[axis])[:3], 0.55), 1.2)]
 
-    def _arrow(self, axis: int, colour: Paint) -> Float32:
-        way, pixel = np.eye(3)[axis] * self.pixel, self.pixel
-        ends = np.array([16.0, LENGTH * (1 - _CONE_FRACTION), LENGTH])[:, None] * way + self.place
+    def _make_arrow(self, axis: int, colour: Paint) -> Float32:
+        arrow_vector, pixel = np.eye(3)[axis] * self.pixel, self.pixel
+        ends = (
+            np.array([16.0, ARROW_LENGTH_PX * (1 - _CONE_FRACTION), ARROW_LENGTH_PX])[:, None] * arrow_vector
+            + self.place
+        )
         tints = linear_from_srgb(np.array([colour, colour], float))
-        rows = tube_rows(ends[:2], ends[1:], np.array([1.7, 5.6]) * pixel, tints)
+        rows = make_tube_rows(ends[:2], ends[1:], np.array([1.7, 5.6]) * pixel, tints)
         rows[1, 7] = 0.15 * pixel
         return rows
 
     def _projected_arrows(self) -> tuple[Float, Float]:
         """Returns (2,) pixels of the place, and (3, 2) pixels of the arrow tips."""
-        points = np.concatenate([self.place[None], self.place + np.eye(3) * LENGTH * self.pixel])
+        points = np.concatenate([self.place[None], self.place + np.eye(3) * ARROW_LENGTH_PX * self.pixel])
         pixels, _ = self.lens.project(points)
         return pixels[0], pixels[1:]
 
-    def _foreshortening(self, axis: int) -> float:
+    def _find_foreshortening(self, axis: int) -> float:
         """Returns the foreshortening of an arrow: 0 along the line of sight, 1 perpendicular to it."""
         sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
         return float(np.sqrt(max(1.0 - sight[axis] ** 2, 0.0)))
 
-    def _square_seen(self, axis: int) -> bool:
+    def _is_square_visible(self, axis: int) -> bool:
         sight = (self.place - self.lens.view.eye) / np.linalg.norm(self.place - self.lens.view.eye)
-        return abs(float(sight[axis])) > _MIN_VISIBLE_FRACTION
+        return abs(float(sight[axis])) > _MIN_FORESHORTENING
 
-    def _square(self, axis: int) -> Float:
+    def _find_square(self, axis: int) -> Float:
         """Returns (4, 2) pixels of the square perpendicular to an axis."""
         first, second = (np.eye(3)[(axis + k) % 3] * self.pixel for k in (1, 2))
         ends = [
@@ -176,39 +181,39 @@ class Gizmo:
         return self.lens.project(corners)[0]
 
     @staticmethod
-    def _arrow_distance(centre: Float, tip: Float, at: Float) -> float:
+    def _measure_arrow_distance(centre: Float, tip: Float, point: Float) -> float:
         """Returns the distance in pixels from the outer part of an arrow."""
-        way = tip - centre
-        length = float(way @ way)
+        arrow_vector = tip - centre
+        length = float(arrow_vector @ arrow_vector)
         if length < 1e-9:
             return np.inf
-        share = float(np.clip((at - centre) @ way / length, 16.0 / LENGTH, 1.05))
-        return float(np.linalg.norm(centre + share * way - at))
+        fraction = float(np.clip((point - centre) @ arrow_vector / length, 16.0 / ARROW_LENGTH_PX, 1.05))
+        return float(np.linalg.norm(centre + fraction * arrow_vector - point))
 
-    def _on_axis(self, axis: int, at: Point) -> float:
+    def _project_on_axis(self, axis: int, pixel: Point) -> float:
         """Returns metres along an axis from the place to the point nearest to a pixel's ray."""
-        ray, line = self.lens.ray(at), np.eye(3)[axis]
+        ray, line = self.lens.ray(pixel), np.eye(3)[axis]
         between, slant = self.place - self.lens.view.eye, float(ray @ line)
         return float((slant * (ray @ between) - line @ between) / max(1.0 - slant * slant, 1e-6))
 
-    def _on_plane(self, normal: Float, at: Point) -> Float | None:
+    def _intersect_plane(self, normal: Float, pixel: Point) -> Float | None:
         """Returns (3,) the intersection of a pixel's ray with the plane through the place.
 
         Returns None if they do not intersect.
         """
-        ray, eye = self.lens.ray(at), self.lens.view.eye
+        ray, eye = self.lens.ray(pixel), self.lens.view.eye
         steep, away = float(ray @ normal), float((self.place - eye) @ normal)
         if abs(steep) < 1e-3 or away / steep <= 0.0:
             return None
         return np.asarray(eye + ray * (away / steep))
 
 
-def _inside(corners: Float, at: Float) -> bool:
+def _is_inside(corners: Float, point: Float) -> bool:
     """Returns True if a pixel is inside a convex quadrilateral (4, 2)."""
-    way, arm = np.roll(corners, -1, 0) - corners, at - corners
-    side = way[:, 0] * arm[:, 1] - way[:, 1] * arm[:, 0]
+    side_vectors, arm = np.roll(corners, -1, 0) - corners, point - corners
+    side = side_vectors[:, 0] * arm[:, 1] - side_vectors[:, 1] * arm[:, 0]
     return bool(np.isfinite(side).all() and ((side >= 0).all() or (side <= 0).all()))
 
 
-def _float(colour: Paint) -> Colour:
+def _to_float_colour(colour: Paint) -> Colour:
     return (colour[0] / 255, colour[1] / 255, colour[2] / 255, 1.0)

@@ -12,7 +12,7 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.puppets.protocols import EditorProtocol
 from enliven_viewer.studio.puppets.puppet_selection import PuppetSelection
 from enliven_viewer.studio.puppets.puppet_stage import PuppetStage, StagePuppet
-from enliven_viewer.studio.puppets.puppet_states import take_places
+from enliven_viewer.studio.puppets.puppet_states import find_start_places
 
 
 class KeyPoses(PuppetSelection):
@@ -73,7 +73,7 @@ class KeyPoses(PuppetSelection):
         there = self.pose_at(take, time)
         if there is not None:
             return self.edit_pose(there)
-        return self._add(puppet, take, time, take_places(self.editor.project, puppet, take, time))
+        return self._add(puppet, take, time, find_start_places(self.editor.project, puppet, take, time))
 
     def pose_at(self, take: str, time: float) -> int | None:
         """Returns the number of the selected puppet's key pose at a time of a take, or None."""
@@ -92,9 +92,9 @@ class KeyPoses(PuppetSelection):
     def accept(self) -> None:
         """Keeps the key pose and stops editing it; the puppet plays again."""
         self._key = self._before = self.start_state = None
-        self.let_go()
+        self.clear_drag()
 
-    def let_go(self) -> None:
+    def clear_drag(self) -> None:
         """Clears the current drag."""
 
     def cancel(self) -> None:
@@ -124,7 +124,7 @@ class KeyPoses(PuppetSelection):
             standing.state if standing is not None and self.start_state is None else self.start_state
         )
         self._key, self._before = (puppet, number), before
-        self.let_go()
+        self.clear_drag()
         self.editor.playing, self._at = False, self.editor.time
 
     def _add(self, puppet: Puppet, take: str, time: float, places: Float) -> bool:

@@ -20,7 +20,7 @@ _MAX_MESHES = 8
 """Maximum number of meshes with cached results. A stage seldom has more puppets."""
 
 
-def by_mesh(find: Callable[[Mesh], Cached]) -> Callable[[Mesh], Cached]:
+def cache_by_mesh(find: Callable[[Mesh], Cached]) -> Callable[[Mesh], Cached]:
     """Returns the function with a cache for the last few meshes. Meshes are compared by identity."""
     cache: OrderedDict[int, tuple[Mesh, Cached]] = OrderedDict()
 
@@ -35,32 +35,32 @@ def by_mesh(find: Callable[[Mesh], Cached]) -> Callable[[Mesh], Cached]:
     return ask
 
 
-@by_mesh
-def size_of(mesh: Mesh) -> float:
+@cache_by_mesh
+def measure_mesh(mesh: Mesh) -> float:
     """Returns the diagonal of the mesh's bounding box in metres."""
     return float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
 
 
-@by_mesh
-def middle_of(mesh: Mesh) -> Float:
+@cache_by_mesh
+def find_mesh_centre(mesh: Mesh) -> Float:
     """Returns (3,) metres, the centre of the mesh's bounding box."""
     return np.asarray(mesh.bounds.mean(0))
 
 
-@by_mesh
-def normals_of(mesh: Mesh) -> Float:
+@cache_by_mesh
+def find_mesh_normals(mesh: Mesh) -> Float:
     """Returns (V, 3) unit normals of the mesh's vertices at rest."""
     return mesh.vertex_normals()
 
 
-@by_mesh
-def plane_of(mesh: Mesh) -> Plane | None:
+@cache_by_mesh
+def find_mesh_plane(mesh: Mesh) -> Plane | None:
     """Returns the mesh's plane of symmetry, or None if it has none."""
     return plane_of_symmetry(mesh)
 
 
-@by_mesh
-def tree_of(mesh: Mesh) -> tuple[scipy.spatial.cKDTree, Int32]:
+@cache_by_mesh
+def build_vertex_tree(mesh: Mesh) -> tuple[scipy.spatial.cKDTree, Int32]:
     """Returns a k-d tree of the vertices that faces use, and (U,) their indices."""
     used = np.unique(mesh.faces)
     return scipy.spatial.cKDTree(mesh.vertices[used]), used

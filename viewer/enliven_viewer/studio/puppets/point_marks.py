@@ -6,10 +6,10 @@ import numpy as np
 
 from enliven.arrays import Float32
 from enliven_viewer.render import linear_from_srgb
-from enliven_viewer.render.overlay import tube_rows
+from enliven_viewer.render.overlay import make_tube_rows
 from enliven_viewer.studio.puppets.puppet_stage import StagePuppet
 from enliven_viewer.studio.viewport import Lens, Point
-from enliven_viewer.theme import point_colour
+from enliven_viewer.theme import get_point_colour
 
 GHOST_RADIUS = 7.0
 """Radius in pixels of a suggestion's ring: larger than that of a control point."""
@@ -17,25 +17,27 @@ POINT_RADIUS = 5.2
 """Radius in pixels of a control point on the mesh."""
 
 
-def ghost_at(standing: StagePuppet, suggested: tuple[int, ...], lens: Lens, at: Point) -> int | None:
+def find_suggestion_at(
+    standing: StagePuppet, suggested: tuple[int, ...], lens: Lens, pixel: Point
+) -> int | None:
     """Returns the suggested vertex with its ring under a pixel, or None."""
     if not suggested:
         return None
-    away = np.linalg.norm(lens.project(standing.vertices[list(suggested)])[0] - at, axis=1)
-    away = np.where(np.isfinite(away), away, np.inf)
-    nearest = int(away.argmin())
-    return suggested[nearest] if away[nearest] <= GHOST_RADIUS + 2 else None
+    distances = np.linalg.norm(lens.project(standing.vertices[list(suggested)])[0] - pixel, axis=1)
+    distances = np.where(np.isfinite(distances), distances, np.inf)
+    nearest = int(distances.argmin())
+    return suggested[nearest] if distances[nearest] <= GHOST_RADIUS + 2 else None
 
 
-def point_rows(standing: StagePuppet, lens: Lens, chosen: int | None, hovered: int | None) -> Float32:
+def make_point_rows(standing: StagePuppet, lens: Lens, chosen: int | None, hovered: int | None) -> Float32:
     """Returns the control points as balls.
 
     They are (P, 12) rows of :class:`~enliven_viewer.render.overlay.tubes.Tubes`.
     """
     points = standing.handles
-    tints = np.array([point_colour(k) for k in range(len(points))], float).reshape(-1, 3)
+    tints = np.array([get_point_colour(k) for k in range(len(points))], float).reshape(-1, 3)
     radii = np.full(len(points), POINT_RADIUS)
     for number, grown in ((hovered, 1.25), (chosen, 1.35)):
         if number is not None and number < len(points):
             radii[number] = POINT_RADIUS * grown
-    return tube_rows(points, points, radii * lens.spans(points), linear_from_srgb(tints))
+    return make_tube_rows(points, points, radii * lens.pixel_sizes(points), linear_from_srgb(tints))

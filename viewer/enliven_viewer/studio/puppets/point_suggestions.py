@@ -10,7 +10,7 @@ import scipy
 from enliven.deformation.graph import extremities, scatter
 from enliven.document import Puppet
 from enliven.meshes import Mesh
-from enliven_viewer.studio.puppets.mesh_cache import size_of
+from enliven_viewer.studio.puppets.mesh_cache import measure_mesh
 
 _MAX_CANDIDATES = 14
 """Maximum number of extreme vertices to examine: more than the limbs of a spider."""
@@ -39,16 +39,16 @@ class PointSuggestions:
         if self._mesh is not puppet.mesh:
             self._mesh = puppet.mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested points")
-            self._found = self._threads.submit(_ends, puppet.mesh)
+            self._found = self._threads.submit(_find_limb_ends, puppet.mesh)
         search = self._found
         if search is None or not search.done() or search.exception() is not None:
             return ()
         vertices = puppet.mesh.vertices
-        rest, apart = puppet.rest, _MIN_POINT_DISTANCE * size_of(puppet.mesh)
+        rest, min_distance = puppet.rest, _MIN_POINT_DISTANCE * measure_mesh(puppet.mesh)
         return tuple(
             vertex
             for vertex in search.result()
-            if not len(rest) or np.linalg.norm(rest - vertices[vertex], axis=1).min() > apart
+            if not len(rest) or np.linalg.norm(rest - vertices[vertex], axis=1).min() > min_distance
         )
 
     def wait(self) -> None:
@@ -57,18 +57,20 @@ class PointSuggestions:
             self._found.result()
 
 
-def _ends(mesh: Mesh) -> tuple[int, ...]:
+def _find_limb_ends(mesh: Mesh) -> tuple[int, ...]:
     """Returns the vertices at the ends of limbs; else the most extreme vertices.
 
     At an end, the neighbourhood lies to one side of the vertex.
     """
     candidates = extremities(mesh, _MAX_CANDIDATES)
     samples = scatter(mesh, _SURFACE_SAMPLES, np.random.default_rng(0)).positions
-    tree, reach = scipy.spatial.cKDTree(samples), _NEIGHBOURHOOD_RADIUS * size_of(mesh)
+    tree, reach = scipy.spatial.cKDTree(samples), _NEIGHBOURHOOD_RADIUS * measure_mesh(mesh)
     ends = []
     for vertex in candidates:
-        near = tree.query_ball_point(mesh.vertices[vertex], reach)
-        aside = np.linalg.norm(samples[near].mean(0) - mesh.vertices[vertex]) if near else 0.0
-        if aside > _MIN_MEAN_OFFSET * reach:
+        neighbours = tree.query_ball_point(mesh.vertices[vertex], reach)
+        mean_offset = (
+            np.linalg.norm(samples[neighbours].mean(0) - mesh.vertices[vertex]) if neighbours else 0.0
+        )
+        if mean_offset > _MIN_MEAN_OFFSET * reach:
             ends.append(int(vertex))
     return tuple(ends) if len(ends) > 1 else tuple(int(vertex) for vertex in candidates[:_LIMBLESS_COUNT])

@@ -1,8 +1,8 @@
 """Edits the selected puppet: dragging its control points, and its key poses.
 
 puppets = editor.puppets
-puppets.begin_pose("walk", 0.4)        # a new key pose for that moment of a take, or the one that is there
-puppets.drag(2, place)                 # the surface follows; nothing is remembered yet
+puppets.begin_pose("walk", 0.4)        # adds a key pose at a time of a take, or opens an existing one
+puppets.drag(2, place)                 # the surface follows; nothing is stored yet
 puppets.drop()                         # one edit of the project
 puppets.accept()                       # the puppet plays again
 
@@ -18,11 +18,11 @@ from enliven.document import Puppet
 from enliven.modeling.puppet import change_key_pose, remove_point
 from enliven_viewer.language import later, tr, tr_n
 from enliven_viewer.studio.puppets.key_poses import KeyPoses
-from enliven_viewer.studio.puppets.mesh_cache import middle_of, size_of
+from enliven_viewer.studio.puppets.mesh_cache import find_mesh_centre, measure_mesh
 from enliven_viewer.studio.puppets.protocols import EditorProtocol
 from enliven_viewer.studio.puppets.puppet_stage import PuppetStage
 from enliven_viewer.studio.puppets.self_intersection import SelfIntersectionSearch
-from enliven_viewer.studio.puppets.symmetry import mirrored_places
+from enliven_viewer.studio.puppets.symmetry import mirror_places
 
 _LARGE_MESH_FACES = 200_000
 """Number of faces above which self-intersections are searched only after a drag, not during it."""
@@ -90,9 +90,9 @@ class PuppetEditor(KeyPoses):
         if puppet is None or not 0 <= point < len(puppet.points) or not np.isfinite(place).all():
             return
         places = np.array(self._start(puppet))
-        places[point] = _near(puppet, place)
+        places[point] = _clamp_place(puppet, place)
         if self.symmetric:
-            places = mirrored_places(puppet, places, point)
+            places = mirror_places(puppet, places, point)
         self._dragged = places
 
     def drop(self, name: str = "") -> bool:
@@ -107,11 +107,11 @@ class PuppetEditor(KeyPoses):
             name or "pose", lambda p: change_key_pose(p, puppet.id, number, places=places)
         )
 
-    def let_go(self) -> None:
+    def clear_drag(self) -> None:
         """Clears the current drag."""
         self._dragged = None
 
-    def nudge(self, way: Float) -> bool:
+    def nudge(self, offset: Float) -> bool:
         """Moves the selected control point by (3,) metres in the mesh's frame.
 
         With symmetry, its partner moves too.
@@ -119,7 +119,7 @@ class PuppetEditor(KeyPoses):
         puppet, point = self.puppet, self.point
         if puppet is None or point is None:
             return False
-        self.drag(point, self._start(puppet)[point] + way)
+        self.drag(point, self._start(puppet)[point] + offset)
         return self.drop(later("nudge {0}", puppet.points[point].name))
 
     def reset_point(self) -> bool:
@@ -155,9 +155,9 @@ class PuppetEditor(KeyPoses):
         """
         if self.places is not None:
             return self.places
-        moment = self._moment(puppet)
-        there = None if moment is None else self.pose_at(*moment)
-        return self.current_places(puppet) if there is None else puppet.poses[there].places
+        moment = self._find_moment(puppet)
+        pose_number = None if moment is None else self.pose_at(*moment)
+        return self.current_places(puppet) if pose_number is None else puppet.poses[pose_number].places
 
     def current_places(self, puppet: Puppet) -> Float:
         """Returns (P, 3) metres in the mesh's frame: the current positions of its control points."""
@@ -166,20 +166,20 @@ class PuppetEditor(KeyPoses):
 
     def _begin_here(self, puppet: Puppet, places: Float) -> bool:
         """Stores the dragged positions as the key pose of the moment that the performer's view shows."""
-        moment = self._moment(puppet)
+        moment = self._find_moment(puppet)
         if moment is None:
             self.editor.toasts.say(
                 tr("No take is shown, so this pose means nothing yet"),
                 tr("Choose a take in the performer's view, go to a moment of it, and drag again."),
             )
             return False
-        there = self.pose_at(*moment)
-        if there is None:
+        pose_number = self.pose_at(*moment)
+        if pose_number is None:
             return self._add(puppet, *moment, places)
-        self.edit_pose(there)
-        return self.editor.edit("pose", lambda p: change_key_pose(p, puppet.id, there, places=places))
+        self.edit_pose(pose_number)
+        return self.editor.edit("pose", lambda p: change_key_pose(p, puppet.id, pose_number, places=places))
 
-    def _moment(self, puppet: Puppet) -> tuple[str, float] | None:
+    def _find_moment(self, puppet: Puppet) -> tuple[str, float] | None:
         """Returns the shown take and the time in it; None if no take is shown."""
         takes, moment = self.editor.project.takes, self.moment
         if moment is None and puppet.layers:
@@ -188,9 +188,9 @@ class PuppetEditor(KeyPoses):
         return moment if moment is not None and moment[0] in takes else None
 
 
-def _near(puppet: Puppet, place: Float) -> Float:
+def _clamp_place(puppet: Puppet, place: Float) -> Float:
     """Returns the place (3,), clamped to the maximum distance from the mesh's centre."""
-    middle, most = middle_of(puppet.mesh), _MAX_DRAG_DISTANCE * size_of(puppet.mesh)
-    way = place - middle
-    away = float(np.linalg.norm(way))
-    return place if away <= most else middle + way * (most / away)
+    middle, max_distance = find_mesh_centre(puppet.mesh), _MAX_DRAG_DISTANCE * measure_mesh(puppet.mesh)
+    offset = place - middle
+    distance = float(np.linalg.norm(offset))
+    return place if distance <= max_distance else middle + offset * (max_distance / distance)

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from enliven.arrays import Float, Float32, Int32, UInt8
-from enliven_viewer.render.gl import UNITS, RenderTarget, load_program
+from enliven_viewer.render.gl import TEXTURE_UNITS, RenderTarget, load_program
 from enliven_viewer.theme import GHOST, WARNING, Paint
 
 _OUTLINE_WIDTH_PX = 2.0
@@ -47,8 +47,8 @@ class PuppetOverlay:
         self._load_mesh(vertices, faces).render(moderngl.TRIANGLES)
         picture.widen()
         self._blend(moderngl.NOTHING)
-        mask.use(UNITS["picture"])
-        self._outline["tint"] = _tint(GHOST, 0.85)
+        mask.use(TEXTURE_UNITS["picture"])
+        self._outline["tint"] = _to_float_tint(GHOST, 0.85)
         self._outline["radius"] = _OUTLINE_WIDTH_PX
         self._outline["jump"] = _MIN_DEPTH_STEP * size
         self._quad.render(moderngl.TRIANGLES, vertices=3)
@@ -70,7 +70,7 @@ class PuppetOverlay:
         picture.drawn.use()
         for test, opacity in ((">", 0.22), ("<=", 0.86)):
             self.ctx.depth_func = test
-            self._warning["tint"] = _tint(WARNING, opacity)
+            self._warning["tint"] = _to_float_tint(WARNING, opacity)
             array.render(moderngl.TRIANGLES)
         picture.drawn.depth_mask = True
         picture.drawn.use()
@@ -131,5 +131,5 @@ class PuppetOverlay:
         return self._mesh[3]
 
 
-def _tint(colour: Paint, opacity: float) -> tuple[float, float, float, float]:
+def _to_float_tint(colour: Paint, opacity: float) -> tuple[float, float, float, float]:
     return (colour[0] / 255, colour[1] / 255, colour[2] / 255, opacity)

@@ -9,8 +9,8 @@ from enliven.modeling.puppet import add_point
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.puppets.protocols import EditorProtocol
 from enliven_viewer.studio.puppets.puppet_stage import PuppetStage, StagePuppet
-from enliven_viewer.studio.puppets.solver import LARGE
-from enliven_viewer.studio.puppets.symmetry import partner_vertex, plane_for
+from enliven_viewer.studio.puppets.solver import MIN_BACKGROUND_VERTICES
+from enliven_viewer.studio.puppets.symmetry import find_partner_vertex, find_plane
 
 
 class PuppetSelection:
@@ -55,11 +55,11 @@ class PuppetSelection:
             self.editor.choose(puppet.id, taken.index(vertex))
             self.editor.toasts.say(tr("{0} is there already", puppet.points[taken.index(vertex)].name))
             return False
-        other = partner_vertex(puppet, vertex) if self.symmetric else None
+        other = find_partner_vertex(puppet, vertex) if self.symmetric else None
         wanted = [vertex] if other is None or other in (vertex, *taken) else [vertex, other]
 
         poses = self.stage.surfaces.settle_each(puppet, [pose.places for pose in puppet.poses])
-        if poses is None and len(puppet.mesh.vertices) > LARGE:
+        if poses is None and len(puppet.mesh.vertices) > MIN_BACKGROUND_VERTICES:
             self.editor.toasts.say(
                 tr("{0} is still being prepared", puppet.id), tr("Click again in a moment.")
             )
@@ -84,7 +84,7 @@ class PuppetSelection:
         """Turns symmetric control points on or off. Reports if the mesh has no plane of symmetry."""
         puppet = self.puppet
         self.symmetric = on
-        if on and puppet is not None and plane_for(puppet) is None:
+        if on and puppet is not None and find_plane(puppet) is None:
             self.symmetric = False
             self.editor.toasts.say(
                 tr("{0} has no plane of symmetry", puppet.id),

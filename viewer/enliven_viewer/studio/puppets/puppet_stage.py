@@ -15,7 +15,7 @@ from enliven.examples import State, in_world, pose_of_state
 from enliven.modeling.edits import bake_root_layers
 from enliven.rotation import from_rotation_vector, multiply, rotate, to_matrix
 from enliven_viewer.studio.puppets.protocols import EditorProtocol, PoseEditState
-from enliven_viewer.studio.puppets.puppet_states import playback_state
+from enliven_viewer.studio.puppets.puppet_states import find_playback_state
 from enliven_viewer.studio.puppets.surfaces import PuppetSurfaces
 from enliven_viewer.studio.viewport import DrawnMeshes, StageCharacter, moved
 
@@ -32,7 +32,7 @@ class StagePuppet(StageCharacter):
     state: State
     surface: Float
 
-    own_tool = True
+    has_own_tool = True
 
     @cached_property
     def vertices(self) -> Float:
@@ -56,9 +56,9 @@ class StagePuppet(StageCharacter):
         """Returns (..., 3) metres in the mesh's frame, for positions (..., 3) in the world."""
         return np.asarray((np.asarray(places, np.float64) - self._root) @ self._turn)
 
-    def direction_to_mesh(self, way: AnyArray) -> Float:
+    def direction_to_mesh(self, direction: AnyArray) -> Float:
         """Returns (3,) in the mesh's frame, for a direction (3,) in the world."""
-        return np.asarray(np.asarray(way, np.float64) @ self._turn)
+        return np.asarray(np.asarray(direction, np.float64) @ self._turn)
 
     @cached_property
     def _turn(self) -> Float:
@@ -77,7 +77,7 @@ class PuppetStage:
 
     def __init__(self, editor: EditorProtocol, posing: PoseEditState) -> None:
         self.editor, self.posing = editor, posing
-        self.surfaces, self._meshes = PuppetSurfaces(editor.toasts), puppet_meshes()
+        self.surfaces, self._meshes = PuppetSurfaces(editor.toasts), create_puppet_meshes()
         self._known: tuple[tuple[object, ...], tuple[StagePuppet, ...]] | None = None
         self._polls = 0
         self._ghost: StagePuppet | None = None
@@ -91,7 +91,7 @@ class PuppetStage:
         if puppet is None or pose is None or now is None or not posing.silhouette:
             return None
         key = (pose.places, puppet.points, puppet.mesh, now.state.yaw, puppet.place, puppet.turn)
-        if self._wanted is None or not _same(self._wanted[0], key):
+        if self._wanted is None or not _is_unchanged(self._wanted[0], key):
             future = self.surfaces.solve_in_background(puppet, pose.places)
             self._wanted = None if future is None else (key, future)
         if self._wanted is not None and self._wanted[1].done() and self._wanted[1].exception() is None:
@@ -113,7 +113,7 @@ class PuppetStage:
         editor, posing = self.editor, self.posing
         project = editor.project
         key = (project, posing.places, editor.time, posing.number, self.surfaces.version, self._polls)
-        if self._known is None or not _same(self._known[0], key):
+        if self._known is None or not _is_unchanged(self._known[0], key):
             self.surfaces.keep_only(set(project.puppets))
             self._known = (key, tuple(self._place_puppet(puppet) for puppet in project.puppets.values()))
         return self._known[1]
@@ -136,10 +136,10 @@ class PuppetStage:
         editor, posing, newest = self.editor, self.posing, puppet
         places = posing.places if posing.puppet is puppet else None
         if places is not None and len(places) == len(puppet.points):
-            way = posing.start_state or playback_state(editor, puppet)[1]
-            state = State(places, way.yaw, way.root)
+            shown_state = posing.start_state or find_playback_state(editor, puppet)[1]
+            state = State(places, shown_state.yaw, shown_state.root)
         else:
-            puppet, state = playback_state(editor, puppet)
+            puppet, state = find_playback_state(editor, puppet)
         if newest.root_layers or puppet.root_layers:
             puppet = puppet.with_changes(root_layers=newest.root_layers)
             puppet = cast(Puppet, bake_root_layers(editor.project, puppet, editor.time))
@@ -153,7 +153,7 @@ class PuppetStage:
         )
 
 
-def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
+def _is_unchanged(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
     """Returns True if nothing changed. Objects are compared by identity, numbers by value."""
     return all(
         a is b or (isinstance(a, float | int) and isinstance(b, float | int) and a == b)
@@ -161,15 +161,15 @@ def _same(before: tuple[object, ...], after: tuple[object, ...]) -> bool:
     )
 
 
-def puppet_meshes() -> DrawnMeshes:
+def create_puppet_meshes() -> DrawnMeshes:
     """Returns the render meshes of puppets, each as one rigid piece.
 
     The vertices are solved on the CPU.
     """
-    return DrawnMeshes(_rigid)
+    return DrawnMeshes(_make_rigid_mesh)
 
 
-def _rigid(puppet: RigBase) -> Character:
+def _make_rigid_mesh(puppet: RigBase) -> Character:
     mesh = puppet.mesh
     assert mesh is not None
     weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))

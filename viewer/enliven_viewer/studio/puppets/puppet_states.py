@@ -11,29 +11,29 @@ from enliven.examples import State, missing, motion_of, state_of
 from enliven_viewer.studio.puppets.protocols import EditorProtocol
 
 
-def rest_state(puppet: Puppet) -> State:
+def make_rest_state(puppet: Puppet) -> State:
     """Returns the rest state of a puppet, at its placement."""
     return State(puppet.rest, 0.0, np.zeros(3))
 
 
-def playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet, State]:
+def find_playback_state(editor: EditorProtocol, puppet: Puppet) -> tuple[Puppet, State]:
     """Returns the puppet and its state at the editor's time; the rest state if it cannot move yet.
 
     While the newest motion is being solved, the previously solved version of the puppet is returned.
     """
     project, solved = editor.solving.newest_solution(editor.project, puppet.id)
     if not solved.layers:
-        return puppet, rest_state(puppet)
+        return puppet, make_rest_state(puppet)
     try:
         state = state_of(project, solved, editor.time)
     except EnlivenError:  # The examples panel reports this error.
-        return puppet, rest_state(puppet)
+        return puppet, make_rest_state(puppet)
     if solved.mesh is not puppet.mesh or solved.points != puppet.points:
         return solved, state
     return puppet, state
 
 
-def take_places(project: Project, puppet: Puppet, take: str, time: float) -> Float:
+def find_start_places(project: Project, puppet: Puppet, take: str, time: float) -> Float:
     """Returns (P, 3) metres in the mesh's frame: the initial positions of a new key pose at a time of a take.
 
     They come from the existing examples if the motion can be solved, or else from the last key pose.

@@ -68,10 +68,10 @@ class SelfIntersectionSearch:
         if finder is None:
             finder = self._finder = SelfIntersection(puppet.mesh)
         faces = finder.newly_crossing(surface)
-        return faces, sentence(puppet, faces) if len(faces) > _MAX_IGNORED_FACES else ""
+        return faces, describe_intersection(puppet, faces) if len(faces) > _MAX_IGNORED_FACES else ""
 
 
-def sentence(puppet: Puppet, faces: Int) -> str:
+def describe_intersection(puppet: Puppet, faces: Int) -> str:
     """Returns a sentence about the intersecting parts.
 
     Each of the faces (K,) belongs to the control point nearest at rest.

@@ -11,14 +11,14 @@ from enliven.deformation.arap import PuppetSurface
 from enliven.document import Puppet
 from enliven.errors import EnlivenError
 from enliven_viewer.language import tr
-from enliven_viewer.studio.puppets.mesh_cache import size_of
+from enliven_viewer.studio.puppets.mesh_cache import measure_mesh
 from enliven_viewer.studio.toasts import Toasts
 
-AT_ONCE = 4000
-"""Maximum number of vertices that are prepared without a thread: less than a tenth of a second."""
-LARGE = 30_000
+MAX_VERTICES_AT_ONCE = 4000
+"""Maximum number of vertices of a mesh that is prepared without a thread, in less than 0.1 s."""
+MIN_BACKGROUND_VERTICES = 30_000
 """Number of vertices above which changed control points are also applied in the background."""
-TOLD = 150_000
+MIN_ANNOUNCED_VERTICES = 150_000
 """Number of vertices above which the preparation is announced, and scrubbing does not fully settle every
 frame.
 """
@@ -43,14 +43,14 @@ class Solver:
         self.mesh, self.settings = puppet.mesh, puppet.surface
         self._name, self._pool, self._toasts = puppet.id, pool, toasts
         self._count = len(puppet.mesh.vertices)
-        self._held = held_by(puppet)
+        self._held = find_held_points(puppet)
         self._shown: Float = puppet.mesh.vertices
         self._places: Float | None = None
         self._surface: PuppetSurface | None = None
         self._rounds = 0
         self._refused: HeldPoints | None = None
         self._work: Future[PuppetSurface] | None = self._begin(puppet)
-        if self._count > TOLD:
+        if self._count > MIN_ANNOUNCED_VERTICES:
             toasts.say(
                 tr("{0} is a very fine mesh: it takes a moment until it can be dragged", puppet.id),
                 tr("Everything else goes on meanwhile."),
@@ -72,7 +72,7 @@ class Solver:
 
     def ready(self, puppet: Puppet) -> PuppetSurface | None:
         """Returns the solver with the puppet's control points, or None while it is being prepared."""
-        held = held_by(puppet)
+        held = find_held_points(puppet)
         if self._refused == held or (self._work is not None and not self._work.done()):
             return None
         try:
@@ -110,12 +110,12 @@ class Solver:
         except EnlivenError:  # This error was reported when the surface was first requested.
             self._rounds = 0
             return False
-        if float(np.abs(self._shown - before).max()) < _SETTLED_MOVEMENT * size_of(self.mesh):
+        if float(np.abs(self._shown - before).max()) < _SETTLED_MOVEMENT * measure_mesh(self.mesh):
             self._rounds = 0
         return True
 
     def _move_points(self, surface: PuppetSurface, places: Float, *, warm: bool) -> Float:
-        small = self._count <= TOLD
+        small = self._count <= MIN_ANNOUNCED_VERTICES
         self._places, self._rounds = np.array(places), 0 if small and not warm else _MAX_SETTLING_FRAMES
         try:
             if not warm and small and np.array_equal(places, self.mesh.vertices[[v for v, _ in self._held]]):
@@ -134,7 +134,7 @@ class Solver:
 
     def _begin(self, puppet: Puppet) -> Future[PuppetSurface]:
         held, weights = _split_points(self._held)
-        if self._count > AT_ONCE:
+        if self._count > MAX_VERTICES_AT_ONCE:
             return self._pool.submit(PuppetSurface, puppet.mesh, held, weights, puppet.surface)
         future: Future[PuppetSurface] = Future()
         try:
@@ -145,7 +145,7 @@ class Solver:
 
     def _take(self, surface: PuppetSurface) -> None:
         first, self._surface, self._places = self._surface is None, surface, None
-        if first and self._count > TOLD:
+        if first and self._count > MIN_ANNOUNCED_VERTICES:
             self._toasts.say(tr("{0} can be dragged now", self._name), *surface.notes[:1])
 
     def _hold(self, held: HeldPoints) -> None:
@@ -157,13 +157,13 @@ class Solver:
             surface.hold(*_split_points(held))
             return surface
 
-        if self._count > LARGE:
+        if self._count > MIN_BACKGROUND_VERTICES:
             self._work = self._pool.submit(work)
         else:
             work()
 
 
-def held_by(puppet: Puppet) -> HeldPoints:
+def find_held_points(puppet: Puppet) -> HeldPoints:
     """Returns the vertex and the weight of each control point, which determine the surface."""
     return tuple((point.vertex, point.weight) for point in puppet.points)
 

@@ -7,58 +7,58 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.document import Plane, Puppet
 from enliven.examples import reflect_points
-from enliven_viewer.studio.puppets.mesh_cache import plane_of, size_of, tree_of
+from enliven_viewer.studio.puppets.mesh_cache import build_vertex_tree, find_mesh_plane, measure_mesh
 
 _MIRROR_TOLERANCE = 0.05
 """Maximum error of a mirror image, as a fraction of the mesh's size."""
 
 
-def plane_for(puppet: Puppet) -> Plane | None:
+def find_plane(puppet: Puppet) -> Plane | None:
     """Returns the puppet's own plane of symmetry, or else that of its mesh; None if there is none."""
-    return puppet.symmetry if puppet.symmetry is not None else plane_of(puppet.mesh)
+    return puppet.symmetry if puppet.symmetry is not None else find_mesh_plane(puppet.mesh)
 
 
-def partner_vertex(puppet: Puppet, vertex: int) -> int | None:
+def find_partner_vertex(puppet: Puppet, vertex: int) -> int | None:
     """Returns the vertex nearest to a vertex's mirror image, or None.
 
     Near the plane it is the vertex itself.
     """
-    plane = plane_for(puppet)
+    plane = find_plane(puppet)
     if plane is None:
         return None
-    (tree, used), most = tree_of(puppet.mesh), _MIRROR_TOLERANCE * size_of(puppet.mesh)
-    image = _image(puppet.mesh.vertices[vertex], plane)
-    if np.linalg.norm(image - puppet.mesh.vertices[vertex]) <= most:
+    (tree, used), max_error = build_vertex_tree(puppet.mesh), _MIRROR_TOLERANCE * measure_mesh(puppet.mesh)
+    image = _mirror_point(puppet.mesh.vertices[vertex], plane)
+    if np.linalg.norm(image - puppet.mesh.vertices[vertex]) <= max_error:
         return vertex
-    away, nearest = tree.query(image)
-    return int(used[nearest]) if away <= most else None
+    distances, nearest = tree.query(image)
+    return int(used[nearest]) if distances <= max_error else None
 
 
-def partner_point(puppet: Puppet, point: int) -> int | None:
+def find_partner_point(puppet: Puppet, point: int) -> int | None:
     """Returns the control point that mirrors another one, or None. On the plane it is the point itself."""
-    plane = plane_for(puppet)
+    plane = find_plane(puppet)
     if plane is None:
         return None
-    away = np.linalg.norm(puppet.rest - _image(puppet.rest[point], plane), axis=1)
-    nearest = int(away.argmin())
-    return nearest if away[nearest] <= _MIRROR_TOLERANCE * size_of(puppet.mesh) else None
+    distances = np.linalg.norm(puppet.rest - _mirror_point(puppet.rest[point], plane), axis=1)
+    nearest = int(distances.argmin())
+    return nearest if distances[nearest] <= _MIRROR_TOLERANCE * measure_mesh(puppet.mesh) else None
 
 
-def mirrored_places(puppet: Puppet, places: Float, point: int) -> Float:
+def mirror_places(puppet: Puppet, places: Float, point: int) -> Float:
     """Returns (P, 3) positions with the movement of ``point`` mirrored to its partner.
 
     Movements are measured from the rest positions.
 
     A control point that is its own partner moves only within the plane.
     """
-    plane, other = plane_for(puppet), partner_point(puppet, point)
+    plane, other = find_plane(puppet), find_partner_point(puppet, point)
     if plane is None or other is None:
         return places
-    new_places, way = np.array(places), places[point] - puppet.rest[point]
-    mirrored = reflect_points(way, np.zeros(3), np.asarray(plane.normal))
-    new_places[other] = puppet.rest[other] + ((mirrored + way) / 2 if other == point else mirrored)
+    new_places, movement = np.array(places), places[point] - puppet.rest[point]
+    mirrored = reflect_points(movement, np.zeros(3), np.asarray(plane.normal))
+    new_places[other] = puppet.rest[other] + ((mirrored + movement) / 2 if other == point else mirrored)
     return new_places
 
 
-def _image(place: Float, plane: Plane) -> Float:
+def _mirror_point(place: Float, plane: Plane) -> Float:
     return reflect_points(place, np.asarray(plane.point), np.asarray(plane.normal))

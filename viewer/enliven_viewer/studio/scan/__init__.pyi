@@ -1,11 +1,11 @@
-from .actions import scan_actions as scan_actions
-from .crop_box import CropBox as CropBox, box_about as box_about
+from .actions import make_scan_actions as make_scan_actions
+from .crop_box import CropBox as CropBox, find_initial_box as find_initial_box
 from .scan_preview import ScanPreviewMesh as ScanPreviewMesh
-from .camera_marks import scan_marks as scan_marks
+from .camera_marks import make_scan_marks as make_scan_marks
 from .scan_session import (
     KeptPart as KeptPart,
     ScanSession as ScanSession,
     ScanSize as ScanSize,
     ScanMode as ScanMode,
 )
-from .scan_advice import Advice as Advice, advice_of as advice_of
+from .scan_advice import Advice as Advice, choose_advice as choose_advice

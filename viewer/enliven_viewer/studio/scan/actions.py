@@ -8,7 +8,7 @@ from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.scan.scan_session import ScanSession
 
 
-def scan_actions(scan: ScanSession) -> Iterator[Action]:
+def make_scan_actions(scan: ScanSession) -> Iterator[Action]:
     """Yields every action of scanning."""
     yield Action(
         "scan.open",

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.wire import ScanMessage
-from enliven_viewer.studio.scan.scan_advice import advice_of
+from enliven_viewer.studio.scan.scan_advice import choose_advice
 from enliven_viewer.studio.viewport import Fill, Lens, Line, Point
 from enliven_viewer.theme import ACCENT, BAD, GOOD, WAIT, Colour
 
@@ -23,23 +23,23 @@ _CAMERA_OPACITY = 0.75
 """Opacity of the recommended camera."""
 
 
-def scan_marks(said: ScanMessage, lens: Lens) -> tuple[Mark, ...]:
+def make_scan_marks(message: ScanMessage, lens: Lens) -> tuple[Mark, ...]:
     """Returns the marks of a running scan in the viewport's pixels."""
-    if said.phase not in ("scanning", "paused", "failed") or not said.stage_from_camera:
+    if message.phase not in ("scanning", "paused", "failed") or not message.stage_from_camera:
         return ()
-    advice = advice_of(said)
-    pose = np.array(said.stage_from_camera).reshape(3, 4)
+    advice = choose_advice(message)
+    pose = np.array(message.stage_from_camera).reshape(3, 4)
     tint: dict[str, Colour] = {"good": GOOD, "wait": WAIT, "bad": BAD}
-    marks = _camera(pose[:, :3], pose[:, 3], lens, tint[advice.mood])
-    if advice.arrow and said.view:
-        eye, target = np.array(said.view[:3]), np.array(said.view[3:])
-        faint: Colour = (*ACCENT[:3], _CAMERA_OPACITY)
-        marks += _arrow(pose[:, 3], eye, target, lens)
-        marks += _camera(_looking(eye, target), eye, lens, faint)
+    marks = _make_camera_marks(pose[:, :3], pose[:, 3], lens, tint[advice.mood])
+    if advice.arrow and message.view:
+        eye, target = np.array(message.view[:3]), np.array(message.view[3:])
+        camera_colour: Colour = (*ACCENT[:3], _CAMERA_OPACITY)
+        marks += _make_arrow_marks(pose[:, 3], eye, target, lens)
+        marks += _make_camera_marks(_make_camera_axes(eye, target), eye, lens, camera_colour)
     return tuple(marks)
 
 
-def _camera(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
+def _make_camera_marks(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
     """Returns a camera as a pyramid of lines, with the image at the open end.
 
     ``axes`` (3, 3) are right, down and ahead, in columns.
@@ -51,7 +51,7 @@ def _camera(axes: Float, eye: Float, lens: Lens, colour: Colour) -> list[Mark]:
     ]
     lines: list[Mark] = []
     for chain, closed in ((corners, True), *(((eye, corner), False) for corner in corners)):
-        points = _pixels(np.array(chain), lens)
+        points = _find_pixels(np.array(chain), lens)
         if points:
             lines.append(Line(points, colour, 2.5, closed))
     return lines
@@ -61,38 +61,40 @@ _IMAGE_CORNERS = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
 """The corners of an image, in units of half its sides."""
 
 
-def _arrow(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
+def _make_arrow_marks(start: Float, end: Float, target: Float, lens: Lens) -> list[Mark]:
     """Returns an arrow from one camera position to another, around a target."""
     start_way, end_way = start - target, end - target
     first, last = np.arctan2(start_way[0], start_way[2]), np.arctan2(end_way[0], end_way[2])
     turn = (last - first + np.pi) % (2 * np.pi) - np.pi
-    share = np.linspace(0.08, 0.9, _ARROW_POINTS)
-    angle = first + share * turn
-    reach = np.hypot(start_way[0], start_way[2]) * (1 - share) + np.hypot(end_way[0], end_way[2]) * share
-    high = start_way[1] * (1 - share) + end_way[1] * share
-    way = target + np.stack([reach * np.sin(angle), high, reach * np.cos(angle)], 1)
-    points = _pixels(way, lens)
-    along = way[-1] - way[-3]
-    length = float(np.linalg.norm(along))
+    fraction = np.linspace(0.08, 0.9, _ARROW_POINTS)
+    angle = first + fraction * turn
+    reach = (
+        np.hypot(start_way[0], start_way[2]) * (1 - fraction) + np.hypot(end_way[0], end_way[2]) * fraction
+    )
+    height = start_way[1] * (1 - fraction) + end_way[1] * fraction
+    path = target + np.stack([reach * np.sin(angle), height, reach * np.cos(angle)], 1)
+    points = _find_pixels(path, lens)
+    direction = path[-1] - path[-3]
+    length = float(np.linalg.norm(direction))
     if not points or length < 1e-6:
         return []
-    along /= length
-    side = np.cross(along, [0.0, 1.0, 0.0])
-    tip, back = way[-1] + _ARROW_HEAD_M * along, way[-1] - 0.3 * _ARROW_HEAD_M * along
-    head = _pixels(
+    direction /= length
+    side = np.cross(direction, [0.0, 1.0, 0.0])
+    tip, back = path[-1] + _ARROW_HEAD_M * direction, path[-1] - 0.3 * _ARROW_HEAD_M * direction
+    head = _find_pixels(
         np.array([tip, back + 0.6 * _ARROW_HEAD_M * side, back - 0.6 * _ARROW_HEAD_M * side]), lens
     )
     marks: list[Mark] = [Line(points, ACCENT, 5.0)]
     return [*marks, Fill(head, ACCENT)] if head else marks
 
 
-def _pixels(points: Float, lens: Lens) -> tuple[Point, ...]:
+def _find_pixels(points: Float, lens: Lens) -> tuple[Point, ...]:
     """Returns the pixels of points (N, 3); empty if one of them is behind the camera."""
     pixels = lens.pixels_of(points)
     return tuple(pixels) if len(pixels) == len(points) else ()
 
 
-def _looking(eye: Float, target: Float) -> Float:
+def _make_camera_axes(eye: Float, target: Float) -> Float:
     """Returns the (3, 3) axes (right, down, ahead in columns) of an upright camera that looks at a target."""
     ahead = target - eye
     ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)

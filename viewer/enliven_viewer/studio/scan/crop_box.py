@@ -30,21 +30,21 @@ _MIN_HEIGHT_M = 0.03
 _INITIAL_BOX = np.array([[-0.4, 0.0, -0.4], [0.4, 1.0, 0.4]])
 """(2, 3) metres: the box used before anything was scanned, the size of a chair."""
 _EDGES = [(a, b) for a, b in product(range(8), range(8)) if a < b and (a ^ b) in (1, 2, 4)]
-"""The twelve edges as pairs of corners. Bit k of a corner's number says if it is high along axis k."""
+"""The twelve edges as pairs of corners. Bit k of a corner's number is set if it is high along axis k."""
 _BOX_OPACITY = 0.7
 """Opacity of the box, so that the object in it stays visible."""
 
 
-def box_about(points: Float) -> Float:
+def find_initial_box(points: Float) -> Float:
     """Returns (2, 3) metres, the corners of a box around the points near the centre of the stage.
 
     Args:
         points: (N, 3) metres on the stage.
     """
-    near = (np.abs(points[:, [0, 2]]) < _SEARCH_HALF_WIDTH_M).all(1) & (points[:, 1] > _MIN_HEIGHT_M)
-    if not near.any():
+    is_near = (np.abs(points[:, [0, 2]]) < _SEARCH_HALF_WIDTH_M).all(1) & (points[:, 1] > _MIN_HEIGHT_M)
+    if not is_near.any():
         return _INITIAL_BOX.copy()
-    low, high = np.quantile(points[near], [0.02, 0.98], axis=0)
+    low, high = np.quantile(points[is_near], [0.02, 0.98], axis=0)
     return np.array([[low[0] - _CONTENT_MARGIN_M, 0.0, low[2] - _CONTENT_MARGIN_M], high + _CONTENT_MARGIN_M])
 
 
@@ -59,30 +59,30 @@ class CropBox:
         self.corners: Float = _INITIAL_BOX.copy()
         self._held: tuple[int, int] | None = None
 
-    def press(self, at: Point, lens: Lens) -> bool:
+    def press(self, pixel: Point, lens: Lens) -> bool:
         """Handles a button press. Returns whether a handle was grabbed."""
         near_handles = [
-            (away, side) for side, away in self._handle_distances(at, lens) if away <= _GRAB_DISTANCE_PX
+            (away, side) for side, away in self._handle_distances(pixel, lens) if away <= _GRAB_DISTANCE_PX
         ]
         self._held = min(near_handles)[1] if near_handles else None
         return self._held is not None
 
-    def drag(self, at: Point, lens: Lens) -> None:
+    def drag(self, pixel: Point, lens: Lens) -> None:
         """Moves the held side to the point on the handle's line that is nearest to the pointer's ray."""
         if self._held is None:
             return
         end, axis = self._held
-        through, eye, way = self._handle(end, axis), lens.view.eye, lens.ray(at)
+        through, eye, ray = self._handle(end, axis), lens.view.eye, lens.ray(pixel)
         # Compute the point on the line of the handle that is closest to the pointer's ray.
-        across = np.cross(np.eye(3)[axis], way)
+        across = np.cross(np.eye(3)[axis], ray)
         square = float(across @ across)
         if square < 1e-6:
             return
-        along = float(np.cross(eye - through, way) @ across) / square
-        wanted = float(through[axis]) + along
+        distance = float(np.cross(eye - through, ray) @ across) / square
+        new_coordinate = float(through[axis]) + distance
         other = float(self.corners[1 - end, axis])
         self.corners[end, axis] = (
-            min(wanted, other - _MIN_SIDE_M) if end == 0 else max(wanted, other + _MIN_SIDE_M)
+            min(new_coordinate, other - _MIN_SIDE_M) if end == 0 else max(new_coordinate, other + _MIN_SIDE_M)
         )
 
     def release(self) -> None:
@@ -116,9 +116,9 @@ class CropBox:
                 lines.append(Line(ends, (*ACCENT[:3], _BOX_OPACITY), 2.0))
         discs = []
         for end, axis in product((0, 1), range(3)):
-            for at in lens.pixels_of(self._handle(end, axis)[None]):
+            for pixel in lens.pixels_of(self._handle(end, axis)[None]):
                 held = self._held == (end, axis)
-                discs.append(Disc(at, _HANDLE_RADIUS_PX * (1.4 if held else 1.0), ACCENT))
+                discs.append(Disc(pixel, _HANDLE_RADIUS_PX * (1.4 if held else 1.0), ACCENT))
         return (*lines, *discs)
 
     def _handle(self, end: int, axis: int) -> Float:

@@ -24,7 +24,7 @@ _TRACKING_ADVICE = {
     "lost": (later("Lost: go back to where you were"), "bad"),
     "found": (later("Lost: hold still, it looks right"), "wait"),
     "unsure": (later("Show it something with corners: this surface is too plain"), "wait"),
-    "empty": (later("Go nearer: nothing is seen"), "wait"),
+    "empty": (later("Go nearer: the camera sees nothing"), "wait"),
 }
 """The instruction and mood for each tracking state of the newest image."""
 
@@ -44,42 +44,44 @@ class Advice:
     arrow: bool = False
 
 
-def advice_of(said: ScanMessage) -> Advice:
+def choose_advice(message: ScanMessage) -> Advice:
     """Returns the instruction for the person with the camera."""
-    if said.phase == "paused":
+    if message.phase == "paused":
         return Advice(tr("Paused"), "wait")
-    if said.phase == "finishing":
+    if message.phase == "finishing":
         return Advice(tr("It becomes a character: some seconds"), "wait")
-    if said.phase == "failed":
-        return Advice(said.note or tr("It cannot be made"), "bad")
-    if said.phase != "scanning":
+    if message.phase == "failed":
+        return Advice(message.note or tr("The scan cannot become a character"), "bad")
+    if message.phase != "scanning":
         return Advice("")
-    if said.thing in ("carried", "settling", "sought", "lost"):
-        return Advice(_moved_object_advice(said), "wait")
-    if said.thing == "person":
-        return _person(said)
-    if said.tracking in _TRACKING_ADVICE:
-        text, mood = _TRACKING_ADVICE[said.tracking]
+    if message.thing in ("carried", "settling", "sought", "lost"):
+        return Advice(_moved_object_advice(message), "wait")
+    if message.thing == "person":
+        return _choose_person_advice(message)
+    if message.tracking in _TRACKING_ADVICE:
+        text, mood = _TRACKING_ADVICE[message.tracking]
         return Advice(text, "bad" if mood == "bad" else "wait")
-    if said.full:
+    if message.full:
         return Advice(tr("The scan is full: nothing new is added. Press Done"), "wait")
-    if not said.tracking or not said.stage_from_camera:
-        return Advice(tr("Point the camera at the thing"), "wait")
-    if said.thing == "found":
-        return Advice(tr("Found again in {0:.1f} s: go round it", max(said.seconds, 0.1)), "good", arrow=True)
-    if said.thing == "turning":
+    if not message.tracking or not message.stage_from_camera:
+        return Advice(tr("Point the camera at the object"), "wait")
+    if message.thing == "found":
         return Advice(
-            tr("The camera follows it: go on turning") if said.view else tr("All round: press Done")
+            tr("Found again in {0:.1f} s: go round it", max(message.seconds, 0.1)), "good", arrow=True
         )
-    if not said.view:
+    if message.thing == "turning":
+        return Advice(
+            tr("The camera follows it: go on turning") if message.view else tr("All round: press Done")
+        )
+    if not message.view:
         return Advice(tr("All round: press Done"), "good")
-    return Advice(_direction_words(said), "good", arrow=True)
+    return Advice(_describe_direction(message), "good", arrow=True)
 
 
-def _person(status: ScanMessage) -> Advice:
+def _choose_person_advice(status: ScanMessage) -> Advice:
     """Returns the instruction for a person that turns in front of the camera."""
     if status.tracking in ("", "empty"):
-        return Advice(tr("Stand one to three metres before the camera, whole in view"), "wait")
+        return Advice(tr("Stand one to three metres in front of the camera, whole in view"), "wait")
     if status.tracking != "scanning":
         return Advice(tr("Turn back a little, then on, more slowly"), "wait")
     if status.missing <= 0:
@@ -98,11 +100,11 @@ def _moved_object_advice(status: ScanMessage) -> str:
     return tr("Not found yet: walk on, show what was seen before")
 
 
-def _direction_words(status: ScanMessage) -> str:
+def _describe_direction(status: ScanMessage) -> str:
     """Returns the instruction towards the recommended view, from the carrier's perspective."""
     camera = np.array(status.stage_from_camera).reshape(3, 4)[:, 3]
     eye, target = np.array(status.view[:3]), np.array(status.view[3:])
-    round_it = _turn_words(camera - target, eye - target)
+    round_it = _find_turn_angle(camera - target, eye - target)
     up = float(eye[1] - camera[1])
     higher = up > _MIN_HEIGHT_DIFFERENCE_M
     held = tr("Hold it higher") if higher else tr("Hold it lower") if up < -_MIN_HEIGHT_DIFFERENCE_M else ""
@@ -117,7 +119,7 @@ def _direction_words(status: ScanMessage) -> str:
     return held or tr("Good: go on slowly")
 
 
-def _turn_words(one: Float, other: Float) -> float:
+def _find_turn_angle(first: Float, second: Float) -> float:
     """Returns the angle about +Y from one direction to another, in radians from -pi to pi."""
-    angle = np.arctan2(other[0], other[2]) - np.arctan2(one[0], one[2])
+    angle = np.arctan2(second[0], second[2]) - np.arctan2(first[0], first[2])
     return float((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -64,10 +64,10 @@ def _join_pieces(pieces: list[ScanPieceMessage]) -> ScanPreview:
         count += len(steps)
     points, joined = np.concatenate(vertices), np.concatenate(faces)
     seen = np.concatenate([np.frombuffer(piece.seen, np.uint8) for piece in pieces])
-    return ScanPreview(points, _normals(points, joined), np.concatenate(colours), seen, joined)
+    return ScanPreview(points, _compute_normals(points, joined), np.concatenate(colours), seen, joined)
 
 
-def _normals(vertices: Float32, faces: Int32) -> Float32:
+def _compute_normals(vertices: Float32, faces: Int32) -> Float32:
     """Returns (V, 3) unit normals. Coincident vertices of neighbouring pieces share one normal."""
     _, place = np.unique(np.round(vertices * 1e4).astype(np.int64), axis=0, return_inverse=True)
     place = place.reshape(-1)

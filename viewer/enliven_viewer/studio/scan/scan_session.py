@@ -17,14 +17,14 @@ from enliven_viewer.render import Scene
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform import NO_STAGE, PerformSession
 from enliven_viewer.studio.picture import ScanPreview
-from enliven_viewer.studio.scan.crop_box import CropBox, box_about
+from enliven_viewer.studio.scan.crop_box import CropBox, find_initial_box
 from enliven_viewer.studio.scan.scan_preview import ScanPreviewMesh
 from enliven_viewer.studio.viewport import Point
 
 ScanSize = Literal["thing", "small", "room"]
 KeptPart = Literal["thing", "box", "all"]
 ScanMode = Literal["round", "laid", "spun", "turned", "person"]
-VOXELS: dict[ScanSize, float] = {"small": 0.002, "thing": 0.004, "room": 0.01}
+VOXEL_SIZES: dict[ScanSize, float] = {"small": 0.002, "thing": 0.004, "room": 0.01}
 """Voxel size in metres by the scanned object: a cup, a chair, a room."""
 _PERSON_VOXEL_M = 0.008
 """Voxel size in metres for a person at two metres. With smaller voxels the person's rotation is often
@@ -116,14 +116,16 @@ class ScanSession:
     def lacks_scan(self) -> str:
         """Returns why the scan accepts no requests; empty if it does."""
         none = "" if self.active else "Nothing is scanned. Start a scan first"
-        making = "It is being made. Wait until it stands there" if self.message.phase == "finishing" else ""
+        making = (
+            "The character is being made. Wait until it stands on the stage"
+            if self.message.phase == "finishing"
+            else ""
+        )
         return self.lacks_stage() or none or making
 
     def lacks_undo(self) -> str:
         """Returns why nothing can be undone; empty if something can."""
-        return self.lacks_scan() or (
-            "" if self.message.undoable > 0 else "There is nothing to take back. Scan on"
-        )
+        return self.lacks_scan() or ("" if self.message.undoable > 0 else "There is nothing to undo. Scan on")
 
     def lacks_again(self) -> str:
         """Returns why no scan can be continued; empty if one can."""
@@ -142,8 +144,8 @@ class ScanSession:
             return
         within = _MAX_DISTANCE_M if self.mode == "turned" else None
         name = self.name.strip() or None
-        laid, spun, person = (self.mode == way for way in ("laid", "spun", "person"))
-        voxel = _PERSON_VOXEL_M if person else VOXELS[self.size]
+        laid, spun, person = (self.mode == mode for mode in ("laid", "spun", "person"))
+        voxel = _PERSON_VOXEL_M if person else VOXEL_SIZES[self.size]
         self._ask(Scan("start", name, voxel, within, moved=laid, turned=spun, person=person))
 
     def pause(self) -> None:
@@ -171,17 +173,17 @@ class ScanSession:
         """Cancels the scan and discards it."""
         self._ask(Scan("cancel"))
 
-    def keep(self, what: KeptPart) -> None:
+    def keep(self, kept_part: KeptPart) -> None:
         """Chooses what becomes the character. A box starts around the object at the centre."""
-        if what == "box" and self.kept_part != "box":
+        if kept_part == "box" and self.kept_part != "box":
             self.fit_box()
-        self.kept_part = what
+        self.kept_part = kept_part
 
     def fit_box(self) -> None:
         """Fits the box around the object at the centre of the stage."""
         grown, place = self._growing.picture, self.stage_from_scan
         points = np.zeros((0, 3)) if grown is None else np.asarray(grown.vertices, float)
-        self.box.corners = box_about(points @ place[:3, :3].T + place[:3, 3])
+        self.box.corners = find_initial_box(points @ place[:3, :3].T + place[:3, 3])
 
     @property
     def boxed(self) -> bool:
@@ -266,7 +268,7 @@ class ScanSession:
         top = np.array([0.0, points[:, 1].max() + _TEXT_SPACE_M, 0.0])
         points = np.vstack([points, camera, camera * [-1.0, 1.0, -1.0], top])
         aspect = self.editor.size[0] / max(self.editor.size[1], 1.0)
-        self.editor.camera.frame((points.min(0), points.max(0)), aspect, room=0.85)
+        self.editor.camera.frame((points.min(0), points.max(0)), aspect, margin=0.85)
 
     def _keep(self, scanned: Character | None, name: str) -> None:
         """Adds the scanned character on the stage to the project as one edit, selects it, and frames it."""

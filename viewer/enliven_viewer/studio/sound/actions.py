@@ -14,7 +14,7 @@ _NO_SOUND = later("No sound is open. Open one (.wav, .mp3, .ogg, .flac), or drop
 _MENU = "Sound"
 
 
-def sound_actions(player: SoundPlayer) -> Iterator[Action]:
+def make_sound_actions(player: SoundPlayer) -> Iterator[Action]:
     """Yields the actions that mute, move and remove the sounds."""
     editor = player.editor
 

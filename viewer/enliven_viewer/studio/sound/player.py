@@ -29,7 +29,7 @@ fault flags.
 """
 
 
-def device(fill: FillSamples) -> Stream:
+def open_default_device(fill: FillSamples) -> Stream:
     """Returns the computer's default audio output.
 
     Raises:
@@ -54,7 +54,7 @@ class SoundPlayer:
         is_on: whether sound is on.
     """
 
-    def __init__(self, editor: Editor, opened: Callable[[FillSamples], Stream] = device) -> None:
+    def __init__(self, editor: Editor, opened: Callable[[FillSamples], Stream] = open_default_device) -> None:
         self.editor, self._opened = editor, opened
         self.is_on = True
         self._stream: Stream | None = None
@@ -78,7 +78,8 @@ class SoundPlayer:
             self._next = round(editor.time * SOUND_RATE)
             self._stream = self._begin()
         if self._stream is not None:
-            # The device plays the samples that are requested now after its latency, so request later samples.
+            # The device plays the requested samples only after its latency, so write samples of that later
+            # time.
             wanted = round((editor.time + self._stream.latency) * SOUND_RATE)
             if abs(wanted - self._next) > _MAX_OFFSET_S * SOUND_RATE:
                 self._next = wanted
@@ -97,7 +98,7 @@ class SoundPlayer:
             self._failed = True
             lacks = f"({str(error).splitlines()[0][:80]})" if str(error) else ""
             mend = tr('Install it with pip install "./viewer[sound]" and libportaudio2, or plug in a device.')
-            self.editor.toasts.say(tr("The sound cannot be heard here {0}", lacks), mend)
+            self.editor.toasts.say(tr("The sound cannot be played here {0}", lacks), mend)
             return None
 
     def _fill(self, out: Int16, count: int, times: Any, fault: Any) -> None:

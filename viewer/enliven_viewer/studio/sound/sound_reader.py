@@ -13,7 +13,7 @@ from enliven.errors import InputError
 from enliven.sounds import SOUND_RATE, Sound
 from enliven_viewer.language import tr
 
-SOUNDS = (".wav", ".mp3", ".ogg", ".flac", ".m4a")
+SOUND_SUFFIXES = (".wav", ".mp3", ".ogg", ".flac", ".m4a")
 """File extensions of sound files."""
 _MAX_DURATION_S = 1200.0
 """Maximum duration in seconds, which is 77 MB in a project."""

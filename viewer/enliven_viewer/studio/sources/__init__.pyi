@@ -2,7 +2,7 @@ from .motion_matches import (
     Chain as Chain,
     MotionMatch as MotionMatch,
     apply_match as apply_match,
-    matching_view as matching_view,
+    make_match_view as make_match_view,
     rank_matches as rank_matches,
 )
 from .source_view import SourceView as SourceView

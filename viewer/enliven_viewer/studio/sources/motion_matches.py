@@ -9,7 +9,7 @@ from enliven.document import Clip, Project, Shape
 from enliven.matching import Matcher, source_of_skeleton
 from enliven.matching import ScreenView as MatchView
 from enliven.motion.layers import bind_chain
-from enliven_viewer.studio.sources.source_view import posed_take
+from enliven_viewer.studio.sources.source_view import pose_take
 from enliven_viewer.studio.viewport import Lens
 
 Chain = tuple[int, ...]
@@ -31,7 +31,7 @@ class MotionMatch:
 
 
 def rank_matches(
-    clip: Clip, time: float, shape: Shape, joints: Float, lens: Lens, source_lens: Lens, most: int
+    clip: Clip, time: float, shape: Shape, joints: Float, lens: Lens, source_lens: Lens, max_matches: int
 ) -> list[MotionMatch]:
     """Returns the best matches of a take's pose at a time with a shape with joints (N, 3).
 
@@ -41,9 +41,9 @@ def rank_matches(
         InputError: if one of the skeletons cannot be abstracted.
     """
     source = source_of_skeleton(clip.skeleton)
-    pose = posed_take(clip, time).handles
+    pose = pose_take(clip, time).handles
     ranking = Matcher(shape.skeleton).rank(
-        source.points(pose), matching_view(lens), matching_view(source_lens), positions=joints
+        source.points(pose), make_match_view(lens), make_match_view(source_lens), positions=joints
     )
     best_offers: list[MotionMatch] = []
     for match in ranking:
@@ -54,7 +54,7 @@ def rank_matches(
         )
         if pairs and all(offer.pairs != pairs for offer in best_offers):
             best_offers.append(MotionMatch(shape.id, clip.id, pairs, match.score))
-        if len(best_offers) == most:
+        if len(best_offers) == max_matches:
             break
     return best_offers
 
@@ -78,6 +78,6 @@ def apply_match(project: Project, offer: MotionMatch, lens: Lens, source_lens: L
     return project
 
 
-def matching_view(lens: Lens) -> MatchView:
+def make_match_view(lens: Lens) -> MatchView:
     """Returns a lens as a view for the matcher."""
     return MatchView(lens.forward, lens.up, lens.view.eye)

@@ -6,7 +6,7 @@ import numpy as np
 
 from enliven.document import Clip, joint_places, still_shape
 from enliven.motion.layers import ShapePose, pose_from
-from enliven_viewer.playback import bounds_of
+from enliven_viewer.playback import find_bounds
 from enliven_viewer.render import OrbitCamera
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.viewport import (
@@ -21,7 +21,7 @@ from enliven_viewer.studio.viewport import (
 
 _ROTATION_PER_PIXEL = 0.01
 """Rotation in radians per pixel of a drag: more than on the stage, since the view is small."""
-SOURCE = "source"
+SOURCE_ID = "source"
 """Id of the shape that represents a take's skeleton."""
 
 
@@ -60,11 +60,11 @@ class SourceView:
         if clip is None:
             return
         frames = range(0, len(clip.turns), max(len(clip.turns) // 12, 1))
-        bounds = bounds_of([posed_take(clip, frame * clip.step).handles for frame in frames])
+        bounds = find_bounds([pose_take(clip, frame * clip.step).handles for frame in frames])
         if bounds is not None:
             aspect = self.size[0] / max(self.size[1], 1.0)
             self.camera.frame(
-                (bounds[0] - 0.05, bounds[1] + 0.05), aspect, at_once=True, reset=True, room=1.25
+                (bounds[0] - 0.05, bounds[1] + 0.05), aspect, at_once=True, reset=True, margin=1.25
             )
             # Start with the front view, because a chain is mapped as seen on the screen.
             self.camera.orbit(-0.56, 0.0)
@@ -78,28 +78,28 @@ class SourceView:
         clip = self.clip
         if clip is None:
             return None
-        return posed_take(clip, self.editor.time % max(clip.duration, clip.step))
+        return pose_take(clip, self.editor.time % max(clip.duration, clip.step))
 
-    def press(self, at: Point) -> None:
+    def press(self, pixel: Point) -> None:
         """Chooses the joint where a chain begins, then the one where it ends."""
-        hit = self._hit(at)
+        hit = self._hit(pixel)
         clip = self.clip
         if hit is None or clip is None:
-            self._last = at
+            self._last = pixel
         elif self._start is None:
             self._start, self.chain = hit.handle, (hit.handle,)
         else:
             self.chain = clip.skeleton.path(self._start, hit.handle)
             self._start = None
 
-    def move(self, at: Point) -> None:
+    def move(self, pixel: Point) -> None:
         """Highlights the joint under the pointer, or turns the view."""
         if self._last is not None:
-            across, down = at[0] - self._last[0], at[1] - self._last[1]
+            across, down = pixel[0] - self._last[0], pixel[1] - self._last[1]
             self.camera.orbit(-_ROTATION_PER_PIXEL * across, _ROTATION_PER_PIXEL * down)
-            self._last = at
+            self._last = pixel
         else:
-            self._hovered = self._hit(at)
+            self._hovered = self._hit(pixel)
 
     def release(self) -> None:
         """Handles the release of the button."""
@@ -117,21 +117,21 @@ class SourceView:
     @property
     def selection(self) -> Selection:
         """Returns the selection with the chosen joint, for drawing."""
-        return Selection(SOURCE, self._start)
+        return Selection(SOURCE_ID, self._start)
 
     def overlay(self) -> Overlay:
         """Returns the overlay with the chain and the hovered joint."""
-        hovered = (SOURCE, self._hovered.handle) if self._hovered else None
-        return Overlay((), (SOURCE, self.chain) if self.chain else None, hovered)
+        hovered = (SOURCE_ID, self._hovered.handle) if self._hovered else None
+        return Overlay((), (SOURCE_ID, self.chain) if self.chain else None, hovered)
 
-    def _hit(self, at: Point) -> Hit | None:
+    def _hit(self, pixel: Point) -> Hit | None:
         posed = self.posed_skeleton()
-        return joint_at([posed], self.lens, at, self.editor.settings.reach) if posed else None
+        return joint_at([posed], self.lens, pixel, self.editor.settings.reach) if posed else None
 
 
-def posed_take(clip: Clip, time: float) -> StageCharacter:
+def pose_take(clip: Clip, time: float) -> StageCharacter:
     """Returns a take's own skeleton at the frame nearest to ``time``, in seconds from its start."""
     frame = int(np.clip(round(time / clip.step), 0, len(clip.turns) - 1))
     frame_clip = clip.mapped(lambda track: track[frame : frame + 1])
-    joints, shape = joint_places(frame_clip)[0], still_shape(SOURCE, clip.skeleton)
+    joints, shape = joint_places(frame_clip)[0], still_shape(SOURCE_ID, clip.skeleton)
     return StageCharacter(shape, None, pose_from(shape, ShapePose(clip.turns[frame], joints), time), joints)

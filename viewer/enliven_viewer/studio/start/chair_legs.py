@@ -20,7 +20,7 @@ _SEARCH_HEIGHTS = np.linspace(0.05, 0.4, 15)
 _MAX_FLOOR_GAP = 0.02
 """Maximum height of a leg's lowest point above the floor, as a fraction of the chair's height."""
 _MIN_VERTICES = 12
-"""Minimum number of vertices of a leg. Fewer are a splinter."""
+"""Minimum number of vertices of a leg. A smaller part is only a fragment."""
 _CUT_HEIGHTS = (0.72, 0.6, 0.5, 0.4, 0.3)
 """Fractions of a leg's height at which it may be cut. The highest one that cuts nothing else is used."""
 _BAND_COUNT = 8
@@ -42,8 +42,8 @@ straight.
 _ATTACH_HEIGHT = 0.35
 """Fraction of a chair's height above which the part is attached: above the seat."""
 _MAX_DEPTH_DIFFERENCE = 0.03
-"""Maximum depth difference of that place, as a fraction of the chair's height, so that the two still
-touch.
+"""Maximum depth difference of that place, as a fraction of the chair's height, so that part and chair
+still touch.
 """
 # The legs of the last surfaces are cached, because they are needed in every frame.
 _LEG_CACHE: list[tuple[Mesh, tuple[Int, ...]]] = []
@@ -51,7 +51,7 @@ _MAX_CACHED_SURFACES = 4
 """Number of cached surfaces: the chair, and parts that were cut off."""
 
 
-def legs_of(mesh: Mesh) -> tuple[Int, ...]:
+def find_legs(mesh: Mesh) -> tuple[Int, ...]:
     """Returns the vertices of each leg: the connected parts below the height that separates most parts.
 
     If a mesh has no such parts, its lowest fifth counts as one leg.
@@ -59,28 +59,30 @@ def legs_of(mesh: Mesh) -> tuple[Int, ...]:
     for cached_mesh, legs in _LEG_CACHE:
         if cached_mesh is mesh:
             return legs
-    _LEG_CACHE.append((mesh, _legs(mesh)))
+    _LEG_CACHE.append((mesh, _search_legs(mesh)))
     del _LEG_CACHE[:-_MAX_CACHED_SURFACES]
     return _LEG_CACHE[-1][1]
 
 
-def _legs(mesh: Mesh) -> tuple[Int, ...]:
+def _search_legs(mesh: Mesh) -> tuple[Int, ...]:
     heights = mesh.vertices[:, 1] - mesh.vertices[:, 1].min()
-    tall = max(float(heights.max()), 1e-6)
+    height = max(float(heights.max()), 1e-6)
     best: tuple[Int, ...] = ()
-    for share in _SEARCH_HEIGHTS:
+    for fraction in _SEARCH_HEIGHTS:
         parts = [
-            leg for leg in _parts(mesh, heights < share * tall) if heights[leg].min() < _MAX_FLOOR_GAP * tall
+            leg
+            for leg in _find_parts(mesh, heights < fraction * height)
+            if heights[leg].min() < _MAX_FLOOR_GAP * height
         ]
         if len(parts) >= max(len(best), 2):
             # If the number of legs is equal, prefer the greater height, which comes later.
             best = tuple(parts)
     if best:
         return best
-    return (np.flatnonzero(heights <= 0.2 * tall),)
+    return (np.flatnonzero(heights <= 0.2 * height),)
 
 
-def _parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
+def _find_parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
     """Returns the vertices of each connected part of the faces that lie completely in the low region."""
     faces = mesh.faces[low[mesh.faces].all(1)]
     count = len(mesh.vertices)
@@ -92,25 +94,28 @@ def _parts(mesh: Mesh, low: np.ndarray) -> tuple[Int, ...]:
     return tuple(part for part in parts if len(part) >= _MIN_VERTICES)
 
 
-def leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
+def find_leg_to_cut(editor: Editor, chair: GraphShape) -> Target:
     """Returns a leg in the image, and a stroke across it that crosses nothing else.
 
     The leg nearest to the camera is tried first. A stroke cuts everything that it crosses in the image. So if
     every leg has other parts of the chair behind it, no stroke is returned. A dancing chair soon moves on;
     for a still one the user can turn the view.
     """
-    rest, now = chair.mesh.vertices, _pixels(editor, chair)
-    legs = sorted(legs_of(chair.mesh), key=lambda leg: float((rest[leg] @ editor.lens.forward).mean()))
+    rest, chair_pixels = chair.mesh.vertices, _find_pixels(editor, chair)
+    legs = sorted(find_legs(chair.mesh), key=lambda leg: float((rest[leg] @ editor.lens.forward).mean()))
     for leg in legs:
-        box, others = _add_margin(_box(now[leg])), _others(chair.mesh, leg, now)
-        for share in _CUT_HEIGHTS:
-            path = _stroke_across(rest[leg, 1], now[leg], share)
-            if path is not None and _in_picture(path, editor.size) and not _meets(path, others):
+        box, others = (
+            _add_margin(_find_box(chair_pixels[leg])),
+            _find_other_triangles(chair.mesh, leg, chair_pixels),
+        )
+        for fraction in _CUT_HEIGHTS:
+            path = _make_stroke(rest[leg, 1], chair_pixels[leg], fraction)
+            if path is not None and _is_in_image(path, editor.size) and not _crosses_any(path, others):
                 return Target(box=box, path=path)
-    return Target(box=_add_margin(_box(now[legs[0]])))
+    return Target(box=_add_margin(_find_box(chair_pixels[legs[0]])))
 
 
-def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
+def _find_other_triangles(mesh: Mesh, leg: Int, pixels: Float) -> Float:
     """Returns (M, 3, 2) pixels of the triangles near a leg that do not belong to it.
 
     The values are NaN behind the camera.
@@ -127,69 +132,77 @@ def _others(mesh: Mesh, leg: Int, pixels: Float) -> Float:
     return pixels[mesh.faces[near]]
 
 
-def _stroke_across(heights: Float | Float32, pixels: Float, share: float) -> Stroke | None:
+def _make_stroke(heights: Float | Float32, pixels: Float, fraction: float) -> Stroke | None:
     """Returns the ends of a stroke perpendicular to a leg; None if the leg is seen end-on.
 
     Args:
         heights: (N,) rest heights of the leg's vertices in metres.
         pixels: (N, 2) their positions in the image.
-        share: fraction of the leg's height at which it is cut.
+        fraction: fraction of the leg's height at which it is cut.
     """
     heights = (heights - heights.min()) / max(float(np.ptp(heights)), 1e-6)
     upper, lower = heights > 0.5, heights <= 0.5
-    band = pixels[np.argsort(np.abs(heights - share))[: max(len(heights) // _BAND_COUNT, 3)]]
+    band = pixels[np.argsort(np.abs(heights - fraction))[: max(len(heights) // _BAND_COUNT, 3)]]
     if not np.isfinite(pixels).all() or not upper.any():
         return None
-    way = pixels[upper].mean(0) - pixels[lower].mean(0)
-    length = float(np.linalg.norm(way))
+    leg_vector = pixels[upper].mean(0) - pixels[lower].mean(0)
+    length = float(np.linalg.norm(leg_vector))
     if length < _MIN_LENGTH_PX:
         return None
-    across = np.array([-way[1], way[0]]) / length
-    along, wide = float((band @ way).mean()) / length, band @ across
+    across = np.array([-leg_vector[1], leg_vector[0]]) / length
+    distance_along, width = float((band @ leg_vector).mean()) / length, band @ across
     ends = [
-        along * way / length + at * across
-        for at in (wide.min() - _STROKE_OVERHANG_PX, wide.max() + _STROKE_OVERHANG_PX)
+        distance_along * leg_vector / length + offset * across
+        for offset in (width.min() - _STROKE_OVERHANG_PX, width.max() + _STROKE_OVERHANG_PX)
     ]
     left, right = sorted((float(x), float(y)) for x, y in ends)
     return left, right
 
 
-def _in_picture(path: Stroke, size: tuple[float, float]) -> bool:
+def _is_in_image(path: Stroke, size: tuple[float, float]) -> bool:
     return all(0.0 <= x < size[0] and 0.0 <= y < size[1] for x, y in path)
 
 
-def _meets(path: Stroke, triangles: Float) -> bool:
+def _crosses_any(path: Stroke, triangles: Float) -> bool:
     """Returns True if a stroke crosses triangles (M, 3, 2) of the image, or comes within a few pixels of one.
 
     Triangles on one side of the stroke's line, or beyond one of its ends, are not crossed.
     """
     start, end = np.asarray(path[0]), np.asarray(path[1])
-    way = (end - start) / np.linalg.norm(end - start)
-    along = (triangles - start) @ way
-    aside = (triangles - start) @ np.array([-way[1], way[0]])
-    beyond = (along.max(1) < 0.0) | (along.min(1) > np.linalg.norm(end - start))
-    beside = (aside.max(1) < -_FREE_DISTANCE_PX) | (aside.min(1) > _FREE_DISTANCE_PX)
-    return bool((~beyond & ~beside).any())
+    direction = (end - start) / np.linalg.norm(end - start)
+    distance_along = (triangles - start) @ direction
+    distance_aside = (triangles - start) @ np.array([-direction[1], direction[0]])
+    is_beyond_end = (distance_along.max(1) < 0.0) | (distance_along.min(1) > np.linalg.norm(end - start))
+    is_on_one_side = (distance_aside.max(1) < -_FREE_DISTANCE_PX) | (
+        distance_aside.min(1) > _FREE_DISTANCE_PX
+    )
+    return bool((~is_beyond_end & ~is_on_one_side).any())
 
 
-def piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Target:
+def find_piece_to_carry(editor: Editor, piece: GraphShape, chair: GraphShape) -> Target:
     """Returns the cut-off part, and the drag from it to a high place of the chair at the same depth.
 
     A drag keeps the depth, so the two touch only at such a place.
     """
-    own, distance = editor.lens.project(editor.stage_character(piece.id).vertices)
-    there, distances = editor.lens.project(editor.stage_character(chair.id).vertices)
+    piece_pixels, distance = editor.lens.project(editor.stage_character(piece.id).vertices)
+    chair_pixels, distances = editor.lens.project(editor.stage_character(chair.id).vertices)
     heights = chair.mesh.vertices[:, 1] - chair.mesh.vertices[:, 1].min()
-    near = np.abs(distances - distance.mean()) < _MAX_DEPTH_DIFFERENCE * heights.max()
-    high = heights > _ATTACH_HEIGHT * heights.max()
-    end = int(np.argmax(np.where(high & near, heights, -1.0) if (high & near).any() else heights))
+    has_similar_depth = np.abs(distances - distance.mean()) < _MAX_DEPTH_DIFFERENCE * heights.max()
+    is_high = heights > _ATTACH_HEIGHT * heights.max()
+    end = int(
+        np.argmax(
+            np.where(is_high & has_similar_depth, heights, -1.0)
+            if (is_high & has_similar_depth).any()
+            else heights
+        )
+    )
     # The path starts at a point on the surface, so take the vertex nearest to the mean.
-    start = own[np.argmin(np.linalg.norm(own - own.mean(0), axis=1))]
-    path = tuple((float(x), float(y)) for x, y in (start, there[end]))
-    return Target(box=_add_margin(_box(own)), path=path)
+    start = piece_pixels[np.argmin(np.linalg.norm(piece_pixels - piece_pixels.mean(0), axis=1))]
+    path = tuple((float(x), float(y)) for x, y in (start, chair_pixels[end]))
+    return Target(box=_add_margin(_find_box(piece_pixels)), path=path)
 
 
-def chair_in_picture(editor: Editor, extent: Float | Float32 | None) -> Target:
+def find_chair_in_image(editor: Editor, extent: Float | Float32 | None) -> Target:
     """Returns the bounding box in the image of a chair's points (N, 3) in metres.
 
     Returns an empty target without a chair.
@@ -197,15 +210,15 @@ def chair_in_picture(editor: Editor, extent: Float | Float32 | None) -> Target:
     if extent is None or not len(extent):
         return Target()
     pixels = editor.lens.project(np.asarray(extent, float))[0]
-    return Target(box=_add_margin(_box(pixels))) if np.isfinite(pixels).all() else Target()
+    return Target(box=_add_margin(_find_box(pixels))) if np.isfinite(pixels).all() else Target()
 
 
-def _pixels(editor: Editor, shape: GraphShape) -> Float:
+def _find_pixels(editor: Editor, shape: GraphShape) -> Float:
     """Returns the (V, 2) pixels of its vertices in the image."""
     return editor.lens.project(editor.stage_character(shape.id).vertices)[0]
 
 
-def _box(pixels: Float) -> Rectangle:
+def _find_box(pixels: Float) -> Rectangle:
     (left, top), (right, bottom) = pixels.min(0).tolist(), pixels.max(0).tolist()
     return left, top, right, bottom
 

@@ -62,9 +62,9 @@ class Demonstration:
             self._drag()
             return
         aim = self._first(target) or place or self.hand
-        share = min(self._at / _GLIDE_S, 1.0)
-        eased = share * share * (3.0 - 2.0 * share)
-        self.hand = _between(self._start, aim, eased)
+        fraction = min(self._at / _GLIDE_S, 1.0)
+        eased = fraction * fraction * (3.0 - 2.0 * fraction)
+        self.hand = _interpolate(self._start, aim, eased)
         self.presses = self._at > _GLIDE_S
         if self._at < _GLIDE_S + _PRESS_S:
             return
@@ -102,14 +102,14 @@ class Demonstration:
         self._last = self._path[0]
 
     def _drag(self) -> None:
-        share = min(self._at / _DRAG_S, 1.0)
-        aim = _along(self._path, share)
+        fraction = min(self._at / _DRAG_S, 1.0)
+        aim = _find_path_point(self._path, fraction)
         hands = self._toured.desk.input
-        for point in _steps(self._last, aim):
+        for point in _list_path_points(self._last, aim):
             hands.move(point, shift=self.shift)
         self._last = aim
         self.hand = aim[0] + self._origin[0], aim[1] + self._origin[1]
-        if share >= 1.0:
+        if fraction >= 1.0:
             hands.release(aim, shift=self.shift)
             self._end()
 
@@ -118,7 +118,7 @@ class Demonstration:
         since = _GLIDE_S + _PRESS_S
         count = int(max(self._at - since, 0.0) / _LETTER_S)
         previous_count = int(max(before - since, 0.0) / _LETTER_S)
-        name = _free_name(self._toured, self.part.types)
+        name = _find_free_name(self._toured, self.part.types)
         self.typed += name[previous_count:count]
         if previous_count >= len(name):
             self._end()
@@ -127,7 +127,7 @@ class Demonstration:
         self.ended, self.presses, self.shift = True, False, False
 
 
-def _free_name(toured: TourState, name: str) -> str:
+def _find_free_name(toured: TourState, name: str) -> str:
     """Returns a file name that does not exist yet, so that nothing is replaced."""
     browser, number, free = toured.desk.browser, 1, name
     while browser is not None and (browser.folder / f"{free}.enliven").exists():
@@ -136,18 +136,18 @@ def _free_name(toured: TourState, name: str) -> str:
     return free
 
 
-def _between(start: Point, end: Point, share: float) -> Point:
-    return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+def _interpolate(start: Point, end: Point, fraction: float) -> Point:
+    return start[0] + fraction * (end[0] - start[0]), start[1] + fraction * (end[1] - start[1])
 
 
-def _along(path: tuple[Point, ...], share: float) -> Point:
+def _find_path_point(path: tuple[Point, ...], fraction: float) -> Point:
     """Returns the point at a fraction of a path. All its segments take equal time."""
-    at = share * (len(path) - 1)
-    index = min(int(at), len(path) - 2)
-    return _between(path[index], path[index + 1], at - index)
+    position = fraction * (len(path) - 1)
+    index = min(int(position), len(path) - 2)
+    return _interpolate(path[index], path[index + 1], position - index)
 
 
-def _steps(start: Point, end: Point) -> list[Point]:
+def _list_path_points(start: Point, end: Point) -> list[Point]:
     """Returns points along a segment, close to each other."""
     count = max(math.ceil(math.dist(start, end) / _MAX_STEP_PX), 1)
-    return [_between(start, end, (k + 1) / count) for k in range(count)]
+    return [_interpolate(start, end, (k + 1) / count) for k in range(count)]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from enliven_viewer.studio.start.chair_legs import chair_in_picture
+from enliven_viewer.studio.start.chair_legs import find_chair_in_image
 from enliven_viewer.studio.start.demonstration import Demonstration
 from enliven_viewer.studio.start.target import DrawnWidgets, Rectangle, Target
 from enliven_viewer.studio.start.tour_state import TourState, TourWorkspace
-from enliven_viewer.studio.start.tour_steps import ENDING, TOUR, TourPart, TourStep
+from enliven_viewer.studio.start.tour_steps import ENDING, TOUR_STEPS, TourPart, TourStep
 from enliven_viewer.studio.viewport import Point
 
 _DONE_DISPLAY_S = 1.2
@@ -43,7 +43,7 @@ class Tour:
 
     def __init__(self, desk: TourWorkspace, widgets: DrawnWidgets, number: int = 0) -> None:
         self._toured, self._widgets = TourState(desk), widgets
-        self.number, self.ticked, self.reviewing = min(number, len(TOUR) - 1), 0.0, False
+        self.number, self.ticked, self.reviewing = min(number, len(TOUR_STEPS) - 1), 0.0, False
         self.shows = False
         self.demonstration: Demonstration | None = None
         self.target = Target()
@@ -54,13 +54,13 @@ class Tour:
         self._missing = 0.0
         self._before = self._toured.counts
         self._is_new, self._holds_still = True, False
-        while self.number and not TOUR[self.number].ready(self._toured):
+        while self.number and not TOUR_STEPS[self.number].ready(self._toured):
             self.number -= 1
 
     @property
     def step(self) -> TourStep | None:
         """Returns the current step; None once all are done."""
-        return TOUR[self.number] if self.number < len(TOUR) else None
+        return TOUR_STEPS[self.number] if self.number < len(TOUR_STEPS) else None
 
     @property
     def part(self) -> TourPart | None:
@@ -108,7 +108,7 @@ class Tour:
 
         Returns None without a chair.
         """
-        box = chair_in_picture(self._toured.desk.editor, self._toured.extent).box
+        box = find_chair_in_image(self._toured.desk.editor, self._toured.extent).box
         if box is None:
             return None
         return box[0] + origin[0], box[1] + origin[1], box[2] + origin[0], box[3] + origin[1]
@@ -121,31 +121,31 @@ class Tour:
             self._widgets.want(())
             return
         if self.ticked > 0.0:
-            self._tick(seconds)
+            self._mark_done(seconds)
         elif not self.reviewing:
             if self._is_done(step):
                 self.ticked = _DONE_DISPLAY_S
-                self._stop_showing()
+                self._stop_demonstration()
             else:
-                self._look_for_needs(step, seconds)
+                self._check_preconditions(step, seconds)
         if self._is_new and self.step is not None:
             self._is_new = False
             self.step.begin(self._toured)
         part = self.part
         self.target = Target() if part is None else part.target(self._toured)
         self._widgets.want(self.target.widgets)
-        self._hold_still()
-        self._show_on(seconds, origin)
+        self._pause_near_target()
+        self._continue_demonstration(seconds, origin)
 
     def skip(self) -> None:
         """Moves to the next step with its preconditions met."""
-        self._go(self.number + 1)
-        while self.number < len(TOUR) - 1 and not TOUR[self.number].ready(self._toured):
-            self._go(self.number + 1)
+        self._go_to_step(self.number + 1)
+        while self.number < len(TOUR_STEPS) - 1 and not TOUR_STEPS[self.number].ready(self._toured):
+            self._go_to_step(self.number + 1)
 
     def back(self) -> None:
         """Shows the previous step. If it is already done, it stays until :meth:`skip`."""
-        self._go(max(self.number - 1, 0))
+        self._go_to_step(max(self.number - 1, 0))
         step = self.step
         self.reviewing = step is not None and self._is_done(step)
 
@@ -154,56 +154,56 @@ class Tour:
         if self.part is not None and not self.shows:
             self.shows, self._hand, self._shown = True, start, None
 
-    def _hold_still(self) -> None:
+    def _pause_near_target(self) -> None:
         """Pauses playback while the pointer is near the target, since a dancing leg is hard to hit."""
         editor, hands = self._toured.desk.editor, self._toured.desk.input
         if hands.busy or self.demonstration is not None:
             return
         path, box = self.target.path, self.target.box
-        near = bool(path) and box is not None and _is_near(hands.at, box, path[0])
-        if near and editor.playing:
+        is_pointer_near = bool(path) and box is not None and _is_near(hands.at, box, path[0])
+        if is_pointer_near and editor.playing:
             editor.playing, self._holds_still = False, True
-        elif not near:
-            self._let_play()
+        elif not is_pointer_near:
+            self._resume_playback()
 
-    def _let_play(self) -> None:
+    def _resume_playback(self) -> None:
         """Resumes playback that the tour has paused."""
         if self._holds_still:
             self._toured.desk.editor.playing, self._holds_still = True, False
 
     def leave(self) -> None:
         """Restores playback, pointer and widgets."""
-        self._stop_showing()
-        self._let_play()
+        self._stop_demonstration()
+        self._resume_playback()
         self._widgets.want(())
 
-    def _go(self, number: int) -> None:
-        self._stop_showing()
+    def _go_to_step(self, number: int) -> None:
+        self._stop_demonstration()
         self.number, self.ticked, self.reviewing, self._missing = number, 0.0, False, 0.0
         self._before, self._is_new = self._toured.counts, True
 
-    def _tick(self, seconds: float) -> None:
+    def _mark_done(self, seconds: float) -> None:
         self.ticked -= seconds
         if self.ticked <= 0.0:
-            self._go(self.number + 1)
+            self._go_to_step(self.number + 1)
 
     def _is_done(self, step: TourStep) -> bool:
         return step.part(self._toured, self._before) is None
 
-    def _look_for_needs(self, step: TourStep, seconds: float) -> None:
+    def _check_preconditions(self, step: TourStep, seconds: float) -> None:
         """Goes back if the preconditions of a step have been missing for a while."""
         self._missing = 0.0 if step.ready(self._toured) else self._missing + seconds
         if self._missing > _MISSING_TIMEOUT_S:
             number = self.number
-            while number and not TOUR[number].ready(self._toured):
+            while number and not TOUR_STEPS[number].ready(self._toured):
                 number -= 1
-            self._go(number)
+            self._go_to_step(number)
 
-    def _show_on(self, seconds: float, origin: Point) -> None:
+    def _continue_demonstration(self, seconds: float, origin: Point) -> None:
         if not self.shows:
             return
         if self.demonstration is None:
-            self._show_next(seconds)
+            self._demonstrate_next(seconds)
             return
         outline = self.outline(origin)
         middle = None
@@ -213,7 +213,7 @@ class Tour:
         if self.demonstration.ended:
             self._hand, self.demonstration, self._rested = self.demonstration.hand, None, 0.0
 
-    def _show_next(self, seconds: float) -> None:
+    def _demonstrate_next(self, seconds: float) -> None:
         """Starts to demonstrate the next part of the step once the last one had its effect."""
         part, self._rested = self.part, self._rested + seconds
         if part is None or part.waits or (part is self._shown and self._rested < _REPEAT_DELAY_S):
@@ -221,7 +221,7 @@ class Tour:
         self._shown = part
         self.demonstration = Demonstration(self._toured, part, self._hand)
 
-    def _stop_showing(self) -> None:
+    def _stop_demonstration(self) -> None:
         self.shows = False
         if self.demonstration is not None:
             self.demonstration.cancel()

@@ -6,20 +6,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from enliven_viewer.language import later
-from enliven_viewer.playback import bounds_of
-from enliven_viewer.studio.start.chair_legs import chair_in_picture, leg_to_cut, piece_to_carry
+from enliven_viewer.playback import find_bounds
+from enliven_viewer.studio.start.chair_legs import find_chair_in_image, find_leg_to_cut, find_piece_to_carry
 from enliven_viewer.studio.start.target import Target
 from enliven_viewer.studio.start.tour_state import TourCounts, TourState
 
 _DANCE_S = 3.0
-"""Seconds of dancing before the tour says how to stop: one swing of the arms."""
+"""Seconds of dancing before the tour explains how to stop: one swing of the arms."""
 _FRAMING_MARGIN = 1.5
 """Framing margin around the chair before a leg is cut."""
 _FILE_NAME = "My dancing chair"
 """File name that the tour types if it demonstrates that step."""
 
 
-def _nothing(toured: TourState) -> None:
+def _do_nothing(toured: TourState) -> None:
     """Does nothing: the part only waits."""
 
 
@@ -39,14 +39,14 @@ class TourPart:
     text: str
     target: Callable[[TourState], Target]
     done: Callable[[TourState, TourCounts], bool]
-    command: Callable[[TourState], object] = _nothing
+    command: Callable[[TourState], object] = _do_nothing
     shift: bool = False
     types: str = ""
 
     @property
     def waits(self) -> bool:
         """Returns True if the part only waits for something that happens by itself."""
-        return self.command is _nothing and not self.types
+        return self.command is _do_nothing and not self.types
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class TourStep:
     icon: str
     parts: tuple[TourPart, ...]
     ready: Callable[[TourState], bool] = lambda toured: True
-    begin: Callable[[TourState], object] = _nothing
+    begin: Callable[[TourState], object] = _do_nothing
 
     def part(self, toured: TourState, before: TourCounts) -> TourPart | None:
         """Returns the first part that is not done; None once the step is done."""
@@ -74,16 +74,16 @@ class TourStep:
         return next(part for part in self.parts if not part.done(toured, before))
 
 
-def _widget(*names: str) -> Callable[[TourState], Target]:
+def _target_widget(*names: str) -> Callable[[TourState], Target]:
     return lambda toured: Target(names)
 
 
-def _act(action: str) -> Callable[[TourState], object]:
+def _run_action(action: str) -> Callable[[TourState], object]:
     return lambda toured: toured.desk.actions.do(action)
 
 
-def _go(room: str) -> Callable[[TourState], object]:
-    return lambda toured: setattr(toured.desk.perform, "active_workspace", room)
+def _go_to_workspace(workspace_name: str) -> Callable[[TourState], object]:
+    return lambda toured: setattr(toured.desk.perform, "active_workspace", workspace_name)
 
 
 def _call_dancer(toured: TourState) -> None:
@@ -96,19 +96,19 @@ def _step_in(toured: TourState) -> None:
     toured.desk.actions.do("perform.possess_alone")
 
 
-def _leg(toured: TourState) -> Target:
+def _target_leg(toured: TourState) -> Target:
     chair = toured.chair
-    return Target() if chair is None else leg_to_cut(toured.desk.editor, chair)
+    return Target() if chair is None else find_leg_to_cut(toured.desk.editor, chair)
 
 
-def _piece(toured: TourState) -> Target:
+def _target_piece(toured: TourState) -> Target:
     chair, piece = toured.chair, toured.piece
     if chair is None or piece is None:
         return Target()
-    return piece_to_carry(toured.desk.editor, piece, chair)
+    return find_piece_to_carry(toured.desk.editor, piece, chair)
 
 
-def _dance(toured: TourState) -> None:
+def _play_recording(toured: TourState) -> None:
     """Plays the recording."""
     if toured.dances:
         toured.desk.editor.playing = True
@@ -116,13 +116,13 @@ def _dance(toured: TourState) -> None:
 
 def _look_at_chair(toured: TourState) -> None:
     """Frames the dancing chair, with room to draw around it."""
-    _dance(toured)
+    _play_recording(toured)
     extent, editor = toured.extent, toured.desk.editor
     if extent is not None:
-        box = bounds_of([extent])
+        box = find_bounds([extent])
         if box is not None:
             editor.camera.frame(
-                box, editor.size[0] / max(editor.size[1], 1.0), reset=False, room=_FRAMING_MARGIN
+                box, editor.size[0] / max(editor.size[1], 1.0), reset=False, margin=_FRAMING_MARGIN
             )
 
 
@@ -141,36 +141,36 @@ def _drag(toured: TourState) -> None:
     """Does nothing: the demonstration drags along the target's path."""
 
 
-_WORKSHOP = TourPart(
+_ANIMATE_PART = TourPart(
     later("Click “Animate”: here you can change your chair."),
-    _widget("room Animate"),
+    _target_widget("room Animate"),
     lambda t, before: t.has_workshop,
-    _go("Animate"),
+    _go_to_workspace("Animate"),
 )
-_STAGE = TourPart(
+_PERFORM_PART = TourPart(
     later("Click “Perform”: here is the stage."),
-    _widget("room Perform"),
+    _target_widget("room Perform"),
     lambda t, before: t.desk.perform.active_workspace == "Perform",
-    _go("Perform"),
+    _go_to_workspace("Perform"),
 )
-_SCISSORS = TourPart(
+_CUT_PART = TourPart(
     later("Click “Cut”: these are your scissors."),
-    _widget("tool cut"),
+    _target_widget("tool cut"),
     lambda t, before: t.has_tool("cut"),
-    _act("tool.cut"),
+    _run_action("tool.cut"),
 )
 
-TOUR = (
+TOUR_STEPS = (
     TourStep(
         later("Get a chair"),
         "\uf067",
         (
-            _WORKSHOP,
+            _ANIMATE_PART,
             TourPart(
                 later("Click “Armchair”: it comes onto the stage."),
-                _widget("do Armchair"),
+                _target_widget("do Armchair"),
                 lambda t, before: len(t.chairs) > before.chairs or (bool(t.chairs) and not t.dances),
-                _act("sample.chair"),
+                _run_action("sample.chair"),
             ),
         ),
     ),
@@ -178,16 +178,16 @@ TOUR = (
         later("Call a dancer"),
         "\uf007",
         (
-            _STAGE,
+            _PERFORM_PART,
             TourPart(
                 later("Click “A recorded person”, or a camera of yours above it."),
-                _widget("recorded person", "leave", "scan back"),
+                _target_widget("recorded person", "leave", "scan back"),
                 lambda t, before: t.has_stage,
                 _call_dancer,
             ),
             TourPart(
                 later("The dancer is coming. Wait a little."),
-                _widget("stage state"),
+                _target_widget("stage state"),
                 lambda t, before: t.has_dancer,
             ),
         ),
@@ -197,10 +197,10 @@ TOUR = (
         later("Step into the chair"),
         "\uf090",
         (
-            _STAGE,
+            _PERFORM_PART,
             TourPart(
                 later("Click “Possess”: the dancer slips into the chair."),
-                _widget("possess", "scan back"),
+                _target_widget("possess", "scan back"),
                 lambda t, before: t.is_held,
                 _step_in,
             ),
@@ -211,23 +211,23 @@ TOUR = (
         later("Keep the dance"),
         "\uf111",
         (
-            _STAGE,
+            _PERFORM_PART,
             TourPart(
                 later("Click “Record”, and count along: three, two, one."),
-                _widget("record", "scan back"),
+                _target_widget("record", "scan back"),
                 lambda t, before: t.records or t.dances,
-                _act("perform.record_or_end_the_recording"),
+                _run_action("perform.record_or_end_the_recording"),
             ),
             TourPart(
                 later("Look: the chair does what the dancer does."),
-                lambda t: chair_in_picture(t.desk.editor, t.extent),
+                lambda t: find_chair_in_image(t.desk.editor, t.extent),
                 lambda t, before: t.recorded_s > _DANCE_S or t.dances,
             ),
             TourPart(
                 later("Click “Stop” when you have seen enough."),
-                _widget("record", "scan back"),
+                _target_widget("record", "scan back"),
                 lambda t, before: t.dances and not t.records,
-                _act("perform.record_or_end_the_recording"),
+                _run_action("perform.record_or_end_the_recording"),
             ),
         ),
         lambda t: t.is_held or t.records or t.dances,
@@ -235,18 +235,18 @@ TOUR = (
     TourStep(
         later("Take the scissors"),
         "\uf0c4",
-        (_WORKSHOP, _SCISSORS),
+        (_ANIMATE_PART, _CUT_PART),
         lambda t: bool(t.chairs),
     ),
     TourStep(
         later("Cut a leg off"),
         "\uf0c4",
         (
-            _WORKSHOP,
-            _SCISSORS,
+            _ANIMATE_PART,
+            _CUT_PART,
             TourPart(
                 later("Drag across the leg, along the arrow: the chair holds still for you."),
-                _leg,
+                _target_leg,
                 lambda t, before: len(t.chairs) > before.chairs,
                 _drag,
             ),
@@ -258,23 +258,23 @@ TOUR = (
         later("Put it somewhere else"),
         "\uf047",
         (
-            _WORKSHOP,
+            _ANIMATE_PART,
             TourPart(
                 later("Click “Move, merge”: now you can carry the leg."),
-                _widget("tool carry"),
+                _target_widget("tool carry"),
                 lambda t, before: t.has_tool("carry"),
-                _act("tool.carry"),
+                _run_action("tool.carry"),
             ),
             TourPart(
                 later("Hold the Shift key, and drag the leg along the arrow."),
-                _piece,
+                _target_piece,
                 lambda t, before: t.counts.merges > before.merges,
                 _drag,
                 shift=True,
             ),
         ),
         lambda t: len(t.chairs) > 1,
-        _dance,
+        _play_recording,
     ),
     TourStep(
         later("Keep your chair"),
@@ -282,19 +282,19 @@ TOUR = (
         (
             TourPart(
                 later("Click “File”, and then “Save”."),
-                _widget("menu File/Save", "menu File", "menu all"),
+                _target_widget("menu File/Save", "menu File", "menu all"),
                 lambda t, before: t.desk.asking in ("save as", "changed"),
-                _act("file.save"),
+                _run_action("file.save"),
             ),
             TourPart(
                 later("Type a name for your chair."),
-                _widget("file name"),
+                _target_widget("file name"),
                 lambda t, before: _has_name(t),
                 types=_FILE_NAME,
             ),
             TourPart(
                 later("Click “Save”: now nothing is lost."),
-                _widget("dialog Save"),
+                _target_widget("dialog Save"),
                 lambda t, before: t.is_saved,
                 _save,
             ),

@@ -11,11 +11,11 @@ import numpy as np
 from enliven.arrays import AnyArray, Float, Int32, UInt8
 from enliven.document import Clip, GraphShape, PoseStream, Project, joint_places
 
-POSES = 64
+POSE_COUNT = 64
 """Number of poses in a take's sheet: one every few seconds of a long take, every frame of a short one."""
-COLUMNS = 8
+SHEET_COLUMNS = 8
 """Number of tiles in a row of the sheet."""
-TILE = 48
+TILE_SIZE = 48
 """Width and height of a tile in pixels: twice the lane height, for high-resolution screens."""
 _FIGURE_FRACTION = 0.9
 """Fraction of a tile that the take's largest pose fills."""
@@ -30,7 +30,7 @@ _MIN_THIN_LINES = 60
 
 
 class ClipPictures:
-    """Sheets of :data:`POSES` figures of a take, white on a transparent background.
+    """Sheets of :data:`POSE_COUNT` figures of a take, white on a transparent background.
 
     They range from its first to its last frame.
     """
@@ -44,7 +44,7 @@ class ClipPictures:
         future = self._known.get(take)
         if future is None:
             self._pool = self._pool or ThreadPoolExecutor(1, "pictures of clips")
-            work = _figures(project, take)
+            work = _make_figure_function(project, take)
             future = self._known[take] = self._pool.submit(lambda: draw_sheet(*work()))
         return future.result() if future.done() and future.exception() is None else None
 
@@ -54,37 +54,37 @@ class ClipPictures:
             future.exception()
 
 
-def _figures(project: Project, take: Clip | PoseStream) -> Callable[[], tuple[Float, AnyArray]]:
+def _make_figure_function(project: Project, take: Clip | PoseStream) -> Callable[[], tuple[Float, AnyArray]]:
     """Returns the function that computes a take's figures, in any thread.
 
     They are points (P, N, 3) and lines (L, 2).
     """
     if isinstance(take, Clip):
-        return lambda: (_joints(take, _frames(len(take.turns))), _bones(take))
+        return lambda: (_find_joints(take, _choose_frames(len(take.turns))), _list_bones(take))
     shapes = project.of(GraphShape).values()
     parts = [(shape, part.nodes, part.take) for shape in shapes for part in shape.parts]
     parts += [(shape, layer.own, layer.take) for shape in shapes for layer in shape.over]
-    edges = next((_edges(shape, nodes) for shape, nodes, name in parts if name == take.id), None)
-    frames = _frames(len(take.positions))
+    edges = next((_find_edges(shape, nodes) for shape, nodes, name in parts if name == take.id), None)
+    frames = _choose_frames(len(take.positions))
     return lambda: (take.positions[frames], np.zeros((0, 2), np.int32) if edges is None else edges)
 
 
-def _frames(count: int) -> Int32:
+def _choose_frames(count: int) -> Int32:
     """Returns (P,) the frames shown in the sheet."""
-    return np.linspace(0, count - 1, POSES).round().astype(np.int32)
+    return np.linspace(0, count - 1, POSE_COUNT).round().astype(np.int32)
 
 
-def _joints(take: Clip, frames: Int32) -> Float:
+def _find_joints(take: Clip, frames: Int32) -> Float:
     """Returns (P, N, 3) metres: the joint positions of a take at the given frames."""
     return joint_places(take.mapped(lambda track: track[frames]))
 
 
-def _bones(take: Clip) -> AnyArray:
+def _list_bones(take: Clip) -> AnyArray:
     parents = np.asarray(take.skeleton.parents)
     return np.stack([parents[1:], np.arange(1, len(parents))], 1)
 
 
-def _edges(shape: GraphShape, nodes: AnyArray) -> AnyArray:
+def _find_edges(shape: GraphShape, nodes: AnyArray) -> AnyArray:
     """Returns (L, 2) the lines between the nodes of a stream; a part plays the first of its nodes."""
     inside = (shape.edges < len(nodes)).all(1)
     lines = np.asarray(nodes)[shape.edges[inside]]
@@ -99,30 +99,32 @@ def draw_sheet(points: Float, lines: AnyArray) -> UInt8:
     flat = np.stack([points[..., 0], -points[..., 1]], -1)
     # Centre each figure horizontally. All figures have the same scale and the same floor.
     low, high = flat.min(1), flat.max(1)
-    wide = max(float((high[:, 0] - low[:, 0]).max()), 1e-6)
-    tall = max(float(flat[..., 1].max() - flat[..., 1].min()), 1e-6)
-    scale = _FIGURE_FRACTION * TILE / max(wide, tall)
-    middle = np.stack([(low[:, 0] + high[:, 0]) / 2, np.full(len(flat), flat[..., 1].max() - tall / 2)], 1)
-    flat = (flat - middle[:, None]) * scale + TILE / 2
-    tiles = np.stack([_figure(figure, lines) for figure in flat])
-    rows = tiles.reshape(POSES // COLUMNS, COLUMNS, TILE, TILE).transpose(0, 2, 1, 3)
-    sheet = np.full((*rows.reshape(-1, COLUMNS * TILE).shape, 4), 255, np.uint8)
-    sheet[..., 3] = rows.reshape(-1, COLUMNS * TILE)
+    width = max(float((high[:, 0] - low[:, 0]).max()), 1e-6)
+    height = max(float(flat[..., 1].max() - flat[..., 1].min()), 1e-6)
+    scale = _FIGURE_FRACTION * TILE_SIZE / max(width, height)
+    middle = np.stack([(low[:, 0] + high[:, 0]) / 2, np.full(len(flat), flat[..., 1].max() - height / 2)], 1)
+    flat = (flat - middle[:, None]) * scale + TILE_SIZE / 2
+    tiles = np.stack([_draw_figure(figure, lines) for figure in flat])
+    rows = tiles.reshape(POSE_COUNT // SHEET_COLUMNS, SHEET_COLUMNS, TILE_SIZE, TILE_SIZE).transpose(
+        0, 2, 1, 3
+    )
+    sheet = np.full((*rows.reshape(-1, SHEET_COLUMNS * TILE_SIZE).shape, 4), 255, np.uint8)
+    sheet[..., 3] = rows.reshape(-1, SHEET_COLUMNS * TILE_SIZE)
     return sheet
 
 
-def _figure(points: Float, lines: AnyArray) -> UInt8:
+def _draw_figure(points: Float, lines: AnyArray) -> UInt8:
     """Returns the (TILE, TILE) opacity of lines (L, 2) between points (N, 2) pixels.
 
     Points without lines become dots.
     """
     if not len(lines):
         lines = np.stack([np.arange(len(points))] * 2, 1)
-    across = np.arange(TILE) + 0.5
+    across = np.arange(TILE_SIZE) + 0.5
     pixels = np.stack(np.meshgrid(across, across), -1).reshape(-1, 1, 2)
-    start, way = points[lines[:, 0]], points[lines[:, 1]] - points[lines[:, 0]]
-    along = ((pixels - start) * way).sum(-1) / np.maximum((way**2).sum(-1), 1e-12)
-    nearest = start + np.clip(along, 0.0, 1.0)[..., None] * way
-    away = np.sqrt(((pixels - nearest) ** 2).sum(-1)).min(1)
+    start, line_vectors = points[lines[:, 0]], points[lines[:, 1]] - points[lines[:, 0]]
+    fraction_along = ((pixels - start) * line_vectors).sum(-1) / np.maximum((line_vectors**2).sum(-1), 1e-12)
+    nearest = start + np.clip(fraction_along, 0.0, 1.0)[..., None] * line_vectors
+    distances = np.sqrt(((pixels - nearest) ** 2).sum(-1)).min(1)
     half = _THICK_HALF_WIDTH_PX if len(lines) < _MIN_THIN_LINES else _THIN_HALF_WIDTH_PX
-    return np.asarray(255 * np.clip(half + 0.5 - away, 0.0, 1.0), np.uint8).reshape(TILE, TILE)
+    return np.asarray(255 * np.clip(half + 0.5 - distances, 0.0, 1.0), np.uint8).reshape(TILE_SIZE, TILE_SIZE)

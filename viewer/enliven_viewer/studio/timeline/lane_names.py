@@ -12,7 +12,7 @@ _LEG_WORDS = {"shoulder": "hip"}
 """The artist's word for a girdle that legs are attached to."""
 
 
-def lane_name(character: RigBase, layer: LayerBase) -> str:
+def make_lane_name(character: RigBase, layer: LayerBase) -> str:
     """Returns the label of a layer's lane, such as "left arm, wave".
 
     A narrow lane shows only its beginning.
@@ -20,15 +20,15 @@ def lane_name(character: RigBase, layer: LayerBase) -> str:
     name = str(getattr(layer, "id", character.id))
     take, _, limb = name.partition(": ")
     if limb:
-        return f"{plain_limb(limb)}, {take}"
+        return f"{describe_limb(limb)}, {take}"
     if not isinstance(character, Shape) or (name != layer.take and not name.startswith(f"{layer.take} ")):
         return name
-    beside = sum(other.take == layer.take for other in character.playing)
-    limb = _driven(character, name) if beside > 1 else ""
+    lanes_of_take = sum(other.take == layer.take for other in character.playing)
+    limb = _find_driven_joint(character, name) if lanes_of_take > 1 else ""
     return f"{limb}, {name}" if limb else name
 
 
-def plain_limb(role: str) -> str:
+def describe_limb(role: str) -> str:
     """Returns a limb's name in an artist's words: "left hip" for "left leg 1 girdle"."""
     words = [word for word in role.split() if not re.fullmatch(r"1", word)]
     plain = [_PLAIN_WORDS.get(word, word) for word in words]
@@ -41,7 +41,7 @@ def plain_limb(role: str) -> str:
     return " ".join(plain)
 
 
-def _driven(shape: Shape, layer_id: str) -> str:
+def _find_driven_joint(shape: Shape, layer_id: str) -> str:
     """Returns the end joint of the bones that a layer drives; empty if it drives all bones or none."""
     driven = [
         joint

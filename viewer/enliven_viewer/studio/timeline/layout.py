@@ -10,31 +10,31 @@ from typing import Protocol
 
 from enliven.document import LayerBase, Marker, Project, RigBase, Segment
 from enliven_viewer.language import tr
-from enliven_viewer.studio.timeline.lane_names import lane_name
+from enliven_viewer.studio.timeline.lane_names import make_lane_name
 
-LABELS = 190.0
+LABEL_WIDTH = 190.0
 """Width of the labels in pixels: about 25 letters."""
-RULER = 26.0
+RULER_HEIGHT = 26.0
 """Height of the ruler in pixels."""
-LANE = 28.0
+LANE_HEIGHT = 28.0
 """Height of a lane in pixels: thumbnails with a line of text over them."""
-HEAD = 20.0
+HEAD_HEIGHT = 20.0
 """Height, in pixels, of the row with a character's name above its lanes."""
-GAP = 3.0
+LANE_GAP = 3.0
 """Gap between two lanes in pixels."""
-END = 12.0
+END_MARGIN = 12.0
 """Margin at the right in pixels, so that the end of the last bar can be grabbed."""
-EDGE = 7.0
+EDGE_GRAB_DISTANCE = 7.0
 """Distance in pixels from a clip's end within which a drag trims it, or changes its speed with Ctrl."""
-MUTE = 22.0
+MUTE_ICON_WIDTH = 22.0
 """Width in pixels of an icon at the left of a label: mute (eye), lock, or fold."""
-SOLO = 20.0
+SOLO_BUTTON_WIDTH = 20.0
 """Width in pixels of the solo button at the right of a character's label."""
-TAKES = 34.0
+TAKES_BUTTON_WIDTH = 34.0
 """Width in pixels of the take number at the right of a label; a click opens the alternatives."""
-SPAN = 8.0
+SPAN_BAND_HEIGHT = 8.0
 """Height in pixels of the band on the ruler that shows the recording range."""
-MARK = 6.0
+MARKER_GRAB_DISTANCE = 6.0
 """Distance in pixels from a marker on the ruler within which it can be grabbed."""
 _MAX_TAKE_LANES = 12
 """Maximum number of layers of one take that get a lane each. Models with one layer per bone have more, and
@@ -76,10 +76,8 @@ class LaneHandle:
 class Lane:
     """A row of the timeline: a bar, details of a layer, or a character's name.
 
-    It includes the first and last pixel of its clips.
-
-    Layers of a character that play one take in the same way share a bar: an imported animation has a layer
-    for every bone.
+    Its left and right are the first and last pixel of its clips. Layers of a character that play one take in
+    the same way share a bar, because an imported animation has a layer for every bone.
 
     Attributes:
         clips: the clips of a bar, in seconds of the project.
@@ -104,7 +102,7 @@ class Lane:
         """Returns the limb that moves and its take, or the take and the number of layers that play it."""
         if len(self.layers) > 1:
             return tr("{0}  ({1} bones)", self.layer.take, len(self.layers))
-        return lane_name(self.character, self.layer)
+        return make_lane_name(self.character, self.layer)
 
 
 class Details(Protocol):
@@ -149,7 +147,7 @@ class TimelineLayout:
     @property
     def track(self) -> float:
         """Returns the width of the track in pixels."""
-        return max(self.width - LABELS - END, 1.0)
+        return max(self.width - LABEL_WIDTH - END_MARGIN, 1.0)
 
     @property
     def visible_s(self) -> float:
@@ -160,15 +158,15 @@ class TimelineLayout:
     def height(self) -> float:
         """Returns the total height of ruler and lanes in pixels."""
         lanes = self.lanes()
-        return lanes[-1].top + lanes[-1].height + GAP + self.scrolled if lanes else RULER
+        return lanes[-1].top + lanes[-1].height + LANE_GAP + self.scrolled if lanes else RULER_HEIGHT
 
     def x(self, time: float) -> float:
         """Returns the x coordinate of a time, in pixels."""
-        return LABELS + self.track * (time - self.start) / self.visible_s
+        return LABEL_WIDTH + self.track * (time - self.start) / self.visible_s
 
     def time(self, x: float) -> float:
         """Returns the time of an x coordinate, in seconds; extrapolates outside the track."""
-        return self.start + (x - LABELS) / self.track * self.visible_s
+        return self.start + (x - LABEL_WIDTH) / self.track * self.visible_s
 
     def x_of(self, lane: Lane, second: float) -> float:
         """Returns the x coordinate of a time in a lane's take."""
@@ -185,24 +183,24 @@ class TimelineLayout:
 
     @cached_property
     def _lanes(self) -> tuple[Lane, ...]:
-        top, lanes, shared = RULER - self.scrolled, list[Lane](), self._shared()
+        top, lanes, shared = RULER_HEIGHT - self.scrolled, list[Lane](), self._group_layers()
         named, before = len({name for name, _ in shared}) > 1, ""
         for name, numbers in shared:
             character = self.project.characters[name]
             layer = character.playing[numbers[0]]
             if named and name != before:
                 every = tuple(number for other, some in shared if other == name for number in some)
-                lanes.append(Lane("head", character, every, top, HEAD, LABELS, LABELS))
-                top, before = top + HEAD + 1.0, name
+                lanes.append(Lane("head", character, every, top, HEAD_HEIGHT, LABEL_WIDTH, LABEL_WIDTH))
+                top, before = top + HEAD_HEIGHT + 1.0, name
             if named and name in self.folded:
                 continue
             clips = layer.clips(self.project.length_of(layer))
             span = self.x(clips[0].begin), self.x(clips[-1].end)
             rows = self.details.rows(character, numbers[0]) if self.details is not None else ()
-            for kind, height in (("bar", LANE), *rows):
+            for kind, height in (("bar", LANE_HEIGHT), *rows):
                 lanes.append(Lane(kind, character, numbers, top, height, *span, clips))
                 top += height + 1.0
-            top += GAP - 1.0
+            top += LANE_GAP - 1.0
         return tuple(lanes)
 
     def bars(self) -> tuple[Lane, ...]:
@@ -214,19 +212,19 @@ class TimelineLayout:
         ordered = sorted(self.project.markers.values(), key=lambda marker: marker.seconds)
         return tuple((marker, self.x(marker.seconds)) for marker in ordered)
 
-    def _shared(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
+    def _group_layers(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
         """Returns each character with the numbers of the layers that share a bar, from the top."""
         groups: dict[tuple[object, ...], list[int]] = {}
         for key, character in self.project.characters.items():
             playing = character.playing
-            hidden = self._unheard(playing)
+            hidden = self._find_hidden_layers(playing)
             for number, layer in enumerate(playing):
                 if number in hidden:
                     continue
                 few = sum(other.take == layer.take for other in playing) <= _MAX_TAKE_LANES
                 alone = number if few and layer.source == "takes" else -1
-                how = (layer.take, layer.muted, layer.when())
-                groups.setdefault((key, *how, alone), []).append(number)
+                group_key = (layer.take, layer.muted, layer.when())
+                groups.setdefault((key, *group_key, alone), []).append(number)
         return tuple((str(group[0]), tuple(numbers)) for group, numbers in groups.items())
 
     def takes(self, lane: Lane) -> tuple[int, int]:
@@ -240,20 +238,22 @@ class TimelineLayout:
         names = list(dict.fromkeys(alternative.recorded for alternative in alternatives))
         return names.index(layer.recorded) + 1, len(names) if layer.alternatives else 1
 
-    def _unheard(self, playing: Sequence[LayerBase]) -> set[int]:
+    def _find_hidden_layers(self, playing: Sequence[LayerBase]) -> set[int]:
         """Returns the layers without a lane.
 
         They are inaudible takes in a closed group of alternatives.
         """
-        beside: dict[str, dict[str, list[int]]] = {}
+        takes_by_group: dict[str, dict[str, list[int]]] = {}
         for number, layer in enumerate(playing):
             if layer.alternatives and layer.alternatives not in self.opened:
-                beside.setdefault(layer.alternatives, {}).setdefault(layer.recorded, []).append(number)
+                takes_by_group.setdefault(layer.alternatives, {}).setdefault(layer.recorded, []).append(
+                    number
+                )
         hidden = set[int]()
-        for takes in beside.values():
-            heard = [name for name, some in takes.items() if not all(playing[k].muted for k in some)]
-            shown = heard[-1] if heard else list(takes)[-1]
-            hidden.update(k for name, some in takes.items() if name != shown for k in some)
+        for takes in takes_by_group.values():
+            audible_names = [name for name, some in takes.items() if not all(playing[k].muted for k in some)]
+            shown_name = audible_names[-1] if audible_names else list(takes)[-1]
+            hidden.update(k for name, some in takes.items() if name != shown_name for k in some)
         return hidden
 
     def ticks(self) -> tuple[tuple[float, bool], ...]:
@@ -261,66 +261,81 @@ class TimelineLayout:
 
         Numbers are at least 60 pixels apart.
         """
-        wanted = 60.0 * self.visible_s / self.track
-        step = next((s for s in _TICK_INTERVALS_S if s >= wanted), _TICK_INTERVALS_S[-1])
+        min_step = 60.0 * self.visible_s / self.track
+        step = next((s for s in _TICK_INTERVALS_S if s >= min_step), _TICK_INTERVALS_S[-1])
         small = step / 5
         first, last = -int(-self.start / small), int((self.start + self.visible_s) / small + 1e-9)
         return tuple((k * small, k % 5 == 0) for k in range(first, last + 1))
 
     def handle_at(self, x: float, y: float) -> LaneHandle:
         """Returns the part of the timeline under a pixel (hit test)."""
-        if y < RULER:
-            return self._on_ruler(x, y)
+        if y < RULER_HEIGHT:
+            return self._find_ruler_handle(x, y)
         for lane in self.lanes():
             if lane.top <= y < lane.top + lane.height:
-                kind, item = self._at(lane, x)
+                kind, item = self._find_lane_handle(lane, x)
                 if kind != "nothing":
                     second = 0.0 if lane.kind in ("bar", "head") else self.second(lane, x)
                     return LaneHandle(kind, lane.character.id, lane.layers, item, second)
-        return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
+        return LaneHandle("ruler") if x >= LABEL_WIDTH - END_MARGIN else LaneHandle("nothing")
 
-    def _on_ruler(self, x: float, y: float) -> LaneHandle:
-        near = [(abs(at - x), marker.id) for marker, at in self.markers() if abs(at - x) <= MARK]
-        if near:
-            return LaneHandle("marker", name=min(near)[1])
+    def _find_ruler_handle(self, x: float, y: float) -> LaneHandle:
+        near_markers = [
+            (abs(at - x), marker.id) for marker, at in self.markers() if abs(at - x) <= MARKER_GRAB_DISTANCE
+        ]
+        if near_markers:
+            return LaneHandle("marker", name=min(near_markers)[1])
         if self.marked is not None:
             low, high = (self.x(end) for end in self.marked)
-            away, kind = min((abs(high - x), "to"), (abs(low - x), "from"))
-            if away <= EDGE:
+            distance, kind = min((abs(high - x), "to"), (abs(low - x), "from"))
+            if distance <= EDGE_GRAB_DISTANCE:
                 return LaneHandle(kind)
-            if low < x < high and y >= RULER - SPAN:
+            if low < x < high and y >= RULER_HEIGHT - SPAN_BAND_HEIGHT:
                 return LaneHandle("marked")
-        return LaneHandle("ruler") if x >= LABELS - END else LaneHandle("nothing")
+        return LaneHandle("ruler") if x >= LABEL_WIDTH - END_MARGIN else LaneHandle("nothing")
 
-    def _at(self, lane: Lane, x: float) -> tuple[str, int]:
+    def _find_lane_handle(self, lane: Lane, x: float) -> tuple[str, int]:
         """Returns the kind and number of the part at a pixel of a lane."""
         if lane.kind == "head":
-            if x >= LABELS - END:
+            if x >= LABEL_WIDTH - END_MARGIN:
                 return "nothing", 0
-            return ("fold" if x < MUTE else "solo" if x >= LABELS - END - SOLO else "name"), 0
+            return (
+                "fold"
+                if x < MUTE_ICON_WIDTH
+                else "solo"
+                if x >= LABEL_WIDTH - END_MARGIN - SOLO_BUTTON_WIDTH
+                else "name"
+            ), 0
         if lane.kind != "bar" and self.details is not None:
             return self.details.at(self, lane, x)
-        if x < LABELS - END:
-            if x >= LABELS - END - TAKES and self.takes(lane)[1] > 1:
+        if x < LABEL_WIDTH - END_MARGIN:
+            if x >= LABEL_WIDTH - END_MARGIN - TAKES_BUTTON_WIDTH and self.takes(lane)[1] > 1:
                 return "takes", 0
-            return ("mute" if x < MUTE else "lock" if x < 2 * MUTE else "label"), 0
-        return self._on_clips(lane, x)
+            return ("mute" if x < MUTE_ICON_WIDTH else "lock" if x < 2 * MUTE_ICON_WIDTH else "label"), 0
+        return self._find_clip_handle(lane, x)
 
-    def _on_clips(self, lane: Lane, x: float) -> tuple[str, int]:
+    def _find_clip_handle(self, lane: Lane, x: float) -> tuple[str, int]:
         """Returns the clip, or the clip end, at a pixel of a bar.
 
         A narrow clip offers only its end and its middle.
         """
         ends = [(self.x(clip.begin), self.x(clip.end)) for clip in lane.clips]
         for k, ((_, right), (left, _)) in enumerate(pairwise(ends)):
-            if right - left > 2 * EDGE and left + EDGE < x < right - EDGE:
+            if (
+                right - left > 2 * EDGE_GRAB_DISTANCE
+                and left + EDGE_GRAB_DISTANCE < x < right - EDGE_GRAB_DISTANCE
+            ):
                 return "blend", k
-        near = [(abs(right - x), 0, k) for k, (_, right) in enumerate(ends)]
-        near += [(abs(left - x), 1, k) for k, (left, right) in enumerate(ends) if right - left > 3 * EDGE]
-        away, which, number = min(near)
-        if away <= EDGE:
+        near_ends = [(abs(right - x), 0, k) for k, (_, right) in enumerate(ends)]
+        near_ends += [
+            (abs(left - x), 1, k)
+            for k, (left, right) in enumerate(ends)
+            if right - left > 3 * EDGE_GRAB_DISTANCE
+        ]
+        distance, side, number = min(near_ends)
+        if distance <= EDGE_GRAB_DISTANCE:
             # If two clips touch, the side of the pointer decides which of them is trimmed.
-            return ("begin" if which else "edge"), number
+            return ("begin" if side else "edge"), number
         inside = [k for k, (left, right) in enumerate(ends) if left <= x <= right]
         if not inside and lane.layer.loop and x >= lane.left:
             inside = [len(ends) - 1]

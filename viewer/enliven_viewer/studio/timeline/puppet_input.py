@@ -15,7 +15,7 @@ from enliven_viewer.studio.examples import (
     CoverageCache,
     TakeCoverage,
     add_switch,
-    constraints_of,
+    list_constraints,
     move_switch,
     remove_switch,
     retime_pose,
@@ -24,7 +24,7 @@ from enliven_viewer.studio.examples import (
 from enliven_viewer.studio.timeline.layout import LaneHandle, TimelineLayout
 from enliven_viewer.studio.timeline.puppet_lanes import PuppetDetails
 
-DRAGGED = {"pose": later("retime a key pose"), "switch": later("move a switch")}
+DRAG_TITLES = {"pose": later("retime a key pose"), "switch": later("move a switch")}
 """The name of each drag in the history."""
 
 
@@ -47,20 +47,20 @@ class PuppetRows:
     @property
     def details(self) -> PuppetDetails:
         """Returns the current rows."""
-        return PuppetDetails(self.editor.puppets.puppet, self._coverage, self._switches)
+        return PuppetDetails(self.editor.puppets.puppet, self._find_coverage, self._find_switches)
 
     def press(self, handle: LaneHandle, layout: TimelineLayout, x: float) -> None:
         """Handles a press on a mark."""
         layer = self.details.layer(handle.number)
         self.marked = handle if handle.kind in ("switch", "held") else None
         if handle.kind == "suggested":
-            coverage = self._coverage(layer.take)
+            coverage = self._find_coverage(layer.take)
             assert coverage is not None
             self.begin_pose(layer.take, coverage.times[handle.item])
         elif handle.kind == "found" and layer.switches is not None:
             self._edit(later("find contacts again"), handle, switches=None)
         elif handle.kind == "held":
-            frame = constraints_of(self.editor.project, handle.character, handle.number)[handle.item].frame
+            frame = list_constraints(self.editor.project, handle.character, handle.number)[handle.item].frame
             take = self.editor.project.takes[layer.take]
             self.editor.scrub(layer.time_of(frame * take.step, take.duration))
         elif handle.kind == "band":
@@ -75,7 +75,7 @@ class PuppetRows:
             return False
         take = self.editor.project.takes[self.details.layer(handle.number).take]
         frame = round(handle.seconds / take.step)
-        switches = add_switch(self._switches(handle.number), frame, len(take.turns))
+        switches = add_switch(self._find_switches(handle.number), frame, len(take.turns))
         self._edit(later("add a switch"), handle, switches=switches)
         return True
 
@@ -87,16 +87,16 @@ class PuppetRows:
         if puppet is None or puppet.id != handle.character or handle.number >= len(puppet.layers):
             return False
         if handle.kind == "switch":
-            remaining = remove_switch(self._switches(handle.number), handle.item)
+            remaining = remove_switch(self._find_switches(handle.number), handle.item)
             self._edit(later("remove a switch"), handle, switches=remaining)
             return True
-        constraints = constraints_of(self.editor.project, puppet.id, handle.number)
+        constraints = list_constraints(self.editor.project, puppet.id, handle.number)
         if handle.item < len(constraints):
             constraint = constraints[handle.item]
             self.editor.edit("let go", lambda p: without_constraint(p, puppet.id, handle.number, constraint))
         return True
 
-    def dragged(self, handle: LaneHandle, seconds: float, switches: tuple[Switch, ...]) -> Edit:
+    def make_drag_edit(self, handle: LaneHandle, seconds: float, switches: tuple[Switch, ...]) -> Edit:
         """Returns the edit for dragging a mark to a time in the take.
 
         ``switches`` are those at the start of the drag.
@@ -105,19 +105,19 @@ class PuppetRows:
             return lambda project: retime_pose(project, handle.character, handle.item, seconds)
         take = self.editor.project.takes[self.details.layer(handle.number).take]
         frame = round(seconds / take.step)
-        return self._changing(handle, switches=move_switch(switches, handle.item, frame, len(take.turns)))
+        return self._make_edit(handle, switches=move_switch(switches, handle.item, frame, len(take.turns)))
 
-    def _edit(self, word: str, handle: LaneHandle, **changes: Any) -> None:
-        self.editor.edit(word, self._changing(handle, **changes))
+    def _edit(self, edit_name: str, handle: LaneHandle, **changes: Any) -> None:
+        self.editor.edit(edit_name, self._make_edit(handle, **changes))
 
-    def _changing(self, handle: LaneHandle, **changes: Any) -> Edit:
+    def _make_edit(self, handle: LaneHandle, **changes: Any) -> Edit:
         return lambda project: change_layers(project, handle.character, [handle.number], **changes)
 
-    def _coverage(self, take: str) -> TakeCoverage | None:
+    def _find_coverage(self, take: str) -> TakeCoverage | None:
         puppet = self.editor.puppets.puppet
         return self.coverages.of(self.editor.project, puppet, take) if puppet is not None else None
 
-    def _switches(self, layer: int) -> tuple[Switch, ...]:
+    def _find_switches(self, layer: int) -> tuple[Switch, ...]:
         """Returns the edited switches, or those detected when the motion was last solved.
 
         Returns an empty tuple before that.

@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from enliven.document import Puppet, PuppetLayer, RigBase, Switch
-from enliven_viewer.studio.examples import HardConstraint, TakeCoverage, constraints_of
-from enliven_viewer.studio.timeline.layout import END, LABELS, Lane, TimelineLayout
+from enliven_viewer.studio.examples import HardConstraint, TakeCoverage, list_constraints
+from enliven_viewer.studio.timeline.layout import END_MARGIN, LABEL_WIDTH, Lane, TimelineLayout
 
-POSES = 30.0
+POSE_ROW_HEIGHT = 30.0
 """Height in pixels of the row of key poses: the coverage curve with diamonds over it."""
-BAND = 15.0
+BAND_ROW_HEIGHT = 15.0
 """Height in pixels of the rows of contacts and of hard constraints."""
 _CLICK_DISTANCE_PX = 7.0
 """Distance in pixels within which a mark can be clicked."""
@@ -40,11 +40,11 @@ class PuppetDetails:
         if puppet is None or character is not puppet or number >= len(puppet.layers):
             return ()  # Layers that move only the root have no rows.
         layer = puppet.layers[number]
-        rows = [("poses", POSES)]
+        rows = [("poses", POSE_ROW_HEIGHT)]
         if layer.travel and any(point.foot for point in puppet.points):
-            rows.append(("band", BAND))
+            rows.append(("band", BAND_ROW_HEIGHT))
         if layer.positions or layer.velocities or layer.couplings:
-            rows.append(("held", BAND))
+            rows.append(("held", BAND_ROW_HEIGHT))
         return rows
 
     def poses(self, layout: TimelineLayout, lane: Lane) -> tuple[tuple[int, float], ...]:
@@ -76,7 +76,7 @@ class PuppetDetails:
     ) -> tuple[tuple[int, HardConstraint, float], ...]:
         """Returns the number, the constraint and the x coordinate of each hard constraint."""
         step = layout.project.takes[lane.layer.take].step
-        constraints = constraints_of(layout.project, lane.character.id, lane.layers[0])
+        constraints = list_constraints(layout.project, lane.character.id, lane.layers[0])
         return tuple(
             (k, constraint, layout.x_of(lane, constraint.frame * step))
             for k, constraint in enumerate(constraints)
@@ -84,11 +84,13 @@ class PuppetDetails:
 
     def at(self, layout: TimelineLayout, lane: Lane, x: float) -> tuple[str, int]:
         """Returns the kind and number of the mark at a pixel of a row."""
-        if x < LABELS - END:
+        if x < LABEL_WIDTH - END_MARGIN:
             return ("found" if lane.kind == "band" else "label"), 0
         if lane.kind == "poses":
-            pose = _nearest(((number, at) for number, at in self.poses(layout, lane)), x, _CLICK_DISTANCE_PX)
-            tick = _nearest(
+            pose = _find_nearest_mark(
+                ((number, at) for number, at in self.poses(layout, lane)), x, _CLICK_DISTANCE_PX
+            )
+            tick = _find_nearest_mark(
                 ((k, at) for k, (_, at) in enumerate(self.suggested_marks(layout, lane))),
                 x,
                 _CLICK_DISTANCE_PX,
@@ -100,12 +102,14 @@ class PuppetDetails:
             )
         if lane.kind == "band":
             starts = ((k, left) for k, (_, left, _) in enumerate(self.bands(layout, lane)) if k)
-            switch = _nearest(starts, x, _CLICK_DISTANCE_PX - 2)
+            switch = _find_nearest_mark(starts, x, _CLICK_DISTANCE_PX - 2)
             if switch is not None:
                 return "switch", switch
             left, right = sorted((lane.left, lane.right))
             return ("band" if left <= x <= right else "nothing"), 0
-        mark = _nearest(((k, at) for k, _, at in self.constraint_marks(layout, lane)), x, _CLICK_DISTANCE_PX)
+        mark = _find_nearest_mark(
+            ((k, at) for k, _, at in self.constraint_marks(layout, lane)), x, _CLICK_DISTANCE_PX
+        )
         return ("nothing" if mark is None else "held"), mark or 0
 
     def layer(self, number: int) -> PuppetLayer:
@@ -119,7 +123,7 @@ def _plays(layout: TimelineLayout, lane: Lane, second: float) -> bool:
     return lane.layer.plays(second, layout.project.length_of(lane.layer))
 
 
-def _nearest(marks: Iterable[tuple[int, float]], x: float, reach: float) -> int | None:
+def _find_nearest_mark(marks: Iterable[tuple[int, float]], x: float, reach: float) -> int | None:
     """Returns the number of the mark nearest to a pixel, within reach."""
     near = [(abs(at - x), number) for number, at in marks if abs(at - x) <= reach]
     return min(near)[1] if near else None

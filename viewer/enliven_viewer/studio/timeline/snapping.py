@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from enliven_viewer.studio.timeline.layout import LaneHandle, TimelineLayout
 
-SNAP = 6.0
+SNAP_DISTANCE_PX = 6.0
 """Snapping distance in pixels."""
 
 
@@ -17,9 +17,9 @@ def snap_times(layout: TimelineLayout, playhead: float, held: LaneHandle) -> lis
     """
     places = [0.0, playhead, *(marker.seconds for marker, _ in layout.markers() if marker.id != held.name)]
     for lane in layout.bars():
-        mine = (lane.character.id, lane.layers) == (held.character, held.layers)
+        is_dragged_lane = (lane.character.id, lane.layers) == (held.character, held.layers)
         for number, clip in enumerate(lane.clips):
-            if not (mine and number == held.item):
+            if not (is_dragged_lane and number == held.item):
                 places += [clip.begin, clip.end]
     return places
 
@@ -38,6 +38,6 @@ def snap_offset(
     """
     moves = [(abs(place - time), place - time, place) for time in times for place in places]
     nearest = min(moves, default=None)
-    if nearest is not None and nearest[0] * layout.track / layout.visible_s <= SNAP:
+    if nearest is not None and nearest[0] * layout.track / layout.visible_s <= SNAP_DISTANCE_PX:
         return nearest[1], nearest[2]
     return round(times[0] / frame) * frame - times[0], None

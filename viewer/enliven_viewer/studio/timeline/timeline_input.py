@@ -10,8 +10,8 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Edit, Editor
 from enliven_viewer.studio.timeline.clip_drag import ClipDrag
 from enliven_viewer.studio.timeline.clip_pictures import ClipPictures
-from enliven_viewer.studio.timeline.layout import GAP, RULER, Lane, LaneHandle, TimelineLayout
-from enliven_viewer.studio.timeline.puppet_input import DRAGGED, PuppetRows
+from enliven_viewer.studio.timeline.layout import LANE_GAP, RULER_HEIGHT, Lane, LaneHandle, TimelineLayout
+from enliven_viewer.studio.timeline.puppet_input import DRAG_TITLES, PuppetRows
 from enliven_viewer.studio.timeline.snapping import snap_offset, snap_times
 
 _NO_HANDLE = LaneHandle("nothing")
@@ -65,24 +65,24 @@ class TimelineInput:
     def layout(self) -> TimelineLayout:
         """Returns the current layout."""
         editor = self.editor
-        how = (self.scrolled, self.rows.details, self.start, self.span, self.folded, self.opened)
-        return TimelineLayout(editor.project, editor.length, self.width, *how, editor.marked)
+        view_options = (self.scrolled, self.rows.details, self.start, self.span, self.folded, self.opened)
+        return TimelineLayout(editor.project, editor.length, self.width, *view_options, editor.marked)
 
-    def follow(self, tall: float, recorded: str = "") -> None:
+    def follow(self, height: float, recorded: str = "") -> None:
         """Scrolls vertically to the lanes of a newly recorded or newly selected character.
 
         Args:
-            tall: height of ruler and lanes in pixels.
+            height: height of ruler and lanes in pixels.
             recorded: the character that was just recorded; empty for none.
         """
         chosen = self.editor.selection.character or ""
-        wanted, self._followed = recorded or (chosen if chosen != self._followed else ""), chosen
-        mine = [lane for lane in self.layout.lanes() if lane.character.id == wanted]
-        if not mine or self.busy:
+        followed_character, self._followed = recorded or (chosen if chosen != self._followed else ""), chosen
+        lanes_of_character = [lane for lane in self.layout.lanes() if lane.character.id == followed_character]
+        if not lanes_of_character or self.busy:
             return
-        low = mine[-1].top + mine[-1].height + GAP - tall
+        low = lanes_of_character[-1].top + lanes_of_character[-1].height + LANE_GAP - height
         self.scrolled += max(low, 0.0)
-        self.scrolled += min(mine[0].top - max(low, 0.0) - RULER, 0.0)
+        self.scrolled += min(lanes_of_character[0].top - max(low, 0.0) - RULER_HEIGHT, 0.0)
 
     @property
     def busy(self) -> bool:
@@ -115,14 +115,20 @@ class TimelineInput:
         if handle.kind == "lock":
             self.locked = self.locked ^ {(handle.character, handle.number)}
         elif handle.kind == "takes":
-            self.opened = self.opened ^ {self._layer(handle).alternatives}
-        elif handle.kind == "mute" and self._layer(handle).muted and layout.takes(self._bar(handle))[1] > 1:
-            layer = self._layer(handle)
-            of, name = layer.alternatives, layer.recorded
-            self.editor.edit(later("hear {0}", name), lambda project: choose_take(project, of, name))
+            self.opened = self.opened ^ {self._get_layer(handle).alternatives}
+        elif (
+            handle.kind == "mute"
+            and self._get_layer(handle).muted
+            and layout.takes(self._get_bar(handle))[1] > 1
+        ):
+            layer = self._get_layer(handle)
+            alternatives, name = layer.alternatives, layer.recorded
+            self.editor.edit(
+                later("hear {0}", name), lambda project: choose_take(project, alternatives, name)
+            )
         elif handle.kind == "mute":
             muted = not self.editor.project.characters[handle.character].playing[handle.number].muted
-            self.editor.edit("mute" if muted else "unmute", _changing(handle, muted=muted))
+            self.editor.edit("mute" if muted else "unmute", _make_edit(handle, muted=muted))
         elif handle.kind in _CLIP_HANDLES:
             self.clip = handle.item
             frame = self.editor.settings.frame_step if self.snapping else 0.0
@@ -135,21 +141,21 @@ class TimelineInput:
                 self._switches = tuple(self.rows.details.switches(handle.number))
             self.rows.press(handle, layout, x)
 
-    def _layer(self, handle: LaneHandle) -> LayerBase:
+    def _get_layer(self, handle: LaneHandle) -> LayerBase:
         """Returns the first layer of the pressed lane."""
         return self.editor.project.characters[handle.character].playing[handle.number]
 
-    def _bar(self, handle: LaneHandle) -> Lane:
+    def _get_bar(self, handle: LaneHandle) -> Lane:
         """Returns the pressed lane."""
-        wanted = (handle.character, handle.layers)
-        return next(bar for bar in self.layout.bars() if (bar.character.id, bar.layers) == wanted)
+        key = (handle.character, handle.layers)
+        return next(bar for bar in self.layout.bars() if (bar.character.id, bar.layers) == key)
 
     def _press_head(self, handle: LaneHandle) -> None:
         """Folds or unfolds a character's lanes, toggles solo, or selects the character."""
         if handle.kind == "fold":
             self.folded = self.folded ^ {handle.character}
         elif handle.kind == "solo":
-            self.editor.edit("solo", lambda project: _solo(project, handle.character))
+            self.editor.edit("solo", lambda project: _toggle_solo(project, handle.character))
         self.editor.choose(handle.character)
 
     def drag(self, x: float) -> None:
@@ -158,7 +164,7 @@ class TimelineInput:
             self.editor.scrubbing = True
             self.editor.scrub(self._held_layout.time(x))
         elif self._handle.kind in _SPAN_HANDLES:
-            self.editor.marked = self._span_to(x)
+            self.editor.marked = self._drag_span(x)
         elif self._drag_title is not None and x != self._from:
             if self.editor.puppets.posing:
                 self.editor.puppets.accept()
@@ -166,9 +172,9 @@ class TimelineInput:
 
     def release(self, x: float) -> None:
         """Handles the release of the button. A drag becomes one edit; a click on a key pose opens it."""
-        word, handle = self._drag_title, self._handle
-        if word is not None and self.editor.draft is not None:
-            self.editor.edit(word, self._change(x))
+        edit_name, handle = self._drag_title, self._handle
+        if edit_name is not None and self.editor.draft is not None:
+            self.editor.edit(edit_name, self._change(x))
         elif handle.kind == "pose":
             self.rows.edit_pose(handle.item)
         elif handle.kind == "marker":
@@ -187,50 +193,50 @@ class TimelineInput:
     def zoom(self, notches: float, x: float) -> None:
         """Zooms the visible time span in or out around a pixel."""
         layout = self.layout
-        at, most = layout.time(x), _MAX_VISIBLE_FACTOR * layout.length
-        span = min(max(layout.visible_s * _ZOOM_PER_NOTCH**notches, _MIN_VISIBLE_S), most)
-        share = (at - layout.start) / layout.visible_s
+        fixed_time, max_span = layout.time(x), _MAX_VISIBLE_FACTOR * layout.length
+        span = min(max(layout.visible_s * _ZOOM_PER_NOTCH**notches, _MIN_VISIBLE_S), max_span)
+        fraction = (fixed_time - layout.start) / layout.visible_s
         self.span = 0.0 if span >= layout.length and notches < 0 else span
-        self._start_at(at - share * span)
+        self._set_start(fixed_time - fraction * span)
 
     def pan(self, pixels: float) -> None:
         """Pans the visible time span to the right by some pixels."""
         layout = self.layout
-        self._start_at(layout.start + pixels * layout.visible_s / layout.track)
+        self._set_start(layout.start + pixels * layout.visible_s / layout.track)
 
     def show_all(self) -> None:
         """Shows the whole project."""
         self.start = self.span = 0.0
 
-    def _start_at(self, start: float) -> None:
-        room = max(_MAX_VISIBLE_FACTOR * self.editor.length - self.span, 0.0) if self.span else 0.0
-        self.start = min(max(start, 0.0), room)
+    def _set_start(self, start: float) -> None:
+        max_start = max(_MAX_VISIBLE_FACTOR * self.editor.length - self.span, 0.0) if self.span else 0.0
+        self.start = min(max(start, 0.0), max_start)
 
     @property
     def _drag_title(self) -> str | None:
         """Returns the name of the edit for dragging the held part; None if it cannot be dragged."""
         if self._drag is not None:
             return self._drag.word
-        return {"marker": later("move marker"), **DRAGGED}.get(self._handle.kind)
+        return {"marker": later("move marker"), **DRAG_TITLES}.get(self._handle.kind)
 
     def _change(self, x: float) -> Edit:
         """Returns the edit for a drag to ``x``."""
         layout, handle = self._held_layout, self._handle
-        moved = layout.time(x) - layout.time(self._from)
+        time_offset = layout.time(x) - layout.time(self._from)
         if self._drag is not None:
-            change, self.stuck = self._drag.edit(moved)
+            change, self.stuck = self._drag.edit(time_offset)
             return change
         if handle.kind == "marker":
-            return self._marker_moved(handle, moved)
+            return self._make_marker_edit(handle, time_offset)
         lane = next(
             candidate
             for candidate in layout.lanes()
             if (candidate.character.id, candidate.layers) == (handle.character, handle.layers)
             and candidate.kind != "head"
         )
-        return self.rows.dragged(handle, layout.second(lane, x), self._switches)
+        return self.rows.make_drag_edit(handle, layout.second(lane, x), self._switches)
 
-    def _span_to(self, x: float) -> tuple[float, float] | None:
+    def _drag_span(self, x: float) -> tuple[float, float] | None:
         """Returns the marked span after dragging an end, or all of it, to a pixel.
 
         Returns None without a marked span.
@@ -239,36 +245,36 @@ class TimelineInput:
         span = layout.marked
         if span is None:
             return None
-        moved = layout.time(x) - layout.time(self._from)
+        time_offset = layout.time(x) - layout.time(self._from)
         ends = {"from": (span[0],), "to": (span[1],)}.get(kind, span)
         if self.snapping:
             places = snap_times(layout, self.editor.time, self._handle)
-            times = [end + moved for end in ends]
-            more, self.stuck = snap_offset(layout, times, places, self.editor.settings.frame_step)
-            moved += more
+            times = [end + time_offset for end in ends]
+            snap_shift, self.stuck = snap_offset(layout, times, places, self.editor.settings.frame_step)
+            time_offset += snap_shift
         if kind == "marked":
-            moved = max(moved, -span[0])
-            return span[0] + moved, span[1] + moved
+            time_offset = max(time_offset, -span[0])
+            return span[0] + time_offset, span[1] + time_offset
         if kind == "from":
-            return min(max(span[0] + moved, 0.0), span[1] - _MIN_SPAN_S), span[1]
-        return span[0], max(span[1] + moved, span[0] + _MIN_SPAN_S)
+            return min(max(span[0] + time_offset, 0.0), span[1] - _MIN_SPAN_S), span[1]
+        return span[0], max(span[1] + time_offset, span[0] + _MIN_SPAN_S)
 
-    def _marker_moved(self, handle: LaneHandle, moved: float) -> Edit:
+    def _make_marker_edit(self, handle: LaneHandle, moved: float) -> Edit:
         layout = self._held_layout
         seconds = layout.project.markers[handle.name].seconds + moved
         if self.snapping:
             places = snap_times(layout, self.editor.time, handle)
-            more, self.stuck = snap_offset(layout, [seconds], places, self.editor.settings.frame_step)
-            seconds += more
+            snap_shift, self.stuck = snap_offset(layout, [seconds], places, self.editor.settings.frame_step)
+            seconds += snap_shift
         return lambda project: move_marker(project, handle.name, seconds)
 
 
-def _changing(handle: LaneHandle, **changes: Any) -> Edit:
+def _make_edit(handle: LaneHandle, **changes: Any) -> Edit:
     """Returns the edit that changes attributes of a lane's layers."""
     return lambda project: change_layers(project, handle.character, handle.layers, **changes)
 
 
-def _solo(project: Project, name: str) -> Project:
+def _toggle_solo(project: Project, name: str) -> Project:
     """Returns the project with a character soloed. If the others are already muted, unmutes all."""
     playing = {key: character for key, character in project.characters.items() if character.playing}
     others = [character for key, character in playing.items() if key != name]

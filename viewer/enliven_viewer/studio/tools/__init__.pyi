@@ -1,4 +1,4 @@
-from .base import NOTHING as NOTHING, Pointer as Pointer, Tool as Tool, ToolPicture as ToolPicture
+from .base import EMPTY_PICTURE as EMPTY_PICTURE, Pointer as Pointer, Tool as Tool, ToolPicture as ToolPicture
 from .map import MapTool as MapTool
 from .nodes import remove_joint as remove_joint
 from .paint import (

@@ -42,7 +42,7 @@ class ToolPicture:
     shade: tuple[Float | Float32, Int32, UInt8] | None = None
 
 
-NOTHING = ToolPicture()
+EMPTY_PICTURE = ToolPicture()
 
 
 class Tool:
@@ -106,7 +106,7 @@ class Tool:
 
     def picture(self) -> ToolPicture:
         """Returns the geometry that the tool draws into the 3D image."""
-        return NOTHING
+        return EMPTY_PICTURE
 
     def handle_at(self, pointer: Pointer) -> Hit | None:
         """Returns the handle, or else the bone, under the pointer.

@@ -11,7 +11,7 @@ from enliven.document import Project
 from enliven.modeling.edits import key_characters, merge_characters, move_characters, rig_of, root_motion
 from enliven.rotation import IDENTITY, from_rotation_vector
 from enliven_viewer.language import later
-from enliven_viewer.playback import bounds_of
+from enliven_viewer.playback import find_bounds
 from enliven_viewer.render import EMPTY_BOX
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer
@@ -32,7 +32,7 @@ class CharacterDrag:
     Attributes:
         character: id of the dragged character.
         characters: ids of all characters that move along: the selection, if it contains the dragged one.
-        rooted: whether its first handle is shown, and follows the pointer.
+        rooted: whether its first handle (the root) is shown and follows the pointer.
         handles: (H, 3) metres in the world, its handle positions at the start.
     """
 
@@ -40,7 +40,7 @@ class CharacterDrag:
         posed = editor.stage_character(hit.character)
         self.editor, self.character, self._start = editor, hit.character, start
         self.handles = posed.handles
-        self.rooted = len(posed.handles) > 0 and not posed.own_tool
+        self.rooted = len(posed.handles) > 0 and not posed.has_own_tool
         # Move the root in a plane parallel to the image, whichever part was grabbed.
         self._at = (
             posed.handles[0] if self.rooted else editor.lens.view.eye + hit.depth * editor.lens.ray(start.at)
@@ -49,10 +49,10 @@ class CharacterDrag:
         centre = rig_of(character).centre(character)
         stands = root_motion(project, project.character(hit.character), editor.time)(centre[None])[0]
         self._about = self._at if self.rooted else stands
-        editor.selection = editor.selection.led_by(hit.character)
+        editor.selection = editor.selection.with_active(hit.character)
         editor.select(handle=max(hit.handle, 0) if self.rooted else None, chain=())
         self.characters = editor.selection.characters
-        self._stands = _standing(editor, self.characters)
+        self._stands = _find_standing_point(editor, self.characters)
         editor.playing = False
 
     @property
@@ -68,10 +68,10 @@ class CharacterDrag:
     def move(self, project: Project, pointer: Pointer) -> Project:
         """Returns the project with the characters moved along with the pointer."""
         lens = self.editor.lens
-        way = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
-        if self.editor.snapping.acts(pointer.ctrl):
-            way = self.editor.snapping.way(self._stands, way)
-        return self._move_characters(project, way)
+        offset = lens.on_plane(pointer.at, self._at) - lens.on_plane(self._start.at, self._at)
+        if self.editor.snapping.is_active(pointer.ctrl):
+            offset = self.editor.snapping.way(self._stands, offset)
+        return self._move_characters(project, offset)
 
     def turn(self, project: Project, pointer: Pointer) -> Project:
         """Returns the project with the characters turned in the image plane.
@@ -84,32 +84,38 @@ class CharacterDrag:
         return self._move_characters(project, np.zeros(3), turn, self._about)
 
     def _move_characters(
-        self, project: Project, way: Float, turn: Float = IDENTITY, about: Float | None = None
+        self, project: Project, offset: Float, turn: Float = IDENTITY, pivot: Float | None = None
     ) -> Project:
         """Returns the project with the characters moved at all times.
 
         In auto-key mode they get keys at the playhead instead.
         """
-        centre = np.zeros(3) if about is None else about
+        centre = np.zeros(3) if pivot is None else pivot
         if self.editor.keying:
-            return key_characters(project, self.characters, self.editor.time, way, turn, centre)
-        return move_characters(project, self.characters, way, turn, centre)
+            return key_characters(project, self.characters, self.editor.time, offset, turn, centre)
+        return move_characters(project, self.characters, offset, turn, centre)
 
     def merge(self, project: Project, host: Hit, notes: list[str]) -> Project:
         """Returns the project with the character merged into another.
 
-        A handle of the other, or a point on a bone, carries it.
+        A handle of the other character, or a point on one of its bones, then carries it.
         """
-        at = host.along if host.handle > 0 and host.along < 1.0 else 1.0
+        bone_fraction = host.along if host.handle > 0 and host.along < 1.0 else 1.0
         node = host.handle if host.handle >= 0 else None
         return merge_characters(
-            project, host.character, self.character, self.editor.time, node=node, at=at, notes=notes
+            project,
+            host.character,
+            self.character,
+            self.editor.time,
+            node=node,
+            at=bone_fraction,
+            notes=notes,
         )
 
     def _turn(self, pointer: Pointer) -> Float:
         axis, radians = self._turn_characters(pointer)
         snapping = self.editor.snapping
-        return axis * (snapping.turn(radians) if snapping.acts(pointer.ctrl) else radians)
+        return axis * (snapping.turn(radians) if snapping.is_active(pointer.ctrl) else radians)
 
     def _turn_characters(self, pointer: Pointer) -> tuple[Float, float]:
         """Returns the (3,) unit axis, and the rotation in radians."""
@@ -124,10 +130,10 @@ class CharacterDrag:
         return lens.forward, math.atan2(after[1], after[0]) - math.atan2(before[1], before[0])
 
 
-def _standing(editor: Editor, characters: tuple[str, ...]) -> Float:
+def _find_standing_point(editor: Editor, characters: tuple[str, ...]) -> Float:
     """Returns (3,) metres: the horizontal centre of the characters, at the height of their lowest point."""
     low, high = (
-        bounds_of([character.extent for character in editor.stage_characters if character.id in characters])
+        find_bounds([character.extent for character in editor.stage_characters if character.id in characters])
         or EMPTY_BOX
     )
     return np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])

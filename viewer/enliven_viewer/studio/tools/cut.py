@@ -11,7 +11,7 @@ from enliven.modeling.mesh import StrokeCut
 from enliven_viewer.language import tr, tr_n
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools.base import Pointer, StrokeTool
-from enliven_viewer.studio.viewport import Disc, Hit, Line, Overlay, Point, crossings
+from enliven_viewer.studio.viewport import Disc, Hit, Line, Overlay, Point, find_crossings
 from enliven_viewer.theme import CUT
 
 
@@ -46,7 +46,7 @@ class CutTool(StrokeTool):
         super().drag(pointer)
         if len(self._stroke) == count:
             return
-        hits = crossings(editor.editable_characters, editor.lens, np.array(self._stroke))
+        hits = find_crossings(editor.editable_characters, editor.lens, np.array(self._stroke))
         # If the stroke crosses the selected shape, do not cut shapes behind it or in front of it.
         self._crossed = [hit for hit in hits if hit.character == editor.selection.character] or hits
 
@@ -55,13 +55,20 @@ class CutTool(StrokeTool):
         stroke, crossed, self._crossed = self.take_points(), self._crossed, []
         if not stroke:
             return
-        names = list(dict.fromkeys(hit.character for hit in crossed)) or self._others(stroke)
+        names = list(dict.fromkeys(hit.character for hit in crossed)) or self._list_boneless_characters(
+            stroke
+        )
         if not names:
             self.editor.toasts.say(
                 tr("The stroke crosses no bone"), tr("Draw it across a limb, from side to side.")
             )
             return
-        time, surface, notes, parts = self.editor.time, self._surface(stroke), list[str](), list[str]()
+        time, surface, notes, parts = (
+            self.editor.time,
+            self._make_cut_surface(stroke),
+            list[str](),
+            list[str](),
+        )
 
         def change(project: Project) -> Project:
             refused: EnlivenError | None = None
@@ -83,7 +90,7 @@ class CutTool(StrokeTool):
                 message, tr("All parts keep their pose now, and their motion. Drag one with G.")
             )
 
-    def _others(self, stroke: list[Point]) -> list[str]:
+    def _list_boneless_characters(self, stroke: list[Point]) -> list[str]:
         """Returns the characters without bones that a stroke may cut: the selected one, or else all."""
         if len(stroke) < 2:
             return []
@@ -91,13 +98,15 @@ class CutTool(StrokeTool):
         chosen = self.editor.selection.character
         return [chosen] if chosen in boneless else boneless
 
-    def _surface(self, stroke: list[Point]) -> StrokeCut:
+    def _make_cut_surface(self, stroke: list[Point]) -> StrokeCut:
         """Returns the surface swept by the stroke along the view direction, in pixels with y up."""
         lens = self.editor.lens
-        wide, high = lens.size
+        width, height = lens.size
         clip = lens.view.clip_from_world
-        picture = np.stack([wide / 2 * (clip[0] + clip[3]), high / 2 * (clip[1] + clip[3]), clip[2], clip[3]])
-        return StrokeCut(np.array([(x, high - y) for x, y in stroke]), picture)
+        picture = np.stack(
+            [width / 2 * (clip[0] + clip[3]), height / 2 * (clip[1] + clip[3]), clip[2], clip[3]]
+        )
+        return StrokeCut(np.array([(x, height - y) for x, y in stroke]), picture)
 
     def cancel(self) -> None:
         super().cancel()

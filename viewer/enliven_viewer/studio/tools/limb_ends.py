@@ -65,7 +65,7 @@ class LimbEndsTool(Tool):
         if len(shape.ends):
             vertices = scipy.spatial.cKDTree(shape.mesh.vertices).query(shape.ends)[1].astype(np.int64)
         else:
-            vertices = self._suggested(shape.mesh).copy()
+            vertices = self._suggest_ends(shape.mesh).copy()
         if self._held is not None and len(vertices):
             vertices[self._held[0]] = self._held[1]
         return np.asarray(vertices)
@@ -76,9 +76,9 @@ class LimbEndsTool(Tool):
     def press(self, pointer: Pointer) -> bool:
         shape, self.editor.playing = self.editor.chosen(GraphShape), False
         if shape is not None and len(marks := self.marks):
-            apart = np.linalg.norm(self._pixels(shape.id, marks) - np.array(pointer.at), axis=1)
-            if apart.min() <= max(self.editor.settings.reach, _MARK_RADIUS_PX):
-                end = int(apart.argmin())
+            distances = np.linalg.norm(self._find_pixels(shape.id, marks) - np.array(pointer.at), axis=1)
+            if distances.min() <= max(self.editor.settings.reach, _MARK_RADIUS_PX):
+                end = int(distances.argmin())
                 self._held = end, int(marks[end])
                 return True
         hit = self.character_at(pointer)
@@ -100,13 +100,13 @@ class LimbEndsTool(Tool):
         shape, held, marks = self.editor.chosen(GraphShape), self._held, self.marks
         self._held = None
         if shape is not None and held is not None:
-            self._name(shape, shape.mesh.vertices[marks], later("name the {0}", _END_WORDS[held[0]]))
+            self._store_ends(shape, shape.mesh.vertices[marks], later("name the {0}", _END_WORDS[held[0]]))
 
     def type(self, key: str) -> bool:
         shape = self.editor.chosen(GraphShape)
         if key not in ("delete", "backspace") or shape is None or not len(shape.ends):
             return False
-        self._name(shape, np.empty((0, 3)), tr("find the ends"))
+        self._store_ends(shape, np.empty((0, 3)), tr("find the ends"))
         return True
 
     def cancel(self) -> None:
@@ -118,45 +118,49 @@ class LimbEndsTool(Tool):
         if shape is None or not len(marks):
             return Overlay()
         colour = ACCENT if len(shape.ends) else QUIET
-        shown: list[Disc | Label] = []
-        for number, (at, word) in enumerate(zip(self._pixels(shape.id, marks), END_NAMES, strict=True)):
-            if not np.isfinite(at).all():
+        end_marks: list[Disc | Label] = []
+        for number, (pixel, label) in enumerate(
+            zip(self._find_pixels(shape.id, marks), END_NAMES, strict=True)
+        ):
+            if not np.isfinite(pixel).all():
                 continue
             held = self._held is not None and self._held[0] == number
-            place: Point = (float(at[0]), float(at[1]))
-            shown += [
+            place: Point = (float(pixel[0]), float(pixel[1]))
+            end_marks += [
                 Disc(place, _MARK_RADIUS_PX, colour),
                 Disc(place, _MARK_RADIUS_PX, MARK, 3.0 if held else 1.5),
             ]
-            shown.append(Label((place[0] + _LABEL_OFFSET_PX[0], place[1] + _LABEL_OFFSET_PX[1]), word, MARK))
-        return Overlay(tuple(shown))
+            end_marks.append(
+                Label((place[0] + _LABEL_OFFSET_PX[0], place[1] + _LABEL_OFFSET_PX[1]), label, MARK)
+            )
+        return Overlay(tuple(end_marks))
 
     def wait(self) -> None:
         """Waits until the ends are found. For sessions without a window."""
         if self._found is not None:
             self._found.result()
 
-    def _pixels(self, character: str, vertices: Int) -> Float:
+    def _find_pixels(self, character: str, vertices: Int) -> Float:
         """Returns (5, 2) pixels of vertices in the character's current pose."""
         return self.editor.lens.project(self.editor.stage_character(character).vertices[vertices])[0]
 
-    def _suggested(self, mesh: Mesh) -> Int:
+    def _suggest_ends(self, mesh: Mesh) -> Int:
         """Returns the vertices at the ends as detected on the mesh; empty while the search runs."""
         if self._mesh is not mesh:
             self._mesh = mesh
             self._threads = self._threads or ThreadPoolExecutor(1, "suggested ends")
-            self._found = self._threads.submit(suggested_ends, mesh)
+            self._found = self._threads.submit(suggest_ends, mesh)
         search = self._found
         return search.result() if search is not None and search.done() else np.empty(0, np.int64)
 
-    def _name(self, shape: GraphShape, ends: Float, step: str) -> None:
+    def _store_ends(self, shape: GraphShape, ends: Float, step: str) -> None:
         def named(project: Project) -> Project:
             return project.with_characters(shape.with_changes(ends=ends, joints=np.empty((0, 3))))
 
         self.editor.edit(step, named)
 
 
-def suggested_ends(mesh: Mesh) -> Int:
+def suggest_ends(mesh: Mesh) -> Int:
     """Returns (5,) the vertices at a mesh's head, hands and feet.
 
     If the mesh is not a person, a standing figure of its size is used.

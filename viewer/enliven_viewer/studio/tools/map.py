@@ -121,10 +121,12 @@ class MapTool(Tool):
         self.source.forget()
 
     def overlay(self) -> Overlay:
-        plain = super().overlay()
+        base_overlay = super().overlay()
         if self.highlighted is not None:
-            return Overlay(plain.marks, (self.highlighted.shape, self.highlighted.joints), plain.hovered)
-        return plain
+            return Overlay(
+                base_overlay.marks, (self.highlighted.shape, self.highlighted.joints), base_overlay.hovered
+            )
+        return base_overlay
 
     def rank(self) -> None:
         """Finds matches between the take's current pose and the selected shape.
@@ -139,8 +141,10 @@ class MapTool(Tool):
         try:
             time = editor.time % max(clip.duration, clip.step)
             posed = editor.stage_character(shape.id)
-            most = editor.settings.matches
-            self.offered = rank_matches(clip, time, shape, posed.handles, editor.lens, self.source.lens, most)
+            max_matches = editor.settings.matches
+            self.offered = rank_matches(
+                clip, time, shape, posed.handles, editor.lens, self.source.lens, max_matches
+            )
         except EnlivenError as error:
             editor.toasts.complain(error)
 
@@ -208,7 +212,7 @@ class MapTool(Tool):
         editor, lens, other = self.editor, self.editor.lens, self.source.lens
         if editor.edit(
             later("map {0}", offer.take),
-            lambda p: apply_match(_without_clip(p, offer.shape), offer, lens, other, self.loop),
+            lambda p: apply_match(_remove_clip(p, offer.shape), offer, lens, other, self.loop),
         ):
             self._last = None
             count = len(offer.pairs)
@@ -222,36 +226,36 @@ class MapTool(Tool):
                 )
             )
 
-    def _bind(self, wish: MappedChain) -> None:
+    def _bind(self, mapping: MappedChain) -> None:
         """Maps one chain to another, as both appear in their views now."""
         lens, other = self.editor.lens, self.source.lens
 
         def change(project: Project) -> Project:
             return bind_chain(
-                _without_clip(project, wish.shape),
-                wish.shape,
-                wish.target,
-                wish.take,
-                wish.source,
+                _remove_clip(project, mapping.shape),
+                mapping.shape,
+                mapping.target,
+                mapping.take,
+                mapping.source,
                 view=lens.forward,
                 up=lens.up,
                 source_view=other.forward,
                 source_up=other.up,
-                flip=wish.flip,
+                flip=mapping.flip,
                 loop=self.loop,
                 hold=False,
             )
 
-        if self.editor.edit(later("map {0}", wish.take), change):
-            self._last = wish
-            bones = max(len(wish.target) - 1, 1)
+        if self.editor.edit(later("map {0}", mapping.take), change):
+            self._last = mapping
+            bones = max(len(mapping.target) - 1, 1)
             message = tr_n(
-                "{1} moves {0} bone of {2}", "{1} moves {0} bones of {2}", bones, wish.take, wish.shape
+                "{1} moves {0} bone of {2}", "{1} moves {0} bones of {2}", bones, mapping.take, mapping.shape
             )
             self.editor.toasts.say(message, tr("Space plays it, Y flips it over."))
 
 
-def _without_clip(project: Project, shape_id: str) -> Project:
+def _remove_clip(project: Project, shape_id: str) -> Project:
     """Returns a project in which a shape no longer plays its own clip.
 
     Otherwise new motion would be added to that of the clip.

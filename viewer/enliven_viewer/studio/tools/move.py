@@ -76,8 +76,10 @@ class MoveTool(Tool):
         )
         if pixels and not held.several:
             others = [character for character in editor.editable_characters if character.id != held.character]
-            lens, at, snap = editor.lens, pixels[0], editor.settings.snap
-            self._host = joint_at(others, lens, at, snap) or bone_at(others, lens, at, snap / 2)
+            lens, root_pixel, snap = editor.lens, pixels[0], editor.settings.snap
+            self._host = joint_at(others, lens, root_pixel, snap) or bone_at(
+                others, lens, root_pixel, snap / 2
+            )
         elif not held.several:
             self._host = self._merge_target(pointer) if pointer.shift else None
 
@@ -96,7 +98,7 @@ class MoveTool(Tool):
         if host is None:
             editor.edit(later("move {0}", held.description), lambda project: held.move(project, pointer))
             if pointer.shift:
-                self._tell_apart(held)
+                self._report_no_merge(held)
             return
         other = host
 
@@ -118,9 +120,9 @@ class MoveTool(Tool):
         held = self._held
         if held is None:
             return None
-        return self.character_at(pointer, without=held.character) or self._touched_character(held)
+        return self.character_at(pointer, without=held.character) or self._find_touched_character(held)
 
-    def _touched_character(self, held: CharacterDrag) -> Hit | None:
+    def _find_touched_character(self, held: CharacterDrag) -> Hit | None:
         """Returns the character that the dragged one touches or nearly touches."""
         vertices = self.editor.stage_character(held.character).vertices
         if not len(vertices):
@@ -130,21 +132,23 @@ class MoveTool(Tool):
             self._others = [
                 (
                     character.id,
-                    scipy.spatial.cKDTree(_spread(character.vertices, character.character.mesh.faces)),
+                    scipy.spatial.cKDTree(
+                        _add_face_centres(character.vertices, character.character.mesh.faces)
+                    ),
                 )
                 for character in self.editor.pickable_characters
                 if character.id != held.character and character.character.mesh is not None
             ]
-        near = _MERGE_DISTANCE * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        max_gap = _MERGE_DISTANCE * float(np.linalg.norm(np.ptp(vertices, axis=0)))
         step = -(-len(vertices) // _MAX_COMPARED_VERTICES)
         gaps = [
-            (float(tree.query(vertices[::step], distance_upper_bound=near)[0].min()), name)
+            (float(tree.query(vertices[::step], distance_upper_bound=max_gap)[0].min()), name)
             for name, tree in self._others
         ]
         gap, name = min(gaps, default=(np.inf, ""))
-        return Hit(name) if gap < near else None
+        return Hit(name) if gap < max_gap else None
 
-    def _tell_apart(self, held: CharacterDrag) -> None:
+    def _report_no_merge(self, held: CharacterDrag) -> None:
         """Reports why a drop with Shift merged nothing."""
         if held.several:
             problem, mend = (
@@ -170,30 +174,30 @@ class MoveTool(Tool):
         self._held = self._host = None
 
     def overlay(self) -> Overlay:
-        plain = super().overlay()
+        base_overlay = super().overlay()
         if self._held is not None and self._host is not None and self._host.handle < 0:
-            return self._name_overlay(self._held, self._host, plain)
+            return self._name_overlay(self._held, self._host, base_overlay)
         node = self.on_bone(self._host)
         if self._held is None or node is None:
-            return plain
+            return base_overlay
         root = self.editor.lens.pixels_of(self.editor.stage_character(self._held.character).handles[:1])
         marks = (
             *(Line((at, node), STROKE, 2.0) for at in root),
             Disc(node, 13.0, GOOD, 3.0),
             Label((node[0] + 20, node[1]), "merge", INK),
         )
-        return Overlay(marks, plain.chain, plain.hovered)
+        return Overlay(marks, base_overlay.chain, base_overlay.hovered)
 
-    def _name_overlay(self, held: CharacterDrag, host: Hit, plain: Overlay) -> Overlay:
+    def _name_overlay(self, held: CharacterDrag, host: Hit, base_overlay: Overlay) -> Overlay:
         """Returns the overlay that names the merge target above the dragged character."""
         vertices, lens = self.editor.stage_character(held.character).vertices, self.editor.lens
         top = vertices.mean(0) + np.ptp(vertices @ lens.up) / 2 * lens.up
         marks = tuple(
-            Label(at, tr("merge with {0}", host.character), INK) for at in lens.pixels_of(top[None])
+            Label(pixel, tr("merge with {0}", host.character), INK) for pixel in lens.pixels_of(top[None])
         )
-        return Overlay(marks, plain.chain, plain.hovered)
+        return Overlay(marks, base_overlay.chain, base_overlay.hovered)
 
 
-def _spread(vertices: Float, faces: Int32) -> Float:
+def _add_face_centres(vertices: Float, faces: Int32) -> Float:
     """Returns (V + F, 3) metres: vertices and face centres, so that large faces also count as near."""
     return np.concatenate([vertices, vertices[faces].mean(1)])

@@ -41,8 +41,12 @@ class InsertTool(Tool):
         return True
 
     def overlay(self) -> Overlay:
-        plain, at = super().overlay(), self.on_bone(self.hovered)
-        return plain if at is None else Overlay((Disc(at, 7.0, STROKE, 2.5),), plain.chain, plain.hovered)
+        base_overlay, pixel = super().overlay(), self.on_bone(self.hovered)
+        return (
+            base_overlay
+            if pixel is None
+            else Overlay((Disc(pixel, 7.0, STROKE, 2.5),), base_overlay.chain, base_overlay.hovered)
+        )
 
 
 class RemoveTool(Tool):
@@ -72,8 +76,12 @@ class RemoveTool(Tool):
         return True
 
     def overlay(self) -> Overlay:
-        plain, at = super().overlay(), self.on_bone(self.hovered)
-        return plain if at is None else Overlay((Disc(at, 10.0, CUT, 2.5),), plain.chain, None)
+        base_overlay, pixel = super().overlay(), self.on_bone(self.hovered)
+        return (
+            base_overlay
+            if pixel is None
+            else Overlay((Disc(pixel, 10.0, CUT, 2.5),), base_overlay.chain, None)
+        )
 
 
 def remove_joint(editor: Editor, shape: str, joint: int) -> None:

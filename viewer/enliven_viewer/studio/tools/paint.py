@@ -12,14 +12,14 @@ from enliven.modeling.edits import MAX_DOUBLINGS, Brush, brush_stiffness, paint_
 from enliven.modeling.mesh import plane_of_symmetry
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.tools.base import NOTHING, Pointer, Tool, ToolPicture
+from enliven_viewer.studio.tools.base import EMPTY_PICTURE, Pointer, Tool, ToolPicture
 from enliven_viewer.studio.viewport import Disc, Overlay, StageCharacter, surface_at
-from enliven_viewer.theme import AFTER, BEFORE, MARK, PLAIN_SURFACE, SHADOW, Colour
+from enliven_viewer.theme import FUTURE_POSE, MARK, PAST_POSE, PLAIN_SURFACE, SHADOW, Colour
 
 BRUSHES: dict[Brush, str] = {
     "softer": later("Softer"),
     "stiffer": later("Stiffer"),
-    "erase": later("As it was"),
+    "erase": later("Erase"),
 }
 """Brush modes, with the labels of their buttons."""
 MIN_RADIUS_PX = 6.0
@@ -79,12 +79,12 @@ class PaintTool(Tool):
             return "Its bones move it, so paint has no effect before it becomes a mesh that performers hold."
         if self.both_sides and self.mirror(character.mesh) is None:
             return "Its sides are not alike, so only the side you paint is painted."
-        words = {
+        brush_hints = {
             "softer": "Orange gives way, and swings past what the performer does.",
             "stiffer": "Blue keeps its shape.",
             "erase": "Brings back what the mesh was before.",
         }
-        return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", words[self.brush])
+        return tr("{0} Ctrl does the opposite; the keys [ and ] size the brush.", brush_hints[self.brush])
 
     def mirror(self, mesh: Mesh) -> Plane | None:
         """Returns the symmetry plane of a mesh; None if it has none.
@@ -112,30 +112,30 @@ class PaintTool(Tool):
         return ""
 
     def hover(self, pointer: Pointer) -> None:
-        self._at, self._over = pointer.at, self._touched(pointer)
+        self._at, self._over = pointer.at, self._find_touched_point(pointer)
 
     def press(self, pointer: Pointer) -> bool:
         self.editor.playing, self._at = False, pointer.at
-        over = self._touched(pointer)
+        over = self._find_touched_point(pointer)
         if over is None:
             return False
         if over[0] != self.editor.selection.character:
             self.editor.choose(over[0])
         self._stroke, self._over = [over[1]], over
-        self._now = self._brush_of(pointer)
+        self._now = self._choose_brush(pointer)
         return True
 
     def drag(self, pointer: Pointer) -> None:
         self._at = pointer.at
-        over = self._touched(pointer, measure=False)
+        over = self._find_touched_point(pointer, measure=False)
         if not self._stroke or over is None or over[0] != self.editor.selection.character:
             return
-        way = over[1] - self._stroke[-1]
-        far, fine = float(np.linalg.norm(way)), _POINT_SPACING * self._metres
+        offset = over[1] - self._stroke[-1]
+        far, fine = float(np.linalg.norm(offset)), _POINT_SPACING * self._metres
         if far >= fine:
             steps = int(np.ceil(far / fine)) if far <= _MAX_GAP * self._metres else 1
             last = self._stroke[-1]
-            self._stroke += [last + way * (k + 1) / steps for k in range(steps)]
+            self._stroke += [last + offset * (k + 1) / steps for k in range(steps)]
             self._over = over
 
     def release(self, pointer: Pointer) -> None:
@@ -143,7 +143,7 @@ class PaintTool(Tool):
         character = self.editor.chosen()
         if not stroke or character is None or character.mesh is None:
             return
-        brush_stroke = np.array(stroke), self._metres, self._now, self._plane(character.mesh)
+        brush_stroke = np.array(stroke), self._metres, self._now, self._find_plane(character.mesh)
         step_names = {
             "softer": later("paint softer"),
             "stiffer": later("paint stiffer"),
@@ -160,7 +160,7 @@ class PaintTool(Tool):
     def overlay(self) -> Overlay:
         if self._at is None:
             return Overlay()
-        colour = _ring(self._now if self._stroke else self.brush)
+        colour = _find_ring_colour(self._now if self._stroke else self.brush)
         marks = [
             Disc(self._at, self.radius, (*SHADOW[:3], _RING_EDGE_OPACITY), 4.0),
             Disc(self._at, self.radius, colour, 2.0),
@@ -169,7 +169,7 @@ class PaintTool(Tool):
         plane = (
             None
             if character is None or character.mesh is None or self._over is None
-            else self._plane(character.mesh)
+            else self._find_plane(character.mesh)
         )
         if (
             plane is not None
@@ -189,35 +189,35 @@ class PaintTool(Tool):
     def picture(self) -> ToolPicture:
         character = self.editor.chosen()
         if character is None or character.mesh is None:
-            return NOTHING
-        stiffness = self._shown(character, character.mesh)
+            return EMPTY_PICTURE
+        stiffness = self._find_shown_stiffness(character, character.mesh)
         if stiffness is None:
             stiffness = np.ones(len(character.mesh.vertices), np.float32)
         posed = self.editor.stage_character(character.id)
         seen = posed.solved if posed.solved is not None else posed.vertices
-        return ToolPicture(shade=(seen, character.mesh.faces, shades(stiffness)))
+        return ToolPicture(shade=(seen, character.mesh.faces, make_shades(stiffness)))
 
-    def _shown(self, character: RigBase, mesh: Mesh) -> Float32 | None:
+    def _find_shown_stiffness(self, character: RigBase, mesh: Mesh) -> Float32 | None:
         """Returns the stiffness including the stroke that is being drawn."""
         if not self._stroke:
             return mesh.stiffness
         preview = self._preview
         if preview is None or preview[0] is not mesh or preview[1] != len(self._stroke):
             stiffness = brush_stiffness(
-                mesh, np.array(self._stroke), self._metres, self._now, self._plane(mesh)
+                mesh, np.array(self._stroke), self._metres, self._now, self._find_plane(mesh)
             )
             preview = self._preview = mesh, len(self._stroke), stiffness
         return preview[2]
 
-    def _plane(self, mesh: Mesh) -> Plane | None:
+    def _find_plane(self, mesh: Mesh) -> Plane | None:
         return self.mirror(mesh) if self.both_sides else None
 
-    def _brush_of(self, pointer: Pointer) -> Brush:
+    def _choose_brush(self, pointer: Pointer) -> Brush:
         """Returns the mode of a stroke; with Ctrl the opposite mode."""
         opposite: dict[Brush, Brush] = {"softer": "stiffer", "stiffer": "softer", "erase": "erase"}
         return opposite[self.brush] if pointer.ctrl else self.brush
 
-    def _touched(self, pointer: Pointer, *, measure: bool = True) -> tuple[str, Float] | None:
+    def _find_touched_point(self, pointer: Pointer, *, measure: bool = True) -> tuple[str, Float] | None:
         """Returns the mesh under the pointer, and the touched point at rest in metres.
 
         If `measure` is set, also updates the brush size in metres.
@@ -231,29 +231,29 @@ class PaintTool(Tool):
         assert mesh is not None
         place = lens.view.eye + hit.depth * lens.ray(pointer.at)
         if measure:
-            self._metres = self.radius * float(lens.spans(place[None])[0])
-        return hit.character, _at_rest(posed, mesh, hit.face, place)
+            self._metres = self.radius * float(lens.pixel_sizes(place[None])[0])
+        return hit.character, _find_rest_position(posed, mesh, hit.face, place)
 
 
-def _at_rest(posed: StageCharacter, mesh: Mesh, face: int, place: Float) -> Float:
+def _find_rest_position(posed: StageCharacter, mesh: Mesh, face: int, place: Float) -> Float:
     """Returns (3,) metres: the rest position of a point on a face."""
-    own = mesh.faces[face]
-    share = barycentric(place[None], posed.vertices[own][None])[0]
-    return np.asarray(share @ mesh.vertices[own])
+    face_vertices = mesh.faces[face]
+    fraction = barycentric(place[None], posed.vertices[face_vertices][None])[0]
+    return np.asarray(fraction @ mesh.vertices[face_vertices])
 
 
-def _ring(brush: Brush) -> Colour:
+def _find_ring_colour(brush: Brush) -> Colour:
     """Returns the colour of the ring for the effect of a stroke."""
     if brush == "erase":
         return (*MARK[:3], 0.95)
-    return (*(part / 255 for part in (AFTER if brush == "softer" else BEFORE)), 0.95)
+    return (*(part / 255 for part in (FUTURE_POSE if brush == "softer" else PAST_POSE)), 0.95)
 
 
-def shades(stiffness: Float32) -> UInt8:
+def make_shades(stiffness: Float32) -> UInt8:
     """Returns (V, 4) sRGB and opacity: blue for stiffer, orange for softer, grey for 1."""
     doublings = np.log2(stiffness) / MAX_DOUBLINGS
     strength = np.minimum(np.abs(doublings), 1.0)[:, None]
-    full = np.where(doublings[:, None] > 0, np.array(BEFORE), np.array(AFTER))
+    full = np.where(doublings[:, None] > 0, np.array(PAST_POSE), np.array(FUTURE_POSE))
     colours = np.array(PLAIN_SURFACE) + np.sqrt(strength) * (full - np.array(PLAIN_SURFACE))
     opacity = 255 * (_UNPAINTED_OPACITY + (_FULL_OPACITY - _UNPAINTED_OPACITY) * strength)
     return np.concatenate([colours, opacity], 1).astype(np.uint8)

@@ -36,7 +36,7 @@ class PoseTool(Tool):
     @property
     def hint(self) -> str:
         if self._held is not None:
-            return "Let go to keep it so; Esc drops it."
+            return "Let go to keep the pose; Esc cancels."
         if self.editor.puppets.puppet is not None:
             return "Drag a puppet sideways to turn it where it stands. K poses it."
         if self.editor.keying:
@@ -57,11 +57,11 @@ class PoseTool(Tool):
 
     def drag(self, pointer: Pointer) -> None:
         if self._held is not None or self._node is not None:
-            self.editor.sketch(lambda project: self._posed(project, pointer))
+            self.editor.sketch(lambda project: self._apply_pose(project, pointer))
 
     def release(self, pointer: Pointer) -> None:
         if self._node is not None and self.editor.draft is not None:
-            self.editor.edit(later("key {0}", self._node[0]), lambda p: self._posed(p, pointer))
+            self.editor.edit(later("key {0}", self._node[0]), lambda p: self._apply_pose(p, pointer))
         elif self._held is not None and self.editor.draft is not None:
             whole, handle = self._held
             keyed = (
@@ -70,7 +70,7 @@ class PoseTool(Tool):
                 else later("pose {0}", whole.character)
             )
             name = keyed if handle else later("turn {0}", whole.description)
-            self.editor.edit(name, lambda p: self._posed(p, pointer))
+            self.editor.edit(name, lambda p: self._apply_pose(p, pointer))
         self._held = self._node = None
 
     def cancel(self) -> None:
@@ -79,7 +79,7 @@ class PoseTool(Tool):
 
     def overlay(self) -> Overlay:
         """Returns the dots of possessed meshes in auto-key mode. Nodes with keys have larger dots."""
-        plain, editor = super().overlay(), self.editor
+        base_overlay, editor = super().overlay(), self.editor
         dots = list[Disc]()
         for character in editor.pickable_characters if editor.keying else ():
             chosen = editor.selection.handle if editor.selection.character == character.id else None
@@ -92,7 +92,7 @@ class PoseTool(Tool):
                             (float(x), float(y)), _KEYED_NODE_RADIUS_PX if keyed else _NODE_RADIUS_PX, colour
                         )
                     )
-        return Overlay((*plain.marks, *dots), plain.chain, plain.hovered)
+        return Overlay((*base_overlay.marks, *dots), base_overlay.chain, base_overlay.hovered)
 
     def _node_at(self, pointer: Pointer) -> tuple[str, int, Float] | None:
         """Returns the possessed mesh's dot under the pointer: character, node, and position."""
@@ -100,18 +100,18 @@ class PoseTool(Tool):
         for character in editor.pickable_characters if editor.keying else ():
             nodes = np.asarray(character.nodes, np.float64)
             if len(nodes):
-                away = np.linalg.norm(editor.lens.project(nodes)[0] - np.array(pointer.at), axis=1)
-                away = np.where(np.isfinite(away), away, np.inf)
-                node = int(away.argmin())
-                candidates.append((float(away[node]), character.id, node, nodes[node]))
+                distances = np.linalg.norm(editor.lens.project(nodes)[0] - np.array(pointer.at), axis=1)
+                distances = np.where(np.isfinite(distances), distances, np.inf)
+                node = int(distances.argmin())
+                candidates.append((float(distances[node]), character.id, node, nodes[node]))
         best = min(candidates, key=lambda candidate: candidate[0], default=None)
         return best[1:] if best is not None and best[0] <= editor.settings.reach else None
 
-    def _posed(self, project: Project, pointer: Pointer) -> Project:
+    def _apply_pose(self, project: Project, pointer: Pointer) -> Project:
         if self._node is not None:
-            name, node, at = self._node
+            name, node, position = self._node
             return key_handle(
-                project, name, node, self.editor.lens.on_plane(pointer.at, at), self.editor.time
+                project, name, node, self.editor.lens.on_plane(pointer.at, position), self.editor.time
             )
         assert self._held is not None
         (whole, handle), editor = self._held, self.editor

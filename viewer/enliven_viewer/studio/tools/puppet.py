@@ -6,16 +6,16 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven_viewer.language import tr
-from enliven_viewer.render import DRAG_TURN
+from enliven_viewer.render import TURN_PER_PIXEL
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.puppets import (
     Gizmo,
     PointSuggestions,
     StagePuppet,
-    ghost_at,
+    find_suggestion_at,
 )
-from enliven_viewer.studio.tools.base import NOTHING, Pointer, Tool, ToolPicture
-from enliven_viewer.studio.tools.puppet_marks import PointDrag, marks_of, picture_of
+from enliven_viewer.studio.tools.base import EMPTY_PICTURE, Pointer, Tool, ToolPicture
+from enliven_viewer.studio.tools.puppet_marks import PointDrag, make_marks, make_tool_picture
 from enliven_viewer.studio.viewport import Overlay, Point, joint_at, surface_at, vertex_hit
 
 _MAX_CLICK_MOVEMENT_PX = 4.0
@@ -109,11 +109,11 @@ class PuppetTool(Tool):
     def drag(self, pointer: Pointer) -> None:
         if self._drag is not None:
             self._drag.drag(pointer)
-        elif self._turning or (self._click is not None and self._far(pointer, self._click)):
+        elif self._turning or (self._click is not None and self._is_far(pointer, self._click)):
             # A drag that begins on or next to the mesh orbits the camera, as in an empty scene.
             self._click, self._turning = None, True
             across, down = pointer.at[0] - self._last[0], pointer.at[1] - self._last[1]
-            self.editor.camera.orbit(-DRAG_TURN * across, DRAG_TURN * down)
+            self.editor.camera.orbit(-TURN_PER_PIXEL * across, TURN_PER_PIXEL * down)
         self._last = pointer.at
 
     def release(self, pointer: Pointer) -> None:
@@ -123,7 +123,7 @@ class PuppetTool(Tool):
         if drag is not None:
             drag.drop()
         elif click is not None:
-            self._clicked(click)
+            self._handle_click(click)
         self.hover(pointer)
 
     def type(self, key: str) -> bool:
@@ -146,18 +146,18 @@ class PuppetTool(Tool):
     def cancel(self) -> None:
         super().cancel()
         self._drag = self._click = None
-        self.puppets.let_go()
+        self.puppets.clear_drag()
         self.puppets.accept()
 
     def overlay(self) -> Overlay:
         standing = self.puppets.stage_puppet
         if standing is None:
             return Overlay()
-        return Overlay(marks_of(self, standing, self.editor.lens))
+        return Overlay(make_marks(self, standing, self.editor.lens))
 
     def picture(self) -> ToolPicture:
         standing = self.puppets.stage_puppet
-        return NOTHING if standing is None else picture_of(self, standing, self.editor.lens)
+        return EMPTY_PICTURE if standing is None else make_tool_picture(self, standing, self.editor.lens)
 
     def manipulator(self) -> Gizmo | None:
         """Returns the gizmo at the selected control point.
@@ -176,7 +176,7 @@ class PuppetTool(Tool):
     def _vertex_at(self, standing: StagePuppet, pointer: Pointer) -> int | None:
         """Returns the vertex of the selected puppet under the pointer, snapped to a suggested one nearby."""
         lens = self.editor.lens
-        ghost = ghost_at(standing, self.suggested.of(standing.character), lens, pointer.at)
+        ghost = find_suggestion_at(standing, self.suggested.of(standing.character), lens, pointer.at)
         if ghost is not None:
             return ghost
         hit = surface_at(self.puppets.stage_puppets, lens, pointer.at)
@@ -185,10 +185,10 @@ class PuppetTool(Tool):
         place = lens.view.eye + hit.depth * lens.ray(pointer.at)
         return vertex_hit(standing.vertices, standing.character.mesh.faces[hit.face], place)
 
-    def _far(self, pointer: Pointer, start: Pointer) -> bool:
+    def _is_far(self, pointer: Pointer, start: Pointer) -> bool:
         return float(np.hypot(*np.subtract(pointer.at, start.at))) > _MAX_CLICK_MOVEMENT_PX
 
-    def _clicked(self, pointer: Pointer) -> None:
+    def _handle_click(self, pointer: Pointer) -> None:
         """Handles a click: adds a control point, selects another puppet, or clears the selected point."""
         standing = self.puppets.stage_puppet
         vertex = self._vertex_at(standing, pointer) if standing is not None else None
@@ -196,7 +196,7 @@ class PuppetTool(Tool):
             self._fresh = self.puppets.point if self.puppets.add_point(vertex) else None
             return
         hit = surface_at(
-            [character for character in self.editor.pickable_characters if character.own_tool],
+            [character for character in self.editor.pickable_characters if character.has_own_tool],
             self.editor.lens,
             pointer.at,
         )
@@ -218,7 +218,7 @@ class PuppetTool(Tool):
         puppets = self.puppets
         if self._drag is not None or self._click is not None:
             self._drag = self._click = None
-            puppets.let_go()
+            puppets.clear_drag()
             return True
         if puppets.point is not None:
             self.editor.select(handle=None)
@@ -235,6 +235,6 @@ class PuppetTool(Tool):
         lens = self.editor.lens
         right: Float = np.asarray(lens.view.camera_from_world[0, :3])
         across, up = _NUDGE_STEPS[key]
-        way = (across * right + up * lens.up) * pixels * manipulator.pixel
-        self.puppets.nudge(standing.direction_to_mesh(way))
+        offset = (across * right + up * lens.up) * pixels * manipulator.pixel
+        self.puppets.nudge(standing.direction_to_mesh(offset))
         return True

@@ -16,11 +16,11 @@ from enliven_viewer.studio.puppets import (
     PointSuggestions,
     PuppetEditor,
     StagePuppet,
-    middle_of,
-    normals_of,
-    partner_vertex,
-    point_rows,
-    size_of,
+    find_mesh_centre,
+    find_mesh_normals,
+    find_partner_vertex,
+    make_point_rows,
+    measure_mesh,
 )
 from enliven_viewer.studio.tools.base import Pointer, ToolPicture
 from enliven_viewer.studio.viewport import Disc, Fill, Label, Lens, Line, Point
@@ -56,11 +56,11 @@ class PointDrag:
 
     def drag(self, pointer: Pointer) -> None:
         """Handles pointer movement: moves the control point and deforms the surface."""
-        way = self._manipulator.drag_offset(self.part, self._start, pointer.at, snap=pointer.shift)
-        if way is None or (not self.moved and not way.any()):
+        offset = self._manipulator.drag_offset(self.part, self._start, pointer.at, snap=pointer.shift)
+        if offset is None or (not self.moved and not offset.any()):
             return
         self.moved = True
-        self.editor.puppets.drag(self.point, self._standing.to_mesh(self._from + way))
+        self.editor.puppets.drag(self.point, self._standing.to_mesh(self._from + offset))
 
     def drop(self) -> None:
         """Handles the release of the button: keeps the pose."""
@@ -86,13 +86,13 @@ class Pointing(Protocol):
         """Returns the gizmo of the selected control point."""
 
 
-def marks_of(tool: Pointing, standing: StagePuppet, lens: Lens) -> tuple[Mark, ...]:
+def make_marks(tool: Pointing, standing: StagePuppet, lens: Lens) -> tuple[Mark, ...]:
     """Returns the marks: suggestions, the ring of the next point, names, and the squares of the gizmo."""
     marks: list[Mark] = []
     if tool.held is None:
-        marks += _suggestions(tool, standing, lens)
-        marks += _next_point(tool, standing, lens)
-    marks += _names(tool, standing, lens)
+        marks += _make_suggestion_marks(tool, standing, lens)
+        marks += _make_next_point_marks(tool, standing, lens)
+    marks += _make_name_marks(tool, standing, lens)
     manipulator = tool.manipulator()
     if manipulator is not None:
         part = tool.held.part if tool.held is not None else ""
@@ -100,7 +100,7 @@ def marks_of(tool: Pointing, standing: StagePuppet, lens: Lens) -> tuple[Mark, .
     return tuple(marks)
 
 
-def _suggestions(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
+def _make_suggestion_marks(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
     """Returns rings at the ends of limbs.
 
     They are shown only before any key pose exists; later they would be in the way.
@@ -112,7 +112,8 @@ def _suggestions(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark
         place = standing.vertices[vertex]
         # Draw rings on the far side fainter.
         seen = (
-            standing.direction_to_mesh(lens.view.eye - place) @ normals_of(standing.character.mesh)[vertex]
+            standing.direction_to_mesh(lens.view.eye - place)
+            @ find_mesh_normals(standing.character.mesh)[vertex]
             > 0.0
         )
         bright, dark = (0.8, 0.35) if seen else (0.3, 0.12)
@@ -124,13 +125,13 @@ def _suggestions(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark
     return marks
 
 
-def _next_point(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
+def _make_next_point_marks(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
     """Returns a ring at the place where a click adds a control point, and one at its mirror image."""
     if tool.hovered_vertex is None:
         return []
     wanted = [tool.hovered_vertex]
     if tool.puppets.symmetric:
-        other = partner_vertex(standing.character, tool.hovered_vertex)
+        other = find_partner_vertex(standing.character, tool.hovered_vertex)
         wanted += [other] if other is not None and other != tool.hovered_vertex else []
     marks: list[Mark] = []
     for pixel in lens.pixels_of(standing.vertices[wanted]):
@@ -139,7 +140,7 @@ def _next_point(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]
     return marks
 
 
-def _names(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
+def _make_name_marks(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
     """Returns the names of the selected and the hovered control point, and a ring around the selected one."""
     marks: list[Mark] = []
     chosen, points = tool.puppets.point, standing.character.points
@@ -150,26 +151,31 @@ def _names(tool: Pointing, standing: StagePuppet, lens: Lens) -> list[Mark]:
             if number == chosen:
                 marks.append(Disc(pixel, POINT_RADIUS * 1.35 + 2.5, (*MARK[:3], 0.9), 1.5))
             point = points[number]
-            at = (pixel[0] + 16, pixel[1] + 24)
-            marks.append(Label(at, point.name, INK))
+            text_position = (pixel[0] + 16, pixel[1] + 24)
+            marks.append(Label(text_position, point.name, INK))
             if point.joint:
-                marks.append(Label((at[0], at[1] + 16), point.joint, QUIET))
+                marks.append(Label((text_position[0], text_position[1] + 16), point.joint, QUIET))
     return marks
 
 
-def picture_of(tool: Pointing, standing: StagePuppet, lens: Lens) -> ToolPicture:
+def make_tool_picture(tool: Pointing, standing: StagePuppet, lens: Lens) -> ToolPicture:
     """Returns the control points, gizmo arrows, outline of another key pose, and self-intersecting faces."""
     puppets, mesh = tool.puppets, standing.character.mesh
     warned, ghost = puppets.self_intersection.faces, puppets.stage.ghost
-    near = float(np.linalg.norm(standing.to_world(middle_of(mesh)[None])[0] - lens.view.eye))
-    tubes = [(point_rows(standing, lens, puppets.point, tool.hovered_point), _DEPTH_BIAS * max(near, 0.05))]
+    mesh_distance = float(np.linalg.norm(standing.to_world(find_mesh_centre(mesh)[None])[0] - lens.view.eye))
+    tubes = [
+        (
+            make_point_rows(standing, lens, puppets.point, tool.hovered_point),
+            _DEPTH_BIAS * max(mesh_distance, 0.05),
+        )
+    ]
     manipulator = tool.manipulator()
     if manipulator is not None:
         part = tool.held.part if tool.held is not None else ""
-        away = float(np.linalg.norm(manipulator.place - lens.view.eye))
-        tubes.append((manipulator.rows(part or tool.hovered_part, part), _GIZMO_DEPTH_BIAS * away))
+        gizmo_distance = float(np.linalg.norm(manipulator.place - lens.view.eye))
+        tubes.append((manipulator.rows(part or tool.hovered_part, part), _GIZMO_DEPTH_BIAS * gizmo_distance))
     return ToolPicture(
         (standing.solved, mesh.faces[warned]) if puppets.warn and len(warned) else None,
-        (ghost.solved, mesh.faces, size_of(mesh)) if ghost is not None else None,
+        (ghost.solved, mesh.faces, measure_mesh(mesh)) if ghost is not None else None,
         tuple(tubes),
     )

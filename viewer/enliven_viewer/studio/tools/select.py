@@ -52,10 +52,10 @@ class SelectTool(Tool):
             editor.choose(None)
             return False
         shape, start = editor.chosen(Shape), editor.selection.handle
-        mine, joint = editor.selection.character == hit.character, hit.handle >= 0
+        is_selected, joint = editor.selection.character == hit.character, hit.handle >= 0
         if pointer.ctrl:
             editor.toggle(hit.character)
-        elif pointer.shift and not mine:
+        elif pointer.shift and not is_selected:
             editor.choose_all(*editor.selection.characters, hit.character)
         elif pointer.shift and joint and shape is not None and start is not None:
             editor.select(chain=shape.skeleton.path(start, hit.handle))
@@ -71,7 +71,7 @@ class SelectTool(Tool):
         box, self._box = self._box, None
         if box is None:
             return
-        touched = self._boxed_characters(box)
+        touched = self._find_boxed_characters(box)
         before = self.editor.selection.characters if pointer.shift else ()
         self.editor.choose_all(*before, *touched)
 
@@ -80,15 +80,15 @@ class SelectTool(Tool):
         self._box = None
 
     def overlay(self) -> Overlay:
-        plain = super().overlay()
+        base_overlay = super().overlay()
         if self._box is None:
-            return plain
+            return base_overlay
         (left, top), (right, bottom) = self._box
         corners = ((left, top), (right, top), (right, bottom), (left, bottom))
         marks = (Fill(corners, (*ACCENT[:3], 0.10)), Line(corners, ACCENT, 1.5, True))
-        return Overlay(marks, plain.chain, plain.hovered)
+        return Overlay(marks, base_overlay.chain, base_overlay.hovered)
 
-    def _boxed_characters(self, box: tuple[Point, Point]) -> list[str]:
+    def _find_boxed_characters(self, box: tuple[Point, Point]) -> list[str]:
         """Returns the characters with a handle or a surface point inside a box of the image."""
         low, high = np.min(box, axis=0), np.max(box, axis=0)
         names = []

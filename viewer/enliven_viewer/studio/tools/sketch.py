@@ -42,7 +42,7 @@ class SketchTool(StrokeTool):
         if len(stroke) < _MIN_POINTS:
             self.editor.toasts.say(tr("The stroke is too short"), tr("Draw all around the part."))
             return
-        plane, points = self._in_plane(stroke)
+        plane, points = self._project_to_plane(stroke)
         names: list[str] = []
 
         def change(project: Project) -> Project:
@@ -72,7 +72,7 @@ class SketchTool(StrokeTool):
         (ax, ay), (bx, by) = self._stroke[0], self._stroke[-1]
         return bool(np.hypot(ax - bx, ay - by) < _CLOSING_DISTANCE_PX)
 
-    def _in_plane(self, stroke: list[Point]) -> tuple[SketchPlane, Float]:
+    def _project_to_plane(self, stroke: list[Point]) -> tuple[SketchPlane, Float]:
         """Returns the plane through the camera's target parallel to the image, and the stroke in it.
 
         The stroke is in metres.

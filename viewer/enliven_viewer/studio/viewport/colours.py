@@ -10,10 +10,10 @@ import numpy as np
 
 from enliven.document import Character, RigBase
 from enliven.modeling.edits import rig_of
-from enliven_viewer.theme import DEFAULT_COLOURS, Paint, theme_in_use
+from enliven_viewer.theme import DEFAULT_COLOURS, Paint, get_theme
 
 
-def default_colour(character_id: str) -> Paint:
+def choose_default_colour(character_id: str) -> Paint:
     """Returns the sRGB colour of a mesh without its own colours; always the same for a name."""
     colour: Paint = DEFAULT_COLOURS[zlib.crc32(character_id.encode()) % len(DEFAULT_COLOURS)]
     return colour
@@ -37,15 +37,15 @@ class DrawnMeshes:
         """
         if character.mesh is None or not len(character.mesh.faces):
             return None
-        parts = (*(getattr(character, name) for name in character.drawn_by), theme_in_use()[1])
+        parts = (*(getattr(character, name) for name in character.drawn_by), get_theme()[1])
         cached = self._known.get(character.id)
         if cached is None or any(a is not b for a, b in zip(cached[0], parts, strict=True)):
-            cached = self._known[character.id] = (parts, _coloured(self._draw(character)))
+            cached = self._known[character.id] = (parts, _add_default_colour(self._draw(character)))
         return cached[1]
 
 
-def _coloured(character: Character) -> Character:
+def _add_default_colour(character: Character) -> Character:
     if character.colours is not None:
         return character
-    colour = np.array(default_colour(character.id), np.uint8)
+    colour = np.array(choose_default_colour(character.id), np.uint8)
     return replace(character, colours=np.tile(colour, (len(character.vertices), 1)))

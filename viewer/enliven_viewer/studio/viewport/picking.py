@@ -35,17 +35,17 @@ class Lens:
         ndc = clip[:, :2] / depth[:, None]
         return np.asarray((ndc * [1.0, -1.0] + 1.0) / 2.0 * self.size), clip[:, 3]
 
-    def ray(self, at: Point) -> Float:
+    def ray(self, pixel: Point) -> Float:
         """Returns the (3,) unit direction from the camera through a pixel."""
-        ndc = np.array([2 * at[0] / self.size[0] - 1, 1 - 2 * at[1] / self.size[1]])
+        ndc = np.array([2 * pixel[0] / self.size[0] - 1, 1 - 2 * pixel[1] / self.size[1]])
         projection = self.view.clip_from_camera
         seen = np.array([ndc[0] / projection[0, 0], ndc[1] / projection[1, 1], -1.0])
-        way = self.view.camera_from_world[:3, :3].T @ seen
-        return np.asarray(way / np.linalg.norm(way))
+        direction = self.view.camera_from_world[:3, :3].T @ seen
+        return np.asarray(direction / np.linalg.norm(direction))
 
-    def on_plane(self, at: Point, through: Float) -> Float:
+    def on_plane(self, pixel: Point, through: Float) -> Float:
         """Returns (3,) where a pixel's ray meets the plane through a point, parallel to the image."""
-        forward, way = -self.view.camera_from_world[2, :3], self.ray(at)
+        forward, way = -self.view.camera_from_world[2, :3], self.ray(pixel)
         return np.asarray(self.view.eye + way * ((through - self.view.eye) @ forward) / (way @ forward))
 
     def pixels_of(self, points: Float) -> list[Point]:
@@ -54,7 +54,7 @@ class Lens:
             return []
         return [(float(x), float(y)) for x, y in self.project(points)[0] if np.isfinite(x) and np.isfinite(y)]
 
-    def spans(self, points: Float) -> Float:
+    def pixel_sizes(self, points: Float) -> Float:
         """Returns (N,) the size of a pixel in metres at each of the points (N, 3)."""
         depth = np.maximum((points - self.view.eye) @ self.forward, 0.05)
         return np.asarray(2 * depth / (self.view.clip_from_camera[1, 1] * self.size[1]), np.float64)
@@ -72,7 +72,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class Hit:
-    """Something under the pointer.
+    """The part of a character under the pointer.
 
     Attributes:
         character: id of the character.
@@ -91,7 +91,7 @@ class Hit:
     face: int = -1
 
 
-def joint_at(stage: Iterable[StageCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
+def joint_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point, reach: float) -> Hit | None:
     """Returns the handle nearest to a pixel within ``reach`` pixels.
 
     If two are equally near, the one in front wins.
@@ -99,78 +99,78 @@ def joint_at(stage: Iterable[StageCharacter], lens: Lens, at: Point, reach: floa
     hits = []
     for character in stage:
         pixels, depth = lens.project(character.handles)
-        away = np.linalg.norm(pixels - at, axis=1)
-        for handle in np.flatnonzero(away <= reach):
-            hits.append(Hit(character.id, int(handle), 1.0, float(away[handle]), float(depth[handle])))
+        distance = np.linalg.norm(pixels - pixel, axis=1)
+        for handle in np.flatnonzero(distance <= reach):
+            hits.append(Hit(character.id, int(handle), 1.0, float(distance[handle]), float(depth[handle])))
     return min(hits, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def bone_at(stage: Iterable[StageCharacter], lens: Lens, at: Point, reach: float) -> Hit | None:
+def bone_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point, reach: float) -> Hit | None:
     """Returns the bone nearest to a pixel within ``reach`` pixels, with the position on it."""
     hits = []
     for character in stage:
         pixels, depth = lens.project(character.handles)
         for parent, handle in character.bones:
-            share, away = _nearest_on(pixels[parent], pixels[handle], np.array(at))
-            if away <= reach:
-                along = _in_space(share, depth[parent], depth[handle])
+            fraction, distance = _find_nearest_parameter(pixels[parent], pixels[handle], np.array(pixel))
+            if distance <= reach:
+                along = _correct_perspective(fraction, depth[parent], depth[handle])
                 deep = float(depth[parent] + along * (depth[handle] - depth[parent]))
-                hits.append(Hit(character.id, handle, along, away, deep))
+                hits.append(Hit(character.id, handle, along, distance, deep))
     return min(hits, key=lambda hit: (round(hit.pixels), hit.depth), default=None)
 
 
-def surface_at(stage: Iterable[StageCharacter], lens: Lens, at: Point) -> Hit | None:
+def surface_at(stage: Iterable[StageCharacter], lens: Lens, pixel: Point) -> Hit | None:
     """Returns the first surface that a pixel's ray hits, and the face."""
-    way, eye, hits = lens.ray(at), lens.view.eye, list[Hit]()
+    ray, eye, hits = lens.ray(pixel), lens.view.eye, list[Hit]()
     for character in stage:
         if character.character.mesh is not None:
-            face, distance = first_hit(character.vertices, character.character.mesh.faces, eye, way)
+            face, distance = first_hit(character.vertices, character.character.mesh.faces, eye, ray)
             if face >= 0:
                 hits.append(Hit(character.id, depth=distance, face=face))
     return min(hits, key=lambda hit: hit.depth, default=None)
 
 
-def crossings(stage: Iterable[StageCharacter], lens: Lens, stroke: Float) -> list[Hit]:
+def find_crossings(stage: Iterable[StageCharacter], lens: Lens, stroke: Float) -> list[Hit]:
     """Returns the bones that a stroke (P, 2) in pixels crosses, each once, with the crossing's position."""
     hits: list[Hit] = []
     for character in stage:
         pixels, depth = lens.project(character.handles)
         for parent, handle in character.bones:
             for first, last in itertools.pairwise(stroke):
-                share = _crossing(pixels[parent], pixels[handle], first, last)
-                if share is not None:
-                    along = _in_space(share, depth[parent], depth[handle])
+                fraction = _find_crossing(pixels[parent], pixels[handle], first, last)
+                if fraction is not None:
+                    along = _correct_perspective(fraction, depth[parent], depth[handle])
                     deep = float(depth[parent] + along * (depth[handle] - depth[parent]))
                     hits.append(Hit(character.id, handle, along, 0.0, deep))
                     break
     return hits
 
 
-def _nearest_on(a: Float, b: Float, p: Float) -> tuple[float, float]:
+def _find_nearest_parameter(a: Float, b: Float, p: Float) -> tuple[float, float]:
     """Returns the parameter of the point on a-b nearest to p, all (2,), and its distance.
 
     NaN counts as far away.
     """
-    way = b - a
-    length = float(way @ way)
+    segment = b - a
+    length = float(segment @ segment)
     if not np.isfinite(length):
         return 0.0, np.inf
-    share = float(np.clip((p - a) @ way / length, 0.0, 1.0)) if length > 1e-12 else 0.0
-    return share, float(np.linalg.norm(a + share * way - p))
+    fraction = float(np.clip((p - a) @ segment / length, 0.0, 1.0)) if length > 1e-12 else 0.0
+    return fraction, float(np.linalg.norm(a + fraction * segment - p))
 
 
-def _in_space(share: float, near: float, far: float) -> float:
-    """Returns the 3D parameter along a segment for the 2D parameter ``share`` (perspective correction)."""
-    return float(share * near / (share * near + (1.0 - share) * far))
+def _correct_perspective(fraction: float, near: float, far: float) -> float:
+    """Returns the 3D parameter along a segment for the 2D parameter ``fraction`` (perspective correction)."""
+    return float(fraction * near / (fraction * near + (1.0 - fraction) * far))
 
 
-def _crossing(a: Float, b: Float, c: Float, d: Float) -> float | None:
+def _find_crossing(a: Float, b: Float, c: Float, d: Float) -> float | None:
     """Returns the parameter on a-b where it crosses c-d, all (2,); None if they do not cross."""
     first, second = b - a, d - c
     determinant = first[0] * second[1] - first[1] * second[0]
     if not np.isfinite(determinant) or abs(determinant) < 1e-12:
         return None
-    way = c - a
-    share = (way[0] * second[1] - way[1] * second[0]) / determinant
-    other = (way[0] * first[1] - way[1] * first[0]) / determinant
-    return float(share) if 0.0 <= share <= 1.0 and 0.0 <= other <= 1.0 else None
+    offset = c - a
+    fraction = (offset[0] * second[1] - offset[1] * second[0]) / determinant
+    other = (offset[0] * first[1] - offset[1] * first[0]) / determinant
+    return float(fraction) if 0.0 <= fraction <= 1.0 and 0.0 <= other <= 1.0 else None

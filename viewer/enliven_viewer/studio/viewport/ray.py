@@ -1,6 +1,6 @@
 """Fast transformation and ray picking of a mesh with a million vertices, within one frame.
 
-Compiled plain loops: a BLAS product with a 3x3 matrix would wake threads that wait for one another.
+Compiled plain loops: a BLAS product with a 3x3 matrix would start threads that wait for each other.
 """
 
 from __future__ import annotations

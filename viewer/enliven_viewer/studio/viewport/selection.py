@@ -41,7 +41,7 @@ class Selection:
         ids = tuple(dict.fromkeys(characters))
         return cls(ids[-1], others=ids[:-1]) if ids else cls()
 
-    def led_by(self, character: str) -> Selection:
+    def with_active(self, character: str) -> Selection:
         """Returns the selection with another character as the active one.
 
         If it was not selected, selects it alone.

@@ -27,7 +27,7 @@ class Snapping:
     grid: float = 0.1
     angle: float = 15.0
 
-    def acts(self, held: bool) -> bool:
+    def is_active(self, held: bool) -> bool:
         """Returns True if snapping is active. ``held`` says if the modifier key is down."""
         return self.on != held
 

@@ -29,7 +29,7 @@ class StageCharacter:
     pose: Pose
     handles: Float
 
-    own_tool = False
+    has_own_tool = False
     """Whether a special tool shows and edits its handles. Other tools then ignore them."""
 
     @property
@@ -60,7 +60,7 @@ class StageCharacter:
     @cached_property
     def bones(self) -> tuple[tuple[int, int], ...]:
         """Returns the handles at both ends of each bone, the parent first; empty without bones."""
-        parents = () if self.own_tool else enumerate(self.character.parents)
+        parents = () if self.has_own_tool else enumerate(self.character.parents)
         return tuple((int(parent), handle) for handle, parent in parents if parent >= 0)
 
     @property
@@ -78,7 +78,7 @@ class StageCharacter:
         return np.asarray(start + along * (self.handles[handle] - start))
 
 
-def joints_of(skeleton: Skeleton, turns: Float, root: Float) -> Float:
+def find_joints(skeleton: Skeleton, turns: Float, root: Float) -> Float:
     """Returns (N, 3) metres: the joint positions for world rotations (N, 4) and the root position (3,)."""
     joints = np.empty_like(skeleton.positions)
     joints[0] = root

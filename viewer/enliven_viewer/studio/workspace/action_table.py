@@ -10,17 +10,21 @@ from collections.abc import Callable, Iterator
 from enliven.errors import EnlivenError
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.numbers import view_actions
-from enliven_viewer.studio.outliner import choosing_actions, single_shape_action
+from enliven_viewer.studio.numbers import make_view_actions
+from enliven_viewer.studio.outliner import make_choosing_actions, require_single_shape
 from enliven_viewer.studio.preferences import Preferences
 from enliven_viewer.studio.tools import TOOLS
-from enliven_viewer.studio.workspace.brush_actions import painting_actions
-from enliven_viewer.studio.workspace.clip_actions import clip_actions
+from enliven_viewer.studio.workspace.brush_actions import make_painting_actions
+from enliven_viewer.studio.workspace.clip_actions import make_clip_actions
 from enliven_viewer.studio.workspace.commands import Commands
-from enliven_viewer.studio.workspace.files import SAMPLES, exportable
-from enliven_viewer.studio.workspace.size_matching import fitting_actions
-from enliven_viewer.studio.workspace.take_commands import take_actions
-from enliven_viewer.studio.workspace.view_actions import camera_actions, playing_actions, reading_actions
+from enliven_viewer.studio.workspace.files import SAMPLES, list_exportable
+from enliven_viewer.studio.workspace.size_matching import make_fitting_actions
+from enliven_viewer.studio.workspace.take_commands import make_take_actions
+from enliven_viewer.studio.workspace.view_actions import (
+    make_camera_actions,
+    make_playing_actions,
+    make_reading_actions,
+)
 from enliven_viewer.studio.workspace.viewport_input import ViewportInput
 
 _SINGLE_SHAPE_ACTIONS = (
@@ -39,35 +43,35 @@ OpenDialog = Callable[[str], None]
 """Opens the dialogue of that name in the window, or runs the command directly if it needs no dialogue."""
 
 
-def studio_actions(
+def make_studio_actions(
     commands: Commands, user_input: ViewportInput, ask: OpenDialog, preferences: Preferences
 ) -> Iterator[Action]:
     """Yields every action of the studio's own menus, in menu order."""
     editor = commands.editor
-    for action in _every(commands, user_input, ask, preferences):
-        yield single_shape_action(action, editor) if action.id in _SINGLE_SHAPE_ACTIONS else action
+    for action in _make_actions(commands, user_input, ask, preferences):
+        yield require_single_shape(action, editor) if action.id in _SINGLE_SHAPE_ACTIONS else action
 
 
-def _every(
+def _make_actions(
     commands: Commands, user_input: ViewportInput, ask: OpenDialog, preferences: Preferences
 ) -> Iterator[Action]:
-    yield from _file(ask, preferences)
-    yield from _export_actions(commands, ask)
-    yield from _edit(commands, user_input, ask)
-    yield from choosing_actions(commands.editor)
-    yield _snap(commands.editor)
-    yield from _motion(commands)
-    yield from _keys(commands)
-    yield from _shape(commands)
-    yield from fitting_actions(commands.fitting)
-    yield from painting_actions(user_input)
-    yield from _tools(user_input)
-    yield from clip_actions(commands.clips)
-    yield from take_actions(commands.takes)
-    yield from playing_actions(commands)
-    yield from camera_actions(commands)
-    yield from view_actions(commands.editor)
-    yield from reading_actions(preferences)
+    yield from _make_file_actions(ask, preferences)
+    yield from _make_export_actions(commands, ask)
+    yield from _make_edit_actions(commands, user_input, ask)
+    yield from make_choosing_actions(commands.editor)
+    yield _make_snap_action(commands.editor)
+    yield from _make_motion_actions(commands)
+    yield from _make_key_actions(commands)
+    yield from _make_shape_actions(commands)
+    yield from make_fitting_actions(commands.fitting)
+    yield from make_painting_actions(user_input)
+    yield from _make_tool_actions(user_input)
+    yield from make_clip_actions(commands.clips)
+    yield from make_take_actions(commands.takes)
+    yield from make_playing_actions(commands)
+    yield from make_camera_actions(commands)
+    yield from make_view_actions(commands.editor)
+    yield from make_reading_actions(preferences)
     yield Action("help.palette", "Help", "Find an action...", ("ctrl+k",), lambda: ask("palette"))
     yield Action(
         "help.tour",
@@ -78,7 +82,12 @@ def _every(
         about="A chair dances, loses a leg, and is saved. You do each step, and go on where you left.",
     )
     yield Action(
-        "help.start", "Help", "Start page", (), lambda: ask("start"), about="While nothing is there."
+        "help.start",
+        "Help",
+        "Start page",
+        (),
+        lambda: ask("start"),
+        about="Shown while the project is empty.",
     )
     for name, label in SAMPLES.items():
         do = lambda name=name: ask(f"sample {name}")  # noqa: E731
@@ -86,7 +95,7 @@ def _every(
     yield Action("help.keys", "Help", "Keys", ("f1", "h"), lambda: ask("help"))
 
 
-def _file(ask: OpenDialog, preferences: Preferences) -> Iterator[Action]:
+def _make_file_actions(ask: OpenDialog, preferences: Preferences) -> Iterator[Action]:
     def lacks_recent() -> str:
         return "" if preferences.recent else "No file was opened yet. Open one with Ctrl+O."
 
@@ -105,10 +114,10 @@ def _file(ask: OpenDialog, preferences: Preferences) -> Iterator[Action]:
     yield Action("file.save_as", "File", "Save as...", ("ctrl+shift+s",), lambda: ask("save as"))
 
 
-def _export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action]:
+def _make_export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action]:
     def lacks_export() -> str:
         try:
-            exportable(commands.editor.project)
+            list_exportable(commands.editor.project)
         except EnlivenError as error:
             return f"{error.what[0].upper()}{error.what[1:]}. {error.mend}"
         return ""
@@ -147,7 +156,7 @@ def _export_actions(commands: Commands, ask: OpenDialog) -> Iterator[Action]:
     yield Action("file.quit", "File", "Quit", ("ctrl+q",), lambda: ask("quit"), apart=True)
 
 
-def _edit(commands: Commands, user_input: ViewportInput, ask: OpenDialog) -> Iterator[Action]:
+def _make_edit_actions(commands: Commands, user_input: ViewportInput, ask: OpenDialog) -> Iterator[Action]:
     c, editor = commands, commands.editor
     yield Action("edit.undo", "Edit", "Undo", ("ctrl+z",), editor.undo, c.lacks_undo)
     yield Action("edit.redo", "Edit", "Redo", ("ctrl+shift+z", "ctrl+y"), editor.redo, c.lacks_redo)
@@ -172,10 +181,12 @@ def _edit(commands: Commands, user_input: ViewportInput, ask: OpenDialog) -> Ite
         c.lacks_character,
         about="The chosen node, or else the whole shape.",
     )
-    yield Action("edit.drop", "Edit", "Drop what was begun", ("escape",), user_input.drop, apart=True)
+    yield Action(
+        "edit.drop", "Edit", "Cancel the current operation", ("escape",), user_input.drop, apart=True
+    )
 
 
-def _snap(editor: Editor) -> Action:
+def _make_snap_action(editor: Editor) -> Action:
     def toggle() -> None:
         editor.snapping.on = not editor.snapping.on
 
@@ -184,7 +195,7 @@ def _snap(editor: Editor) -> Action:
     return Action("edit.snap", "Edit", "Snap", ("shift+n",), toggle, is_on=on, about=about, apart=True)
 
 
-def _motion(c: Commands) -> Iterator[Action]:
+def _make_motion_actions(c: Commands) -> Iterator[Action]:
     yield Action(
         "motion.copy",
         "Motion",
@@ -244,7 +255,7 @@ def _motion(c: Commands) -> Iterator[Action]:
     )
 
 
-def _keys(c: Commands) -> Iterator[Action]:
+def _make_key_actions(c: Commands) -> Iterator[Action]:
     yield Action(
         "motion.keying",
         "Motion",
@@ -263,7 +274,7 @@ def _keys(c: Commands) -> Iterator[Action]:
     yield Action("motion.unkey", "Motion", away, ("ctrl+shift+j",), c.keys.remove, c.keys.lacks_key)
 
 
-def _shape(c: Commands) -> Iterator[Action]:
+def _make_shape_actions(c: Commands) -> Iterator[Action]:
     turns = (
         ("left", "Turn left", 15.0, "left"),
         ("right", "Turn right", -15.0, "right"),
@@ -336,7 +347,7 @@ def _shape(c: Commands) -> Iterator[Action]:
     )
 
 
-def _tools(user_input: ViewportInput) -> Iterator[Action]:
+def _make_tool_actions(user_input: ViewportInput) -> Iterator[Action]:
     for kind in TOOLS:
         yield Action(
             f"tool.{kind.name}",

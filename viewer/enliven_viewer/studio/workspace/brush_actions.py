@@ -18,7 +18,7 @@ _BRUSH_DESCRIPTIONS = {
 }
 
 
-def painting_actions(user_input: ViewportInput) -> Iterator[Action]:
+def make_painting_actions(user_input: ViewportInput) -> Iterator[Action]:
     """Yields the brush actions. Actions that choose a brush mode also activate the brush."""
     tool = user_input.tools[PaintTool.name]
     assert isinstance(tool, PaintTool)

@@ -8,7 +8,7 @@ from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 
 
-def clip_actions(c: ClipCommands) -> Iterator[Action]:
+def make_clip_actions(c: ClipCommands) -> Iterator[Action]:
     """Yields the actions on the clips under the playhead.
 
     They apply to the selected lane, or to all lanes if none is selected.
@@ -21,11 +21,11 @@ def clip_actions(c: ClipCommands) -> Iterator[Action]:
         ("remove", "Remove", ("shift+delete",), "The take stays in the project."),
     )
     for name, label, keys, about in deeds:
-        how = (lambda name=name: c.do(name), lambda name=name: c.lacks(name))
-        yield Action(f"clip.{name}", "Clip", label, keys, *how, about=about)
+        functions = (lambda name=name: c.do(name), lambda name=name: c.lacks(name))
+        yield Action(f"clip.{name}", "Clip", label, keys, *functions, about=about)
     about = "Drag it along the ruler; double-click it to name it."
     yield Action(
         "clip.mark", "Clip", "A marker at the playhead", ("shift+m",), c.mark, about=about, apart=True
     )
     yield Action("clip.next_marker", "Clip", "To the next marker", ("shift+right",), lambda: c.jump(1))
-    yield Action("clip.marker_before", "Clip", "To the marker before", ("shift+left",), lambda: c.jump(-1))
+    yield Action("clip.marker_before", "Clip", "To the previous marker", ("shift+left",), lambda: c.jump(-1))

@@ -71,26 +71,26 @@ class ClipCommands:
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
 
-    def do(self, deed: str) -> None:
+    def do(self, edit_id: str) -> None:
         """Splits, blends, reverses, mirrors or removes the clips under the playhead."""
-        self.editor.edit(_CLIP_EDITS[deed][0], self._edit(deed))
+        self.editor.edit(_CLIP_EDITS[edit_id][0], self._edit(edit_id))
 
-    def lacks(self, deed: str) -> str:
+    def lacks(self, edit_id: str) -> str:
         """Returns why that edit is unavailable, with advice; empty if it is available."""
-        if not self._lanes():
+        if not self._find_lanes():
             return "No clip is under the playhead. Put the playhead over one."
         try:
-            self._edit(deed)(self.editor.project)
+            self._edit(edit_id)(self.editor.project)
         except InputError as error:
             return f"{error.what[0].upper()}{error.what[1:]}. {error.mend}"
         return ""
 
-    def _edit(self, deed: str) -> Edit:
+    def _edit(self, edit_id: str) -> Edit:
         """Returns the edit of all affected clips."""
-        time, change = self.editor.time, _CLIP_EDITS[deed][1]
+        time, change = self.editor.time, _CLIP_EDITS[edit_id][1]
         lane_clips = [
             (lane, next(k for k, clip in enumerate(lane.clips) if clip.begin <= time <= clip.end))
-            for lane in self._lanes()
+            for lane in self._find_lanes()
         ]
 
         def every(project: Project) -> Project:
@@ -106,21 +106,23 @@ class ClipCommands:
         time = self.editor.time
         self.editor.edit("add marker", lambda project: add_marker(project, time)[0])
 
-    def jump(self, way: int) -> None:
-        """Moves the playhead to the next marker, or to the previous one if `way` is -1."""
+    def jump(self, direction: int) -> None:
+        """Moves the playhead to the next marker, or to the previous one if `direction` is -1."""
         times = sorted(
             {0.0, self.editor.length, *(marker.seconds for marker in self.editor.project.markers.values())}
         )
-        ahead = [time for time in times if (time - self.editor.time) * way > _TIME_TOLERANCE_S]
+        ahead = [time for time in times if (time - self.editor.time) * direction > _TIME_TOLERANCE_S]
         if ahead:
-            self.editor.scrub(min(ahead) if way > 0 else max(ahead))
+            self.editor.scrub(min(ahead) if direction > 0 else max(ahead))
 
-    def _lanes(self) -> list[Lane]:
+    def _find_lanes(self) -> list[Lane]:
         """Returns the selected lane, or else all audible lanes, if they have a clip under the playhead."""
         editor, chosen = self.editor, self.editor.selection
         lanes = TimelineLayout(editor.project, editor.length, 1.0).bars()
-        mine = [
+        selected_lanes = [
             lane for lane in lanes if lane.character.id == chosen.character and chosen.layer in lane.layers
         ]
-        heard = mine or [lane for lane in lanes if not lane.layer.muted]
-        return [lane for lane in heard if any(clip.begin <= editor.time <= clip.end for clip in lane.clips)]
+        candidates = selected_lanes or [lane for lane in lanes if not lane.layer.muted]
+        return [
+            lane for lane in candidates if any(clip.begin <= editor.time <= clip.end for clip in lane.clips)
+        ]

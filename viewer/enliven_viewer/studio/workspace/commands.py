@@ -27,12 +27,12 @@ from enliven.motion.layers import clear_chain
 from enliven.rotation import from_rotation_vector
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.sources import matching_view
+from enliven_viewer.studio.sources import make_match_view
 from enliven_viewer.studio.tools import remove_joint
 from enliven_viewer.studio.workspace.clip_commands import ClipCommands
 from enliven_viewer.studio.workspace.key_commands import KeyCommands
-from enliven_viewer.studio.workspace.motion_clipboard import MotionClipboard, outwards
-from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, side_offset
+from enliven_viewer.studio.workspace.motion_clipboard import MotionClipboard, order_from_root
+from enliven_viewer.studio.workspace.puppet_commands import PuppetCommands, find_side_offset
 from enliven_viewer.studio.workspace.size_matching import SizeMatching
 from enliven_viewer.studio.workspace.take_commands import TakeCommands
 
@@ -74,21 +74,22 @@ class Commands:
         if len(names) == 1 and joint and self.editor.chosen(Shape) is not None:
             remove_joint(self.editor, names[0], joint)
         else:
-            self._take_away(later("delete {0}"))
+            self._delete_selection(later("delete {0}"))
 
     def copy(self) -> None:
         """Copies the selection, with its motion, to the clipboard."""
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), 0
             self.editor.toasts.say(
-                tr("Copied {0} with its motion", self._selection_text()), tr("Ctrl+V puts a copy next to it.")
+                tr("Copied {0} with its motion", self._describe_selection()),
+                tr("Ctrl+V puts a copy next to it."),
             )
 
     def cut_out(self) -> None:
         """Copies the selection to the clipboard and deletes it from the project."""
         if self._names:
             self._copied, self._pasted = (self.editor.project, self._names), -1
-            self._take_away(later("cut out {0}"))
+            self._delete_selection(later("cut out {0}"))
 
     def paste(self) -> None:
         """Pastes the clipboard next to the existing characters."""
@@ -123,8 +124,8 @@ class Commands:
     def mute(self) -> None:
         """Mutes all motion of the selection, or unmutes it if all of it is muted."""
         on = not self.is_muted()
-        word = later("mute {0}") if on else later("unmute {0}")
-        self._change(word, lambda project, names: mute_characters(project, names, on))
+        edit_name = later("mute {0}") if on else later("unmute {0}")
+        self._change(edit_name, lambda project, names: mute_characters(project, names, on))
 
     def is_muted(self) -> bool:
         """Returns True if the selection has motion and all of it is muted."""
@@ -147,7 +148,7 @@ class Commands:
 
     def spread(self) -> None:
         """Copies the motion of the selected limb to all limbs that are equal to it."""
-        limb = self._limb()
+        limb = self._find_limb()
         if limb is None:
             return
         shape, joint, group = limb
@@ -179,11 +180,14 @@ class Commands:
         posed = self.editor.stage_character(shape.id)
         starts, ends = np.array(posed.bones).T
         bones = posed.handles[ends] - posed.handles[starts]
-        way = best_view(bones, matching_view(self.editor.lens)).direction
+        direction = best_view(bones, make_match_view(self.editor.lens)).direction
         # The view from behind shows the same amount of the bones. Choose the one of the two that does not
         # look from below the floor.
-        way = -way if way[1] > 0 else way
-        azimuth, elevation = np.arctan2(-way[0], -way[2]), np.arcsin(np.clip(-way[1], -1.0, 1.0))
+        direction = -direction if direction[1] > 0 else direction
+        azimuth, elevation = (
+            np.arctan2(-direction[0], -direction[2]),
+            np.arcsin(np.clip(-direction[1], -1.0, 1.0)),
+        )
         self.editor.camera.face(float(azimuth), float(elevation))
 
     def clear_motion(self) -> None:
@@ -191,7 +195,7 @@ class Commands:
         shape, chosen = self.editor.chosen(Shape), self.editor.selection.chain
         if shape is None:
             return
-        chains: Sequence[Sequence[int]] = [outwards(shape, chosen)]
+        chains: Sequence[Sequence[int]] = [order_from_root(shape, chosen)]
         if len(chosen) < 2:
             chains = [(0,), *((int(parent), j) for j, parent in enumerate(shape.parents) if j)]
 
@@ -202,31 +206,33 @@ class Commands:
 
         self.editor.edit("clear motion", change)
 
-    def _change(self, word: str, change: Callable[[Project, tuple[str, ...]], Project]) -> None:
+    def _change(self, edit_name: str, change: Callable[[Project, tuple[str, ...]], Project]) -> None:
         """Applies one edit to the whole selection."""
         names = self._names
         if names:
-            self.editor.edit(later(word, self._selection_text()), lambda project: change(project, names))
+            self.editor.edit(
+                later(edit_name, self._describe_selection()), lambda project: change(project, names)
+            )
 
-    def _take_away(self, word: str) -> None:
+    def _delete_selection(self, edit_name: str) -> None:
         def change(project: Project, names: tuple[str, ...]) -> Project:
             for name in names:
                 project = delete_character(project, name)
             return project
 
-        self._change(word, change)
+        self._change(edit_name, change)
 
-    def _copy(self, word: str, source: Project, names: tuple[str, ...], times: int) -> None:
+    def _copy(self, edit_name: str, source: Project, names: tuple[str, ...], times: int) -> None:
         """Pastes copies next to their originals as one edit, and selects the copies."""
-        offset, copy_ids = self._side_offset(source, names) * times, list[str]()
-        subject = self._selection_text(names)
+        offset, copy_ids = self._find_side_offset(source, names) * times, list[str]()
+        subject = self._describe_selection(names)
 
         def change(project: Project) -> Project:
             project, copies = copy_characters(project, source, names, offset)
             copy_ids.extend(copies)
             return project
 
-        if self.editor.edit(later(word, subject), change):
+        if self.editor.edit(later(edit_name, subject), change):
             self.editor.choose_all(*copy_ids)
 
     def lacks_character(self) -> str:
@@ -248,7 +254,7 @@ class Commands:
 
     def lacks_limb(self) -> str:
         """Returns why a command on a limb is unavailable; empty if it is available."""
-        return "" if self._limb() else "No limb is chosen. Click a node of the limb that moves."
+        return "" if self._find_limb() else "No limb is chosen. Click a node of the limb that moves."
 
     def lacks_foot(self) -> str:
         """Returns why pinning a foot is unavailable; empty if it is available."""
@@ -267,12 +273,12 @@ class Commands:
     def _names(self) -> tuple[str, ...]:
         return tuple(character.id for character in self.editor.chosen_all)
 
-    def _selection_text(self, names: tuple[str, ...] | None = None) -> str:
+    def _describe_selection(self, names: tuple[str, ...] | None = None) -> str:
         """Returns the name of the only selected shape, or the number of shapes."""
         names = self._names if names is None else names
         return names[0] if len(names) == 1 else later("{0} shapes", len(names))
 
-    def _limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
+    def _find_limb(self) -> tuple[Shape, int, EqualLimbs | None] | None:
         """Returns the selected shape, a joint of its selected limb, and the limbs that are equal to it."""
         chosen, shape = self.editor.selection, self.editor.chosen(Shape)
         joint = chosen.handle if chosen.handle is not None else (chosen.chain[-1] if chosen.chain else None)
@@ -281,6 +287,6 @@ class Commands:
         groups = equal_limbs(shape.skeleton)
         return shape, joint, next((group for group in groups if group.limb_of(joint) >= 0), None)
 
-    def _side_offset(self, source: Project, names: tuple[str, ...]) -> Float:
+    def _find_side_offset(self, source: Project, names: tuple[str, ...]) -> Float:
         """Returns (3,) metres: an offset to the right of the view, by about the characters' width."""
-        return side_offset(self.editor, [source.characters[name] for name in names])
+        return find_side_offset(self.editor, [source.characters[name] for name in names])

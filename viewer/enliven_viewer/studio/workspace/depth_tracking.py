@@ -67,9 +67,9 @@ class DepthTracking:
             raise InputError(tr("{0} is still being tracked", self.name), where=str(path), mend=mend)
         self._folder = TemporaryFolder("tracking")
         output = Path(self._folder.name) / path.name
-        words = [sys.executable, "-m", "enliven", "track", str(path), "-o", str(output), "--lines"]
+        arguments = [sys.executable, "-m", "enliven", "track", str(path), "-o", str(output), "--lines"]
         pipe = subprocess.PIPE
-        self._child = subprocess.Popen(words, stdout=pipe, stderr=subprocess.STDOUT, text=True)
+        self._child = subprocess.Popen(arguments, stdout=pipe, stderr=subprocess.STDOUT, text=True)
         self.name, self.share = path.name, 0.0
         self._said.clear()
         self._reader = threading.Thread(target=self._read, args=(self._child,), daemon=True)

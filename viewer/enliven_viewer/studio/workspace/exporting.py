@@ -14,13 +14,13 @@ from enliven.files import replace_file
 from enliven.sounds import mix_from
 from enliven_viewer.language import tr, tr_n
 from enliven_viewer.studio.background import WorkProgress
-from enliven_viewer.studio.workspace.files import exportable
+from enliven_viewer.studio.workspace.files import list_exportable
 
-RATES = (12, 15, 24, 25, 30, 48, 50, 60)
+FRAME_RATES = (12, 15, 24, 25, 30, 48, 50, 60)
 """Frame rates, in frames per second, that the dialogue offers."""
 FILM_SIZES = ("640x360", "1280x720", "1920x1080", "2560x1440", "3840x2160", "1080x1080", "1080x1920")
 """Film sizes that the dialogue offers: common screens, a square, and an upright telephone."""
-_SAMPLING_PROGRESS = 0.3
+_SAMPLED_FRACTION = 0.3
 """Progress of a film, as a fraction, at which the sampling of its characters is complete."""
 
 
@@ -69,7 +69,7 @@ class ExportOptions:
         last = min(self.last or length, length)
         if last - self.first < 1.0 / self.rate:
             problem = tr("nothing lies between {0:.2f} and {1:.2f} s", self.first, last)
-            raise InputError(problem, where="export", mend=tr("Choose a later end, or an earlier begin."))
+            raise InputError(problem, where="export", mend=tr("Choose a later end, or an earlier start."))
         return self.first, last
 
 
@@ -98,15 +98,15 @@ def write_export(
     morphs = bool(more.get("morphs"))
     performances = list[Performance]()
     for number, character in enumerate(chosen):
-        progress.report((_SAMPLING_PROGRESS if film else 0.9) * number / len(chosen))
+        progress.report((_SAMPLED_FRACTION if film else 0.9) * number / len(chosen))
         how: Literal["skin", "morphs"] = "morphs" if morphs and isinstance(character, Puppet) else "skin"
         rate, keyed = float(options.rate), exporter.keyed
         performances.append(performance_of(project, character, first, last, rate, how=how, keyed=keyed))
     if exporter.heard and project.sounds:
         more["sound"] = mix_from(project.sounds.values(), first)
     if film:
-        more["progress"] = _later(progress, _SAMPLING_PROGRESS)
-    with replace_file(path, tr("Save it elsewhere.")) as part:
+        more["progress"] = _scale_progress(progress, _SAMPLED_FRACTION)
+    with replace_file(path, tr("Save it in another folder.")) as part:
         exporter.write(part, performances, path.stem, **more)
         progress.report(1.0)
     message = tr_n("Wrote {0} shape to {1}", "Wrote {0} shapes to {1}", len(performances), path.name)
@@ -127,7 +127,7 @@ def export(project: Project, path: Path, chosen: Sequence[RigBase] | None = None
         InputError: if there is no exportable character.
         ResourceError: if the file cannot be written.
     """
-    characters = chosen or exportable(project)
+    characters = chosen or list_exportable(project)
     return write_export(project, path, characters, ExportOptions(), 0.0, WorkProgress())
 
 
@@ -142,6 +142,6 @@ def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]
     return {"morphs": True} if ending == ".glb" and options.morphs and puppets else {}
 
 
-def _later(progress: WorkProgress, done: float) -> Callable[[float], None]:
+def _scale_progress(progress: WorkProgress, done: float) -> Callable[[float], None]:
     """Returns a callback that maps progress 0..1 to the range from ``done`` to 1."""
-    return lambda share: progress.report(done + (1.0 - done) * share)
+    return lambda fraction: progress.report(done + (1.0 - done) * fraction)

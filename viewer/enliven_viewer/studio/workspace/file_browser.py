@@ -12,7 +12,7 @@ from enliven_viewer.language import later, tr
 
 Order = Literal["name", "newest", "largest"]
 """Sort orders of the files in a folder."""
-ORDERS: dict[Order, str] = {
+ORDER_LABELS: dict[Order, str] = {
     "name": later("by name"),
     "newest": later("newest first"),
     "largest": later("largest first"),
@@ -26,7 +26,7 @@ _MAX_PLACES = 14
 """Maximum number of offered places: more do not fit next to the file list."""
 
 
-def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Path]]:
+def list_places(recent: list[str], working: Path | None = None) -> list[tuple[str, Path]]:
     """Returns the folders that a dialogue offers as shortcuts, each with its name. Recent folders come last.
 
     Args:
@@ -37,7 +37,7 @@ def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Pa
     folders = [(tr("Home"), home), *((name, home / name) for name in _HOME_FOLDERS)]
     if working is not None and working != home:
         folders.append((working.name or str(working), working))
-    folders += _sticks()
+    folders += _list_removable_drives()
     folders.append((tr("Computer"), Path(home.anchor)))
     for name in recent:
         folder = Path(name).parent
@@ -49,17 +49,21 @@ def places(recent: list[str], working: Path | None = None) -> list[tuple[str, Pa
     return [(name, folder) for folder, name in list(names_by_folder.items())[:_MAX_PLACES]]
 
 
-def _sticks() -> list[tuple[str, Path]]:
+def _list_removable_drives() -> list[tuple[str, Path]]:
     """Returns the mounted removable drives, with their names."""
     drives = []
     for root in map(Path, _MOUNT_FOLDERS):
-        for folder in _entries(root):
-            inner = [entry for entry in _entries(folder) if entry.is_mount()] if not folder.is_mount() else []
+        for folder in _list_entries(root):
+            inner = (
+                [entry for entry in _list_entries(folder) if entry.is_mount()]
+                if not folder.is_mount()
+                else []
+            )
             drives += [(entry.name, entry) for entry in (inner or [folder]) if entry.is_mount()]
     return drives
 
 
-def _entries(folder: Path) -> list[Path]:
+def _list_entries(folder: Path) -> list[Path]:
     """Returns the entries of a folder; none if it cannot be read."""
     try:
         return sorted(folder.iterdir())
@@ -86,7 +90,7 @@ class FileBrowser:
         project_path: the project's own file, which may be replaced without a confirmation.
         problem: why the folder cannot be listed, or empty.
         refusal: why the chosen name is refused, or empty.
-        again: True if the dialogue waits for another name, or for Enter as a confirmation.
+        awaits_retry: True if the dialogue waits for another name, or for Enter as a confirmation.
         order: sort order of the files.
         new_folder_name: name of the new folder while it is being typed; None otherwise.
     """
@@ -105,17 +109,19 @@ class FileBrowser:
 
     def folders(self) -> list[Path]:
         """Returns the folders in the current folder, without hidden ones."""
-        return [path for path in self._listed() if path.is_dir()]
+        return [path for path in self._list_folder() if path.is_dir()]
 
     def files(self) -> list[Path]:
         """Returns the selectable files, in the chosen sort order."""
         selectable = [
-            path for path in self._listed() if path.is_file() and path.suffix.lower() in self.endings
+            path for path in self._list_folder() if path.is_file() and path.suffix.lower() in self.endings
         ]
         if self.order == "newest":
-            return sorted(selectable, key=lambda path: -_status(path)[1])
+            return sorted(selectable, key=lambda path: -_read_status(path)[1])
         return (
-            sorted(selectable, key=lambda path: -_status(path)[0]) if self.order == "largest" else selectable
+            sorted(selectable, key=lambda path: -_read_status(path)[0])
+            if self.order == "largest"
+            else selectable
         )
 
     def make_folder(self) -> None:
@@ -158,14 +164,14 @@ class FileBrowser:
         if not name:
             raise InputError(tr("no file is chosen"), where="file", mend=tr("Click one, or type a name."))
         try:
-            return self._path_of(name)
+            return self._find_path(name)
         # The name is too long, or it begins with the home folder of an unknown user.
         except (OSError, RuntimeError, ValueError):
             raise InputError(
                 tr("no file can have that name"), where="file", mend=tr("Give a shorter name.")
             ) from None
 
-    def _path_of(self, name: str) -> Path:
+    def _find_path(self, name: str) -> Path:
         if "\0" in name:
             raise ValueError(name)
         path = Path(name).expanduser()
@@ -183,7 +189,7 @@ class FileBrowser:
             )
         return path
 
-    def _listed(self) -> list[Path]:
+    def _list_folder(self) -> list[Path]:
         """Returns the entries of the folder, sorted by name; none if the folder cannot be read."""
         self.problem = ""
         try:
@@ -194,7 +200,7 @@ class FileBrowser:
         return sorted(entries, key=lambda path: path.name.lower())
 
 
-def _status(path: Path) -> tuple[int, float]:
+def _read_status(path: Path) -> tuple[int, float]:
     """Returns the size in bytes and the time of the last change; zeros for a file that has been removed."""
     try:
         status = os.stat(path)

@@ -23,16 +23,16 @@ from enliven.sounds import Sound
 from enliven.takes import clips_of_recording, read_possessed, read_take
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.sound import SOUNDS, read_sound
-from enliven_viewer.studio.workspace.model_size import opened_size
+from enliven_viewer.studio.sound import SOUND_SUFFIXES, read_sound
+from enliven_viewer.studio.workspace.model_size import choose_size
 
-MODELS = GLTF_SUFFIXES
-MESHES = (".obj", ".ply", ".stl", ".off")
-TAKES = (".bvh", ".txt")
-PERFORMANCES = (".mcap",)
-SESSIONS = (".toml",)
-FILM = ".mp4"
-EXPORTS = (".glb", *(ending for ending in suffixes() if ending not in (".glb", FILM)))
+MODEL_SUFFIXES = GLTF_SUFFIXES
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off")
+TAKE_SUFFIXES = (".bvh", ".txt")
+PERFORMANCE_SUFFIXES = (".mcap",)
+SESSION_SUFFIXES = (".toml",)
+FILM_SUFFIX = ".mp4"
+EXPORT_SUFFIXES = (".glb", *(ending for ending in suffixes() if ending not in (".glb", FILM_SUFFIX)))
 SAMPLES = {"cactus": "Dancing cactus", "chair": "Armchair", "lamp": "Desk lamp"}
 """Samples that ship with enliven, by id, with their labels."""
 _MAX_NOTE_LETTERS = 130
@@ -63,7 +63,16 @@ def read_to_add(path: Path) -> tuple[Callable[[Editor, Path, Any], None], Any]:
     for endings, read, add in _FILE_TYPES:
         if ending in endings:
             return add, read(path)
-    known_endings = ", ".join((*MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS))
+    known_endings = ", ".join(
+        (
+            *MODEL_SUFFIXES,
+            *MESH_SUFFIXES,
+            *TAKE_SUFFIXES,
+            *PERFORMANCE_SUFFIXES,
+            *SESSION_SUFFIXES,
+            *SOUND_SUFFIXES,
+        )
+    )
     problem = tr("{0} is an unknown file type", ending) if ending else tr("its name has no ending")
     raise InputError(problem, where=str(path), mend=tr("Known: {0}.", known_endings))
 
@@ -86,7 +95,7 @@ def add_sample(editor: Editor, name: str) -> None:
         _add_puppet(editor, Path(name), load_sample(name), ())
 
 
-def exportable(project: Project) -> list[RigBase]:
+def list_exportable(project: Project) -> list[RigBase]:
     """Returns the characters that have a surface and everything that they need to move.
 
     Raises:
@@ -116,7 +125,7 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
         # Drop the note about the placeholder bone. A puppet has no bones, so the note would only confuse.
         _add_puppet(editor, path, rig.shape.mesh, tuple(n for n in rig.notes if "it has no rig" not in n))
         return
-    size = opened_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)
+    size = choose_size(rig.shape.skeleton.positions if rig.shape.mesh is None else rig.shape.mesh.vertices)
     if size.note:
         rig = replace(scale_to_height(rig, size.height), notes=(size.note, *rig.notes))
     box, added_ids = editor.box(), list[str]()
@@ -133,8 +142,8 @@ def _add_model(editor: Editor, path: Path, rig: Rig) -> None:
 
     if editor.edit(later("open {0}", path.name), add):
         editor.choose(added_ids[-1])
-        _show_notes(editor, path, rig.notes, _clip_notes(editor.project, added_ids[-1]))
-        editor.frame_way()
+        _show_notes(editor, path, rig.notes, _make_clip_note(editor.project, added_ids[-1]))
+        editor.frame_path()
 
 
 def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[str, str]]:
@@ -153,7 +162,7 @@ def _with_clips(project: Project, clips: Sequence[Clip]) -> tuple[Project, dict[
     return project, names
 
 
-def _clip_notes(project: Project, shape_id: str) -> str:
+def _make_clip_note(project: Project, shape_id: str) -> str:
     """Returns a sentence about the clip that an opened model plays, and where its other clips are."""
     shape = project.shape(shape_id)
     clips, played = own_clips(project, shape), played_clip(project, shape)
@@ -173,7 +182,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
 
     An implausible size is changed to the height of a person.
     """
-    size = opened_size(mesh.vertices)
+    size = choose_size(mesh.vertices)
     box, added_ids = editor.box(), []
     fitted = fit_height(mesh, size.height)
     if size.note:
@@ -192,7 +201,7 @@ def _add_puppet(editor: Editor, path: Path, mesh: Mesh, notes: tuple[str, ...]) 
     if editor.edit(later("open {0}", path.name), add):
         editor.choose(added_ids[-1])
         _show_notes(editor, path, notes, tr("It is a puppet: put control points on it with K."))
-        editor.frame_way()
+        editor.frame_path()
 
 
 def _add_session(editor: Editor, path: Path, session: Session) -> None:
@@ -217,7 +226,7 @@ def _add_played(
     if editor.edit(later("open {0}", file_name), add):
         editor.choose(added_ids[-1])
         _show_notes(editor, Path(file_name), notes, "")
-        editor.frame_way()
+        editor.frame_path()
 
 
 def _add_take(editor: Editor, path: Path, read: tuple[Clip, tuple[str, ...]]) -> None:
@@ -253,7 +262,7 @@ def _add_performance(editor: Editor, path: Path, read: _RecordedTake) -> None:
         fresh = [name for name in editor.project.characters if name not in before]
         if fresh and editor.puppets.puppet is None:
             editor.choose_all(*fresh)
-        editor.frame_way()
+        editor.frame_path()
 
 
 def with_performance(project: Project, path: Path) -> tuple[Project, tuple[str, ...]]:
@@ -322,12 +331,12 @@ def _show_notes(editor: Editor, path: Path, notes: tuple[str, ...], mend: str) -
 _FILE_TYPES: tuple[
     tuple[tuple[str, ...], Callable[[Path], Any], Callable[[Editor, Path, Any], None]], ...
 ] = (
-    (MODELS, lambda path: read_gltf(path, floor=True, weld=True), _add_model),
-    (MESHES, load_mesh, _add_mesh),
-    (TAKES, read_take, _add_take),
-    (SESSIONS, read_session, _add_session),
-    (PERFORMANCES, _read_performance, _add_performance),
-    (SOUNDS, read_sound, _add_sound),
+    (MODEL_SUFFIXES, lambda path: read_gltf(path, floor=True, weld=True), _add_model),
+    (MESH_SUFFIXES, load_mesh, _add_mesh),
+    (TAKE_SUFFIXES, read_take, _add_take),
+    (SESSION_SUFFIXES, read_session, _add_session),
+    (PERFORMANCE_SUFFIXES, _read_performance, _add_performance),
+    (SOUND_SUFFIXES, read_sound, _add_sound),
 )
 """The supported file types: extensions, the function that reads the file, and the function that adds it to
 the project.

@@ -19,26 +19,26 @@ class KeyCommands:
 
     def set(self) -> None:
         """Sets a key with the current rotation and offset of the selection."""
-        (name, handle), time = self._thing(), self.editor.time
+        (name, handle), time = self._find_subject(), self.editor.time
         if name:
             self.editor.edit("set key", lambda project: set_key(project, name, handle, time))
 
     def remove(self) -> None:
         """Removes the key at the playhead."""
-        (name, handle), number = self._thing(), self._here()
+        (name, handle), number = self._find_subject(), self._find_key_at_playhead()
         if number is not None:
             self.editor.edit("remove key", lambda project: remove_key(project, name, handle, number))
 
     def lacks(self) -> str:
         """Returns why no key can be set; empty if one can."""
-        return "" if self._thing()[0] else "Nothing is chosen. Click a shape, or a node of it, first."
+        return "" if self._find_subject()[0] else "Nothing is chosen. Click a shape, or a node of it, first."
 
     def lacks_key(self) -> str:
         """Returns why no key can be removed; empty if one can."""
         reason = self.lacks()
-        return reason or ("" if self._here() is not None else "No key is at the playhead.")
+        return reason or ("" if self._find_key_at_playhead() is not None else "No key is at the playhead.")
 
-    def _thing(self) -> tuple[str, int | None]:
+    def _find_subject(self) -> tuple[str, int | None]:
         """Returns the selected character and the bone or node.
 
         Control points of puppets are left out: they have key poses instead.
@@ -48,8 +48,8 @@ class KeyCommands:
             return "", None
         return chosen.id, handle if handle is not None and handle < chosen.keyable else None
 
-    def _here(self) -> int | None:
-        name, handle = self._thing()
+    def _find_key_at_playhead(self) -> int | None:
+        name, handle = self._find_subject()
         # Keys lie on whole frames, so half a frame finds the key of the nearest frame.
         near = 0.501 * KEY_STEP
         keys = keys_of(self.editor.project, name, handle) if name else ()

@@ -11,11 +11,17 @@ from enliven.arrays import AnyArray
 from enliven_viewer.language import later, tr
 
 _MIN_SIZE_M = 0.25
-"""In metres. A model that is smaller in every direction is assumed to be in another unit."""
+"""Minimum plausible size in metres. A model that is smaller in every direction is assumed to be in another
+unit.
+"""
 _MAX_HEIGHT_M = 3.0
-"""In metres. A taller model is assumed to be in another unit, since the stage is made for people."""
+"""Maximum plausible height in metres. A taller model is assumed to be in another unit, since the stage is
+made for people.
+"""
 _MAX_LENGTH_M = 4.5
-"""In metres. A longer or wider model, twice the length of a horse, is assumed to be in another unit."""
+"""Maximum plausible length in metres: twice that of a horse. A longer or wider model is assumed to be in
+another unit.
+"""
 _UNITS = (
     ("centimetres", 0.01),
     ("millimetres", 0.001),
@@ -46,7 +52,7 @@ class ModelSize:
     note: str = ""
 
 
-def opened_size(points: AnyArray | Sequence[Sequence[float]]) -> ModelSize:
+def choose_size(points: AnyArray | Sequence[Sequence[float]]) -> ModelSize:
     """Returns the size for a model with (N, 3) points in the file's metres, +Y up.
 
     If another unit gives a plausible size, the file is read in that unit. Otherwise a model of an implausible
@@ -56,9 +62,9 @@ def opened_size(points: AnyArray | Sequence[Sequence[float]]) -> ModelSize:
     tall, longest = float(extent[1]), float(extent.max())
     if tall <= 0.0 or (longest >= _MIN_SIZE_M and tall <= _MAX_HEIGHT_M and longest <= _MAX_LENGTH_M):
         return ModelSize(tall)
-    for word, metres in _UNITS:
+    for unit_name, metres in _UNITS:
         if _PLAUSIBLE_LENGTHS_M[0] <= longest * metres <= _PLAUSIBLE_LENGTHS_M[1]:
-            note = tr("it was {0:.3g} m tall: read as {1}, {2:.2g} m", tall, tr(word), tall * metres)
+            note = tr("it was {0:.3g} m tall: read as {1}, {2:.2g} m", tall, tr(unit_name), tall * metres)
             return ModelSize(tall * metres, note)
     height = min(_PERSON_HEIGHT_M, _MAX_FALLBACK_LENGTH_M * tall / longest)
     return ModelSize(height, tr("it was {0:.3g} m tall, and was made {1:.2g} m tall", tall, height))

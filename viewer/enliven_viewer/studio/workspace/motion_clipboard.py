@@ -12,7 +12,7 @@ from enliven.modeling.possessed import solve_again
 from enliven.motion.layers import copy_motion
 from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.workspace.puppet_commands import side_offset
+from enliven_viewer.studio.workspace.puppet_commands import find_side_offset
 
 Chain = tuple[str, tuple[int, ...]]
 """The id of a shape and a chain of its joints, from the root to the end."""
@@ -30,7 +30,7 @@ class MotionClipboard:
 
     def copy(self) -> None:
         """Copies the motion of the selected chain, or the performance of the selected mesh."""
-        chain, mesh = chosen_chain(self.editor), self._chosen_performed()
+        chain, mesh = find_selected_chain(self.editor), self._find_performed_mesh()
         if mesh is not None:
             self._copied, self._performed = None, mesh.id
             message = tr("Copied how {0} was performed", mesh.id)
@@ -47,7 +47,7 @@ class MotionClipboard:
         """
         if self._performed is not None and self.editor.chosen() is not None:
             self._give_performance(self._performed)
-        target, lens = chosen_chain(self.editor), self.editor.lens
+        target, lens = find_selected_chain(self.editor), self.editor.lens
         if self._copied is not None and target is not None:
             source, chain = self._copied
             change = partial(copy_motion, view=lens.forward, up=lens.up)
@@ -67,7 +67,7 @@ class MotionClipboard:
 
     def lacks_copy(self) -> str:
         """Returns why copying motion is unavailable; empty if it is available."""
-        if self._chosen_performed() is not None or chosen_chain(self.editor):
+        if self._find_performed_mesh() is not None or find_selected_chain(self.editor):
             return ""
         return (
             "Nothing that moves is chosen. Click a mesh that was performed; or a chain: click its begin, "
@@ -83,14 +83,14 @@ class MotionClipboard:
         if self._copied is None:
             return "No motion was copied. Choose what moves and press Ctrl+Shift+C first."
         advice = "No chain is chosen. Click the joint where it begins, then Shift-click its end."
-        return "" if chosen_chain(self.editor) else advice
+        return "" if find_selected_chain(self.editor) else advice
 
     def lacks_possessed(self) -> str:
         """Returns why solving a possession again is unavailable; empty if it is available."""
         chosen = self.editor.chosen(GraphShape)
         return "" if chosen else "No possessed character is chosen. Click one first."
 
-    def _chosen_performed(self) -> GraphShape | None:
+    def _find_performed_mesh(self) -> GraphShape | None:
         """Returns the selected mesh if performers have moved it."""
         shape = self.editor.chosen(GraphShape)
         return shape if shape is not None and performance_in(shape) is not None else None
@@ -110,12 +110,12 @@ class MotionClipboard:
             self.editor.toasts.complain(InputError(tr("{0} no longer exists", source), where=name, mend=mend))
             return
 
-        beside = side_offset(self.editor, [target])
+        offset = find_side_offset(self.editor, [target])
 
         def work() -> _SolvedMesh:
             solved_project, moved = transfer_performance(project, source, name, time=time, notes=notes)
             return (
-                solved_project if moved == name else move_character(solved_project, moved, beside),
+                solved_project if moved == name else move_character(solved_project, moved, offset),
                 moved,
                 notes,
             )
@@ -127,41 +127,41 @@ class MotionClipboard:
             target,
         )
 
-    def _begin(self, message: str, work: Callable[[], _SolvedMesh], word: str, guarded: RigBase) -> None:
+    def _begin(self, message: str, work: Callable[[], _SolvedMesh], edit_name: str, guarded: RigBase) -> None:
         """Starts solving a mesh in the background.
 
         The result becomes one edit unless ``guarded`` has changed by then.
         """
-        self.editor.background.begin(message, work, partial(self._put_mesh, word, guarded))
+        self.editor.background.begin(message, work, partial(self._put_mesh, edit_name, guarded))
 
-    def _put_mesh(self, word: str, guarded: RigBase, solved: _SolvedMesh) -> None:
+    def _put_mesh(self, edit_name: str, guarded: RigBase, solved: _SolvedMesh) -> None:
         """Puts a solved mesh into the project."""
         solved_project, name, notes = solved
         shape = solved_project.graph(name)
 
         def change(project: Project) -> Project:
             if project.characters.get(guarded.id) is not guarded:
-                mend = tr("Do it once more.")
+                mend = tr("Repeat the command.")
                 raise InputError(
-                    tr("it was changed while its motion was solved"), where=guarded.where, mend=mend
+                    tr("it was changed while its motion was computed"), where=guarded.where, mend=mend
                 )
             needed = shape.needed()
             bodies = [solved_project.bodies[body] for body in needed.get("bodies", ())]
             streams = [solved_project.streams[stream] for stream in needed.get("streams", ())]
             return project.with_bodies(*bodies).with_streams(*streams).with_characters(shape)
 
-        if self.editor.edit(word, change):
+        if self.editor.edit(edit_name, change):
             self.editor.choose(name)
             advice = " ".join(notes) or tr("Ctrl+Z takes it back.")
             self.editor.toasts.say(tr("{0} moves as its performers do", name), advice)
 
 
-def chosen_chain(editor: Editor) -> Chain | None:
+def find_selected_chain(editor: Editor) -> Chain | None:
     """Returns the selected shape and its selected chain."""
     shape, chain = editor.chosen(Shape), editor.selection.chain
-    return (shape.id, outwards(shape, chain)) if shape is not None and len(chain) > 1 else None
+    return (shape.id, order_from_root(shape, chain)) if shape is not None and len(chain) > 1 else None
 
 
-def outwards(shape: Shape, chain: tuple[int, ...]) -> tuple[int, ...]:
+def order_from_root(shape: Shape, chain: tuple[int, ...]) -> tuple[int, ...]:
     """Returns the chain ordered from the root to the end."""
     return chain[::-1] if len(chain) > 1 and shape.parents[chain[0]] == chain[1] else chain

@@ -40,15 +40,15 @@ def compare_projects(here: Project, saved: Project) -> tuple[Difference, ...]:
     """Returns the differences between the window's project and the saved one, in the window's order."""
     differences = list[Difference]()
     for part in fields(Project):
-        mine, theirs = getattr(here, part.name), getattr(saved, part.name)
-        word = _ITEM_WORDS.get(part.name, part.name)
-        for name in dict.fromkeys((*mine, *theirs)):
-            if name not in theirs:
-                differences.append(Difference(tr("{0} {1}", tr(word), name), "only here"))
-            elif name not in mine:
-                differences.append(Difference(tr("{0} {1}", tr(word), name), "only in the file"))
-            elif not same(mine[name], theirs[name]):
-                differences.append(Difference(tr("{0} {1}", tr(word), name), "different"))
+        open_items, saved_items = getattr(here, part.name), getattr(saved, part.name)
+        kind_label = _ITEM_WORDS.get(part.name, part.name)
+        for name in dict.fromkeys((*open_items, *saved_items)):
+            if name not in saved_items:
+                differences.append(Difference(tr("{0} {1}", tr(kind_label), name), "only here"))
+            elif name not in open_items:
+                differences.append(Difference(tr("{0} {1}", tr(kind_label), name), "only in the file"))
+            elif not same(open_items[name], saved_items[name]):
+                differences.append(Difference(tr("{0} {1}", tr(kind_label), name), "different"))
     return tuple(differences)
 
 

@@ -28,8 +28,8 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.perform import StageRecording
 
-PROJECT = ".enliven"
-_UNNAMED = "Untitled"
+PROJECT_SUFFIX = ".enliven"
+_DEFAULT_NAME = "Untitled"
 _RECOVERY_OWNER_AGE_S = 60.0
 """On Windows, age in seconds below which a recovery file is assumed to belong to a running studio."""
 _MAX_WRITING_FRACTION = 0.1
@@ -73,7 +73,7 @@ class ProjectStore:
     @property
     def name(self) -> str:
         """Returns the project's name: the name of its file, or "Untitled"."""
-        return self.path.stem if self.path else _UNNAMED
+        return self.path.stem if self.path else _DEFAULT_NAME
 
     @property
     def named(self) -> bool:
@@ -124,7 +124,7 @@ class ProjectStore:
             InputError: if the file cannot be read.
         """
         data = read_file(path)
-        return solve_lost(project_of(data, str(path))), _checksum(data)
+        return solve_lost(project_of(data, str(path))), _compute_checksum(data)
 
     def take(self, path: Path, read: tuple[Project, str]) -> None:
         """Opens the project that :meth:`read` returned for a file."""
@@ -147,45 +147,45 @@ class ProjectStore:
             ResourceError: if the file cannot be written; the previous file stays.
         """
         target = path or self.path
-        assert target is not None, "a project without a file is saved with a path"
+        assert target is not None, "a project without a file needs a path"
         project = self.editor.history.project
-        change = self._so_far()
-        written = project if change is None else _with(project, change)
+        change = self._copy_recording()
+        written = project if change is None else _add_unfinished_recording(project, change)
         data = project_bytes(written)
         refuse_later_project(target)
         if not over:
             self._refuse_changed(target, data)
-        write_file(target, data, tr("Save it elsewhere."))
+        write_file(target, data, tr("Save it in another folder."))
         self.settle()  # Wait for the recovery file to be written before it is removed.
         # The saved file contains only the part of a recording up to now, so the window counts as unsaved
         # until the next save.
         self._saved = self._autosaved = written
-        self.path, self._content = target, _checksum(data)
-        self._own().unlink(missing_ok=True)
+        self.path, self._content = target, _compute_checksum(data)
+        self._find_recovery_path().unlink(missing_ok=True)
         self.editor.toasts.say(tr("Saved {0}", target.name))
 
-    def saved_now(self) -> Project:
+    def read_saved(self) -> Project:
         """Returns the project that the file contains now. Another window may have saved it.
 
         Raises:
             InputError: if the file cannot be read.
         """
-        assert self.path is not None, "only a project with a file has one that is saved"
+        assert self.path is not None, "the project has no file yet"
         return solve_lost(read_project(self.path))
 
-    def _so_far(self) -> Callable[[Project], Project] | None:
+    def _copy_recording(self) -> Callable[[Project], Project] | None:
         """Returns the edit that stores the unfinished recording; None without a recording."""
-        return None if self.recording is None else self.recording.so_far()
+        return None if self.recording is None else self.recording.make_unfinished_edit()
 
     def _refuse_changed(self, target: Path, data: bytes) -> None:
         """Raises FileChangedError if the file differs from the last save here and from the new content."""
         if self.path is None or not _is_same_file(target, self.path):
             return  # The file dialogue has already asked before replacing another file.
         try:
-            now = _checksum(read_file(target))
+            now = _compute_checksum(read_file(target))
         except InputError:
             return  # The file is missing, or writing will report the error.
-        if now not in (self._content, _checksum(data)):
+        if now not in (self._content, _compute_checksum(data)):
             raise FileChangedError(
                 tr("{0} was saved by another window or program since it was opened here", target.name),
                 where=str(target),
@@ -209,7 +209,7 @@ class ProjectStore:
         self.settle()
 
     def _begin_writing(self) -> None:
-        project, change = self.editor.history.project, self._so_far()
+        project, change = self.editor.history.project, self._copy_recording()
         if change is None and (project is self._autosaved or not self.dirty):
             return
         self._writer = self._writer or ThreadPoolExecutor(1, "autosave")
@@ -220,7 +220,10 @@ class ProjectStore:
     def _write(self, project: Project, change: Callable[[Project], Project] | None) -> None:
         began = time.monotonic()
         self.folder.mkdir(parents=True, exist_ok=True)
-        write_project(self._own(), project if change is None else _with(project, change))
+        write_project(
+            self._find_recovery_path(),
+            project if change is None else _add_unfinished_recording(project, change),
+        )
         self._pause = (time.monotonic() - began) / _MAX_WRITING_FRACTION
 
     def settle(self) -> None:
@@ -237,17 +240,21 @@ class ProjectStore:
                 tr("The recovery file cannot be written ({0})", reason), tr("Save your work with Ctrl+S.")
             )
 
-    def recoverable(self) -> list[Path]:
+    def list_recoverable(self) -> list[Path]:
         """Returns the recovery files of studios that are no longer running, newest first.
 
         Partly written files of a killed studio are removed; the previous recovery file is complete.
         """
         if not self.folder.is_dir():
             return []
-        for part in self.folder.glob(f".recovery-*{PROJECT}*{PART_SUFFIX}"):
-            if not _running(Path(part.name.removeprefix(".").partition(PROJECT)[0] + PROJECT)):
+        for part in self.folder.glob(f".recovery-*{PROJECT_SUFFIX}*{PART_SUFFIX}"):
+            if not _is_owner_running(
+                Path(part.name.removeprefix(".").partition(PROJECT_SUFFIX)[0] + PROJECT_SUFFIX)
+            ):
                 part.unlink(missing_ok=True)
-        recovery_files = [path for path in self.folder.glob(f"recovery-*{PROJECT}") if not _running(path)]
+        recovery_files = [
+            path for path in self.folder.glob(f"recovery-*{PROJECT_SUFFIX}") if not _is_owner_running(path)
+        ]
         return sorted(recovery_files, key=lambda path: path.stat().st_mtime, reverse=True)
 
     def recover(self, path: Path) -> None:
@@ -263,7 +270,7 @@ class ProjectStore:
         self.editor.toasts.say(tr("Recovered"), tr("Save it with Ctrl+S."))
         # Take over the recovery file: from now on this window owns it.
         self.folder.mkdir(parents=True, exist_ok=True)
-        path.replace(self._own())
+        path.replace(self._find_recovery_path())
 
     def discard(self, paths: list[Path]) -> None:
         """Removes recovery files."""
@@ -274,41 +281,41 @@ class ProjectStore:
     def close(self) -> None:
         """Removes the recovery file at a regular exit."""
         self.settle()
-        self._own().unlink(missing_ok=True)
+        self._find_recovery_path().unlink(missing_ok=True)
 
     def _begin(self, project: Project) -> None:
         self.settle()
         self.editor.begin(project)
         self._saved = self._autosaved = self.editor.history.project
-        self._own().unlink(missing_ok=True)
+        self._find_recovery_path().unlink(missing_ok=True)
 
-    def _own(self) -> Path:
-        return self.folder / f"recovery-{os.getpid()}{PROJECT}"
+    def _find_recovery_path(self) -> Path:
+        return self.folder / f"recovery-{os.getpid()}{PROJECT_SUFFIX}"
 
 
-def _with(project: Project, change: Callable[[Project], Project]) -> Project:
+def _add_unfinished_recording(project: Project, change: Callable[[Project], Project]) -> Project:
     """Returns a project with the unfinished recording, or without it if it cannot be stored yet."""
     try:
         return change(project)
     except EnlivenError:  # The recording contains no motion yet.
         return replace(project)
     except Exception as error:  # An error in the recording must not prevent saving the rest of the project.
-        log.error("what is being recorded cannot be saved yet", exc_info=error)
+        log.error("the running recording cannot be saved yet", exc_info=error)
         return replace(project)
 
 
-def _checksum(data: bytes) -> str:
+def _compute_checksum(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def _is_same_file(one: Path, other: Path) -> bool:
+def _is_same_file(first: Path, second: Path) -> bool:
     try:
-        return one.samefile(other)
+        return first.samefile(second)
     except OSError:
-        return one == other
+        return first == second
 
 
-def _running(path: Path) -> bool:
+def _is_owner_running(path: Path) -> bool:
     """Returns True if the studio that wrote a recovery file is still running."""
     number = path.stem.removeprefix("recovery-")
     if not number.isdigit():

@@ -17,7 +17,7 @@ from enliven_viewer.language import later, tr
 from enliven_viewer.studio.editor import Editor
 
 _COPY_GAP_M = 0.3
-"""Gap between a character and the copy that is placed next to it, in metres. So both can be distinguished."""
+"""Gap in metres between a character and the copy next to it, so that both are visible."""
 
 
 class PuppetCommands:
@@ -34,17 +34,17 @@ class PuppetCommands:
 
     def make(self) -> bool:
         """Makes a puppet from the selected shape's mesh in its current pose; the shape stays."""
-        chosen = self._chosen_mesh()
+        chosen = self._find_selected_mesh()
         if chosen is None:
             return False
         name, mesh = chosen
-        upright, place = standing_mesh(mesh)
-        beside = place + side_offset(self.editor, [self.editor.project.characters[name]])
+        upright, place = place_on_floor(mesh)
+        new_place = place + find_side_offset(self.editor, [self.editor.project.characters[name]])
 
         def change(project: Project) -> tuple[Project, str]:
             puppet_name = unused(f"{name} puppet", project.characters)
             return move_character(
-                make_puppet(project, upright, puppet_name), puppet_name, beside
+                make_puppet(project, upright, puppet_name), puppet_name, new_place
             ), puppet_name
 
         if not self._add(later("make a puppet of {0}", name), change):
@@ -112,7 +112,7 @@ class PuppetCommands:
 
     def lacks_mesh(self) -> str:
         """Returns why making a puppet is unavailable; empty if it is available."""
-        return "" if self._solid() else "No shape with a surface is chosen. Click one first."
+        return "" if self._find_solid() else "No shape with a surface is chosen. Click one first."
 
     def lacks_puppet(self) -> str:
         """Returns why a command on a puppet is unavailable; empty if it is available."""
@@ -125,32 +125,32 @@ class PuppetCommands:
             return self.lacks_puppet()
         return " ".join(rig_of(puppet).lacking(self.editor.project, puppet))
 
-    def _solid(self) -> RigBase | None:
+    def _find_solid(self) -> RigBase | None:
         """Returns the selected character if it has a surface and is not a puppet."""
         chosen = self.editor.chosen()
         solid = chosen is not None and chosen.mesh is not None and len(chosen.mesh.faces) > 0
         return chosen if solid and chosen is not self.editor.puppets.puppet else None
 
-    def _chosen_mesh(self) -> tuple[str, Mesh] | None:
+    def _find_selected_mesh(self) -> tuple[str, Mesh] | None:
         """Returns the selected character's id and its mesh in the current pose."""
-        editor, chosen = self.editor, self._solid()
+        editor, chosen = self.editor, self._find_solid()
         if chosen is None or chosen.mesh is None:
             return None
         seen = vertices_of(editor.project, chosen.id, editor.time)
         return chosen.id, replace(chosen.mesh, vertices=seen)
 
 
-def side_offset(editor: Editor, characters: Sequence[RigBase]) -> Float:
+def find_side_offset(editor: Editor, characters: Sequence[RigBase]) -> Float:
     """Returns (3,) metres: an offset to the right of the view, by about the width of the characters."""
     right = editor.lens.view.camera_from_world[0, :3]
-    wide = max(float(np.ptp(rig_of(character).rest(character) @ right)) for character in characters)
-    apart = float(np.ptp([rig_of(character).centre(character) @ right for character in characters]))
-    way = np.asarray(right * (wide + apart + _COPY_GAP_M))
-    way[1] = 0.0
-    return way
+    width = max(float(np.ptp(rig_of(character).rest(character) @ right)) for character in characters)
+    spread = float(np.ptp([rig_of(character).centre(character) @ right for character in characters]))
+    offset = np.asarray(right * (width + spread + _COPY_GAP_M))
+    offset[1] = 0.0
+    return offset
 
 
-def standing_mesh(mesh: Mesh) -> tuple[Mesh, Float]:
+def place_on_floor(mesh: Mesh) -> tuple[Mesh, Float]:
     """Returns the mesh moved to the origin and standing on the floor, and (3,) metres, its previous position.
 
     Raises:

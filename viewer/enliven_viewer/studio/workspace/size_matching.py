@@ -30,16 +30,18 @@ class SizeMatching:
 
         Returns None if either is missing.
         """
-        return self._heights({character.id: character.vertices for character in self.editor.stage_characters})
+        return self._compare_heights(
+            {character.id: character.vertices for character in self.editor.stage_characters}
+        )
 
-    def _heights(self, surfaces: Mapping[str, Float]) -> tuple[float, float] | None:
+    def _compare_heights(self, surfaces: Mapping[str, Float]) -> tuple[float, float] | None:
         """Returns the same heights for given vertices (V, 3) of every character."""
         heights = {
             name: float(np.ptp(vertices[:, 1])) for name, vertices in surfaces.items() if len(vertices)
         }
-        own = heights.pop(self.editor.selection.character or "", 0.0)
+        selected_height = heights.pop(self.editor.selection.character or "", 0.0)
         others = [height for height in heights.values() if height > 0.0]
-        return (own, float(np.median(others))) if own > 0.0 and others else None
+        return (selected_height, float(np.median(others))) if selected_height > 0.0 and others else None
 
     def lacks(self) -> str:
         """Returns why the selected character cannot be fitted, with advice."""
@@ -47,7 +49,7 @@ class SizeMatching:
         if heights is None:
             return "No other shape to compare with. Choose one that stands next to others."
         same = abs(heights[0] / heights[1] - 1.0) < _HEIGHT_TOLERANCE
-        return "It is as tall as the others. Choose one that is not." if same else ""
+        return "It is as tall as the others. Choose a shape that is not." if same else ""
 
     def fit(self) -> None:
         """Scales the selected character to the median height of the others, in place."""
@@ -59,14 +61,14 @@ class SizeMatching:
             for other, character in project.characters.items()
             if character.mesh
         }
-        heights = self._heights(surfaces)
+        heights = self._compare_heights(surfaces)
         if name is None or heights is None:
             return
         scaled = scale_character(project, name, heights[1] / heights[0])
-        way = foot_of(surfaces[name]) - foot_of(vertices_of(scaled, name, time))
+        offset = foot_of(surfaces[name]) - foot_of(vertices_of(scaled, name, time))
 
         def change(project: Project) -> Project:
-            return move_character(scale_character(project, name, heights[1] / heights[0]), name, way)
+            return move_character(scale_character(project, name, heights[1] / heights[0]), name, offset)
 
         self.editor.edit("fit its size", change)
 
@@ -79,7 +81,7 @@ class SizeMatching:
         self.editor.toasts.say(message, tr("Alt+F makes it as tall as the others."))
 
 
-def fitting_actions(fitting: SizeMatching) -> Iterator[Action]:
+def make_fitting_actions(fitting: SizeMatching) -> Iterator[Action]:
     """Yields the action that fits the selected character to the others."""
     about = "As tall as the shapes next to it."
     yield Action(

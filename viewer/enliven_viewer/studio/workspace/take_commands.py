@@ -43,45 +43,49 @@ class TakeCommands:
     def audible_take(self) -> str:
         """Returns the audible take of that group; empty if there is none."""
         takes = alternative_takes(self.editor.project, self.alternatives)
-        return next((name for name, heard in takes.items() if heard), "")
+        return next((name for name, audible_take in takes.items() if audible_take), "")
 
     def lacks(self) -> str:
         """Returns why no alternative take can be chosen, with advice."""
         return "" if len(alternative_takes(self.editor.project, self.alternatives)) > 1 else _NO_ALTERNATIVES
 
-    def step(self, way: int) -> None:
-        """Switches to the next alternative take, or to the previous one if `way` is -1."""
+    def step(self, direction: int) -> None:
+        """Switches to the next alternative take, or to the previous one if `direction` is -1."""
         names = list(alternative_takes(self.editor.project, self.alternatives))
-        place = names.index(self.audible_take) if self.audible_take in names else -way
-        self.choose(names[(place + way) % len(names)])
+        place = names.index(self.audible_take) if self.audible_take in names else -direction
+        self.choose(names[(place + direction) % len(names)])
 
     def choose(self, recorded: str) -> None:
         """Makes one of the alternative takes audible."""
-        meant = self.alternatives
+        alternatives = self.alternatives
         if self.editor.edit(
-            later("hear {0}", recorded), lambda project: choose_take(project, meant, recorded)
+            later("hear {0}", recorded), lambda project: choose_take(project, alternatives, recorded)
         ):
-            self._follow(meant, recorded)
+            self._follow(alternatives, recorded)
 
     def keep(self) -> None:
         """Keeps only the audible take, and deletes its alternatives."""
-        meant, heard = self.alternatives, self.audible_take
-        if self.editor.edit(later("keep {0}", heard), lambda project: keep_take(project, meant, heard)):
-            self._follow(meant, heard)
+        alternatives, audible_take = self.alternatives, self.audible_take
+        if self.editor.edit(
+            later("keep {0}", audible_take), lambda project: keep_take(project, alternatives, audible_take)
+        ):
+            self._follow(alternatives, audible_take)
 
     def drop(self, recorded: str = "") -> None:
         """Deletes one of the alternative takes; by default the audible one."""
-        meant, gone = self.alternatives, recorded or self.audible_take
-        if self.editor.edit(later("delete {0}", gone), lambda project: drop_take(project, meant, gone)):
-            self.editor.toasts.say(tr("{0} is deleted", gone), tr("Ctrl+Z brings it back."))
-            self._follow(meant, self.audible_take)
+        alternatives, deleted_take = self.alternatives, recorded or self.audible_take
+        if self.editor.edit(
+            later("delete {0}", deleted_take), lambda project: drop_take(project, alternatives, deleted_take)
+        ):
+            self.editor.toasts.say(tr("{0} is deleted", deleted_take), tr("Ctrl+Z brings it back."))
+            self._follow(alternatives, self.audible_take)
 
     def delete_row(self, name: str) -> None:
         """Deletes the take of a row of the list: an alternative of a lane, or a take that nothing plays."""
         project = self.editor.project
         played = [layer for character in project.characters.values() for layer in character.playing]
-        mine = [layer for layer in played if (layer.source, layer.take) == ("takes", name)]
-        recorded = {(layer.alternatives, layer.recorded) for layer in mine}
+        layers_of_take = [layer for layer in played if (layer.source, layer.take) == ("takes", name)]
+        recorded = {(layer.alternatives, layer.recorded) for layer in layers_of_take}
         alternatives, take_name = recorded.pop() if len(recorded) == 1 else ("", "")
         if len(alternative_takes(project, alternatives)) < 2:
             self.delete(name)
@@ -114,15 +118,15 @@ class TakeCommands:
         character = editor.project.characters.get(editor.selection.character or "")
         if character is None or editor.selection.layer is None:
             return
-        mine = [
+        layer_numbers = [
             number
             for number, layer in enumerate(character.playing)
             if layer.alternatives == alternatives and layer.recorded == recorded
         ]
-        editor.select(layer=mine[0] if mine else None)
+        editor.select(layer=layer_numbers[0] if layer_numbers else None)
 
 
-def take_actions(takes: TakeCommands) -> Iterator[Action]:
+def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
     """Yields the actions that switch between the alternative takes of a lane, and delete takes."""
 
     def lacks_unused() -> str:
@@ -139,12 +143,12 @@ def take_actions(takes: TakeCommands) -> Iterator[Action]:
         apart=True,
     )
     yield Action(
-        "takes.before", "Clip", "Hear the take before", ("alt+left",), lambda: takes.step(-1), takes.lacks
+        "takes.before", "Clip", "Hear the previous take", ("alt+left",), lambda: takes.step(-1), takes.lacks
     )
     yield Action(
         "takes.keep",
         "Clip",
-        "Keep this take alone",
+        "Keep only this take",
         (),
         takes.keep,
         takes.lacks,

@@ -10,17 +10,17 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.actions import Action
 from enliven_viewer.studio.curves import CurveInput
 from enliven_viewer.studio.ghosts import Ghosts
-from enliven_viewer.studio.preferences import SIZES, Preferences
+from enliven_viewer.studio.preferences import TEXT_SIZES, Preferences
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.theme import is_light
 
 
-def playing_actions(c: Commands) -> Iterator[Action]:
+def make_playing_actions(c: Commands) -> Iterator[Action]:
     """Yields the actions of playback and of display options."""
     editor = c.editor
     yield Action("view.play", "View", "Play or stop", ("space",), c.play, is_on=lambda: editor.playing)
-    yield Action("view.frame_back", "View", "A frame back", ("left",), lambda: c.step(-1))
-    yield Action("view.frame_on", "View", "A frame on", ("right",), lambda: c.step(1))
+    yield Action("view.frame_back", "View", "One frame back", ("left",), lambda: c.step(-1))
+    yield Action("view.frame_on", "View", "One frame forward", ("right",), lambda: c.step(1))
     yield Action("view.start", "View", "To the start", ("home",), lambda: editor.scrub(0.0))
     yield Action("view.end", "View", "To the end", ("end",), lambda: editor.scrub(editor.length))
     about = "The loop begins here; recordings too."
@@ -48,7 +48,7 @@ def playing_actions(c: Commands) -> Iterator[Action]:
     yield Action(
         "view.outline",
         "View",
-        "Outline of the key pose before",
+        "Outline of the previous key pose",
         ("o",),
         c.puppets.outline,
         is_on=lambda: editor.puppets.silhouette,
@@ -65,7 +65,7 @@ def playing_actions(c: Commands) -> Iterator[Action]:
     )
 
 
-def reading_actions(preferences: Preferences) -> Iterator[Action]:
+def make_reading_actions(preferences: Preferences) -> Iterator[Action]:
     """Yields the actions of text size, theme and animation."""
 
     def at_end(size: float, size_name: str) -> str:
@@ -77,7 +77,7 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
         "Larger text",
         ("ctrl+shift+equal",),
         lambda: preferences.resize(1),
-        lambda: at_end(SIZES[-1], tr("large")),
+        lambda: at_end(TEXT_SIZES[-1], tr("large")),
         about="Text, and everything around it.",
         apart=True,
     )
@@ -87,7 +87,7 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
         "Smaller text",
         ("ctrl+shift+minus",),
         lambda: preferences.resize(-1),
-        lambda: at_end(SIZES[0], tr("small")),
+        lambda: at_end(TEXT_SIZES[0], tr("small")),
         about="Text, and everything around it.",
     )
     yield Action(
@@ -119,7 +119,7 @@ def reading_actions(preferences: Preferences) -> Iterator[Action]:
     )
 
 
-def camera_actions(c: Commands) -> Iterator[Action]:
+def make_camera_actions(c: Commands) -> Iterator[Action]:
     """Yields the actions of the camera."""
     editor, right = c.editor, np.pi / 2
     yield Action(
@@ -128,9 +128,9 @@ def camera_actions(c: Commands) -> Iterator[Action]:
     yield Action(
         "view.way",
         "View",
-        "Frame the whole way",
+        "Frame the whole path",
         ("ctrl+f",),
-        editor.frame_way,
+        editor.frame_path,
         about="Shows everywhere that the chosen shape goes, or all shapes if none is chosen.",
     )
     yield Action(
@@ -172,7 +172,7 @@ def camera_actions(c: Commands) -> Iterator[Action]:
     yield Action(
         "view.best",
         "View",
-        "Where most is seen",
+        "Best view of the bones",
         ("v",),
         c.best_view,
         c.lacks_shape,
@@ -181,7 +181,7 @@ def camera_actions(c: Commands) -> Iterator[Action]:
     )
 
 
-def ghost_action(ghosts: Ghosts) -> Action:
+def make_ghost_action(ghosts: Ghosts) -> Action:
     """Returns the action that toggles ghosts and motion trails."""
     return Action(
         "view.ghosts",
@@ -190,12 +190,12 @@ def ghost_action(ghosts: Ghosts) -> Action:
         ("shift+g",),
         ghosts.toggle,
         is_on=lambda: ghosts.on,
-        about="Where the chosen shape was (blue) and will be (orange), and the ways of its hands and feet.",
+        about="Past (blue) and future (orange) poses of the chosen shape, and paths of its hands and feet.",
         apart=True,
     )
 
 
-def curve_action(curves: CurveInput) -> Action:
+def make_curve_action(curves: CurveInput) -> Action:
     """Returns the action that toggles the curves."""
     return Action(
         "view.curves",

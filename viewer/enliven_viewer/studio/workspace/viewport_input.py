@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from enliven_viewer.render import DRAG_TURN
+from enliven_viewer.render import TURN_PER_PIXEL
 from enliven_viewer.studio.actions import ActionTable
 from enliven_viewer.studio.editor import Editor
 from enliven_viewer.studio.tools import TOOLS, Pointer, Tool
 from enliven_viewer.studio.viewport import Point
 
-LEFT = 0
+LEFT_BUTTON = 0
 """ImGui's number of the left button, which uses the active tool."""
-RIGHT = 1
+RIGHT_BUTTON = 1
 """The right button, which orbits the camera."""
-MIDDLE = 2
+MIDDLE_BUTTON = 2
 """The middle button, which pans the camera."""
 
 
@@ -59,14 +59,16 @@ class ViewportInput:
         self.tool.cancel()
         self.tool = self.tools[name]
 
-    def press(self, at: Point, button: int = LEFT, *, shift: bool = False, ctrl: bool = False) -> None:
+    def press(self, at: Point, button: int = LEFT_BUTTON, *, shift: bool = False, ctrl: bool = False) -> None:
         """Handles a mouse button press over the viewport."""
         if self._held is not None:
             return
         self._held, self.at = button, at
         self._plays_on = self.tool.plays_on and self.editor.playing
-        self._over = button == LEFT and self.over is not None and self.over.press(at)
-        self._with_tool = not self._over and button == LEFT and self.tool.press(Pointer(at, shift, ctrl))
+        self._over = button == LEFT_BUTTON and self.over is not None and self.over.press(at)
+        self._with_tool = (
+            not self._over and button == LEFT_BUTTON and self.tool.press(Pointer(at, shift, ctrl))
+        )
 
     def move(self, at: Point, *, shift: bool = False, ctrl: bool = False) -> None:
         """Handles pointer movement."""
@@ -78,13 +80,15 @@ class ViewportInput:
             self.over.drag(at)
         elif self._with_tool:
             self.tool.drag(Pointer(at, shift, ctrl))
-        elif self._held == MIDDLE or shift:
+        elif self._held == MIDDLE_BUTTON or shift:
             height = max(self.editor.size[1], 1.0)
             self.editor.camera.pan(-across / height, down / height)
         else:
-            self.editor.camera.orbit(-DRAG_TURN * across, DRAG_TURN * down)
+            self.editor.camera.orbit(-TURN_PER_PIXEL * across, TURN_PER_PIXEL * down)
 
-    def release(self, at: Point, button: int = LEFT, *, shift: bool = False, ctrl: bool = False) -> None:
+    def release(
+        self, at: Point, button: int = LEFT_BUTTON, *, shift: bool = False, ctrl: bool = False
+    ) -> None:
         """Handles the release of a mouse button."""
         if self._held != button:
             return

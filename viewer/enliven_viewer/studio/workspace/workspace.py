@@ -14,34 +14,34 @@ from enliven_viewer.studio.actions import ActionTable, PaletteSearch, ShortcutCa
 from enliven_viewer.studio.background import WorkProgress
 from enliven_viewer.studio.curves import CurveInput
 from enliven_viewer.studio.editor import Editor
-from enliven_viewer.studio.examples import layer_of
+from enliven_viewer.studio.examples import find_layer_number
 from enliven_viewer.studio.ghosts import Ghosts
-from enliven_viewer.studio.motions import library
+from enliven_viewer.studio.motions import read_library
 from enliven_viewer.studio.numbers import SelectionTransform
-from enliven_viewer.studio.outliner import Outliner, outliner_actions
-from enliven_viewer.studio.perform import PerformSession, perform_actions
+from enliven_viewer.studio.outliner import Outliner, make_outliner_actions
+from enliven_viewer.studio.perform import PerformSession, make_perform_actions
 from enliven_viewer.studio.performer import PerformerView
 from enliven_viewer.studio.preferences import Preferences
-from enliven_viewer.studio.scan import ScanSession, scan_actions
-from enliven_viewer.studio.sound import SOUNDS, SoundPlayer, sound_actions
+from enliven_viewer.studio.scan import ScanSession, make_scan_actions
+from enliven_viewer.studio.sound import SOUND_SUFFIXES, SoundPlayer, make_sound_actions
 from enliven_viewer.studio.start import DrawnWidgets, Tour
 from enliven_viewer.studio.timeline import TimelineInput
-from enliven_viewer.studio.workspace.action_table import studio_actions
+from enliven_viewer.studio.workspace.action_table import make_studio_actions
 from enliven_viewer.studio.workspace.commands import Commands
 from enliven_viewer.studio.workspace.depth_tracking import DepthTracking, lacks_tracking
 from enliven_viewer.studio.workspace.exporting import ExportOptions, write_export
 from enliven_viewer.studio.workspace.file_browser import FileBrowser
 from enliven_viewer.studio.workspace.files import (
-    EXPORTS,
-    FILM,
-    MESHES,
-    MODELS,
-    PERFORMANCES,
-    SESSIONS,
-    TAKES,
+    EXPORT_SUFFIXES,
+    FILM_SUFFIX,
+    MESH_SUFFIXES,
+    MODEL_SUFFIXES,
+    PERFORMANCE_SUFFIXES,
+    SESSION_SUFFIXES,
+    TAKE_SUFFIXES,
     add_file,
     add_sample,
-    exportable,
+    list_exportable,
     read_to_add,
     save_session,
 )
@@ -50,8 +50,8 @@ from enliven_viewer.studio.workspace.project_comparison import (
     compare_projects,
     with_saved_items,
 )
-from enliven_viewer.studio.workspace.project_store import PROJECT, FileChangedError, ProjectStore
-from enliven_viewer.studio.workspace.view_actions import curve_action, ghost_action
+from enliven_viewer.studio.workspace.project_store import PROJECT_SUFFIX, FileChangedError, ProjectStore
+from enliven_viewer.studio.workspace.view_actions import make_curve_action, make_ghost_action
 from enliven_viewer.studio.workspace.viewport_input import ViewportInput
 
 Rectangle = tuple[float, float, float, float]
@@ -103,24 +103,26 @@ class Workspace:
         self.commands = Commands(editor)
         self.input = ViewportInput(editor, self.actions)
         self.ghosts = Ghosts(editor)
-        self.actions.add(*studio_actions(self.commands, self.input, self.ask, self.preferences))
+        self.actions.add(*make_studio_actions(self.commands, self.input, self.ask, self.preferences))
         self.timeline = TimelineInput(editor)
         self.curves = CurveInput(editor, self.timeline)
         self.sound = SoundPlayer(editor)
-        self.actions.add(*sound_actions(self.sound))
-        self.actions.add(ghost_action(self.ghosts), curve_action(self.curves))
+        self.actions.add(*make_sound_actions(self.sound))
+        self.actions.add(make_ghost_action(self.ghosts), make_curve_action(self.curves))
         self.perform = PerformSession(editor, folder)
-        self.actions.add(*perform_actions(self.perform))
+        self.actions.add(*make_perform_actions(self.perform))
         self.actions.workspace = lambda: self.perform.keys_of
         self.scan = ScanSession(editor, self.perform)
         self.input.over = self.scan
-        self.actions.add(*scan_actions(self.scan))
+        self.actions.add(*make_scan_actions(self.scan))
         self.selection_transform, self.typing = SelectionTransform(editor), dict[str, str]()
         self.outliner = Outliner(editor, lambda: self.perform.present)
-        self.actions.add(*outliner_actions(self.outliner))
+        self.actions.add(*make_outliner_actions(self.outliner))
         self.timeline.rows.edit_pose, self.timeline.rows.begin_pose = self.edit_pose, self.begin_pose
         self.input.first = lambda key: (
-            self.actions.press(key, own=True) or self.curves.type(key) or self.timeline.rows.type(key)
+            self.actions.press(key, workspace_only=True)
+            or self.curves.type(key)
+            or self.timeline.rows.type(key)
         )
         self.puppets = editor.puppets
         self.performer, self.coverages = PerformerView(editor), self.timeline.rows.coverages
@@ -144,7 +146,7 @@ class Workspace:
     def new(cls, editor: Editor, folder: Path | None = None) -> Workspace:
         """Returns a workspace with an empty project and the library of motions."""
         workspace = cls(editor, folder)
-        workspace.store.new(Project().with_takes(*library()))
+        workspace.store.new(Project().with_takes(*read_library()))
         return workspace
 
     def ask(self, dialogue: str) -> None:
@@ -152,7 +154,7 @@ class Workspace:
         if dialogue in ("new", "quit") and self.store.dirty:
             self._after, self.asking = dialogue, "unsaved"
         elif dialogue == "new":
-            self.store.new(Project().with_takes(*library()))
+            self.store.new(Project().with_takes(*read_library()))
         elif dialogue == "quit":
             self.ended = True
         elif dialogue == "tour":
@@ -190,7 +192,7 @@ class Workspace:
         Raises:
             InputError: if the file cannot be read.
         """
-        if path.suffix.lower() == PROJECT and self.store.dirty:
+        if path.suffix.lower() == PROJECT_SUFFIX and self.store.dirty:
             self._after, self._wanted, self.asking = "open", path, "unsaved"
             return
         if _is_large(path) and not lacks_tracking(path):
@@ -198,7 +200,7 @@ class Workspace:
             return
         if lacks_tracking(path):
             self.depth.begin(path)
-        elif path.suffix.lower() != PROJECT:
+        elif path.suffix.lower() != PROJECT_SUFFIX:
             before = len(self.editor.project.characters)
             add_file(self.editor, path)
             if len(self.editor.project.characters) > before:
@@ -212,7 +214,7 @@ class Workspace:
         progress = WorkProgress()
 
         def add(read: Any) -> None:
-            if path.suffix.lower() == PROJECT:
+            if path.suffix.lower() == PROJECT_SUFFIX:
                 self.attempt(lambda: self.store.take(path, read))
             else:
                 before = len(self.editor.project.characters)
@@ -222,7 +224,7 @@ class Workspace:
             self.preferences.remember_file(path)
 
         def work() -> Any:
-            return self.store.read(path) if path.suffix.lower() == PROJECT else read_to_add(path)
+            return self.store.read(path) if path.suffix.lower() == PROJECT_SUFFIX else read_to_add(path)
 
         self.editor.background.begin(tr("Opening {0}", path.name), work, add, progress)
 
@@ -304,20 +306,20 @@ class Workspace:
 
     def compare(self) -> None:
         """Compares the project with the version that another window saved to its file."""
-        self.attempt(lambda: setattr(self, "compared", self._differences()))
+        self.attempt(lambda: setattr(self, "compared", self._find_differences()))
 
     def add_saved_items(self) -> None:
         """Adds the items that only the file has to the project, as one edit, and updates the comparison."""
 
         def add() -> None:
-            saved = self.store.saved_now()
+            saved = self.store.read_saved()
             self.editor.edit("add what the file has", lambda project: with_saved_items(project, saved))
 
         if self.attempt(add):
             self.compare()
 
-    def _differences(self) -> tuple[Difference, ...]:
-        return compare_projects(self.editor.history.project, self.store.saved_now())
+    def _find_differences(self) -> tuple[Difference, ...]:
+        return compare_projects(self.editor.history.project, self.store.read_saved())
 
     def _begin_tour(self) -> None:
         """Starts the tour, or resumes it where it was left. If it is already running, restarts it."""
@@ -378,7 +380,7 @@ class Workspace:
         if self.input.tool.name != "puppet":
             self.input.take("puppet")
         self.puppets.accept()
-        number = layer_of(puppet, self.editor.selection.layer, take)
+        number = find_layer_number(puppet, self.editor.selection.layer, take)
         if number is not None:
             self.editor.select(layer=number)
             length = self.editor.project.takes[take].duration
@@ -393,7 +395,7 @@ class Workspace:
         pixels = editor.lens.project(standing.vertices[:: max(len(standing.vertices) // 2000, 1)])[0]
         if not ((pixels >= 0) & (pixels <= editor.size)).all():
             box = standing.vertices.min(0), standing.vertices.max(0)
-            editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), room=_FRAMING_MARGIN)
+            editor.camera.frame(box, editor.size[0] / max(editor.size[1], 1.0), margin=_FRAMING_MARGIN)
 
     def attempt(self, command: Callable[[], object]) -> bool:
         """Calls a function. If it raises an EnlivenError, shows the error as a message and returns False."""
@@ -432,7 +434,7 @@ class Workspace:
     def _export(self, path: Path) -> None:
         """Writes the file in the background, since surfaces may have to be solved for it."""
         project, toasts = self.editor.project, self.editor.toasts
-        characters, options = exportable(project), replace(self.exporting)
+        characters, options = list_exportable(project), replace(self.exporting)
         length, progress = self.editor.length, WorkProgress()
         options.chosen(characters)
         options.checked_range(length)
@@ -449,20 +451,28 @@ class Workspace:
     def _browse(self, dialogue: str) -> None:
         folder = self.store.path.parent if self.store.path else Path.cwd()
         endings = {
-            "open": (PROJECT, *MODELS, *MESHES, *TAKES, *PERFORMANCES, *SESSIONS, *SOUNDS),
-            "save as": (PROJECT,),
-            "export": EXPORTS,
-            "film": (FILM,),
-            "session": SESSIONS,
-            "perform": (*PERFORMANCES, *TAKES),
+            "open": (
+                PROJECT_SUFFIX,
+                *MODEL_SUFFIXES,
+                *MESH_SUFFIXES,
+                *TAKE_SUFFIXES,
+                *PERFORMANCE_SUFFIXES,
+                *SESSION_SUFFIXES,
+                *SOUND_SUFFIXES,
+            ),
+            "save as": (PROJECT_SUFFIX,),
+            "export": EXPORT_SUFFIXES,
+            "film": (FILM_SUFFIX,),
+            "session": SESSION_SUFFIXES,
+            "perform": (*PERFORMANCE_SUFFIXES, *TAKE_SUFFIXES),
         }[dialogue]
         puppet, unnamed = self.editor.puppets.puppet, self.store.path is None
         about_it = dialogue == "session" or (dialogue in ("export", "film") and unnamed)
         stem = puppet.id if puppet is not None and about_it else self.store.name
         opens = dialogue in ("open", "perform")
         name = "" if opens else f"{stem}{endings[0]}"
-        own = self.store.path if dialogue == "save as" else None
-        self.browser = FileBrowser(folder, endings, name, not opens, own)
+        project_path = self.store.path if dialogue == "save as" else None
+        self.browser = FileBrowser(folder, endings, name, not opens, project_path)
         self.asking = dialogue
 
     def _go_on(self) -> None:

@@ -8,49 +8,49 @@ from enliven.document import Coupling, Position, Puppet, Velocity
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.examples import (
     HardConstraint,
-    constraints_of,
-    layer_of,
+    find_layer_number,
+    list_constraints,
     with_constraint,
     without_constraint,
 )
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import heading, quiet, small
+from enliven_viewer.studio.panels.style import draw_heading, draw_note, use_small_text
 from enliven_viewer.studio.workspace import Workspace
 
 _REMOVE_ICON = "\uf00d"
 
 
-def draw_held(workspace: Workspace, puppet: Puppet) -> None:
+def draw_constraints(workspace: Workspace, puppet: Puppet) -> None:
     """Lists the hard constraints of the layer's take."""
-    number = layer_of(puppet, workspace.editor.selection.layer)
-    constraints = constraints_of(workspace.editor.project, puppet.id, number) if number is not None else ()
+    number = find_layer_number(puppet, workspace.editor.selection.layer)
+    constraints = list_constraints(workspace.editor.project, puppet.id, number) if number is not None else ()
     if number is None or not constraints:
         return
-    heading("Held hard")
+    draw_heading("Fixed at single frames")
     for row, constraint in enumerate(constraints):
-        _held_row(workspace, puppet, number, row, constraint)
+        _draw_constraint_row(workspace, puppet, number, row, constraint)
 
 
-def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
+def draw_constraint_buttons(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the buttons that add a hard constraint of the selected control point at the playhead."""
     editor, chosen = workspace.editor, workspace.editor.puppets.point
-    number = layer_of(puppet, editor.selection.layer)
+    number = find_layer_number(puppet, editor.selection.layer)
     if chosen is None or number is None:
         return
-    quiet("hold it hard, at the playhead")
+    draw_note("fix it at the playhead")
     take = editor.project.takes[puppet.layers[number].take]
     frame = round(puppet.layers[number].played(editor.time, take.duration)[0] / take.step)
     name = puppet.points[chosen].name
     third = ImVec2((imgui.get_content_region_avail().x - 16) / 3, 0)
-    wanted: HardConstraint | None = None
+    new_constraint: HardConstraint | None = None
     if imgui.button(labelled(tr("Here"), "Here"), third):
         x, y, z = editor.puppets.current_places(puppet)[chosen].tolist()
-        wanted = Position(name, frame, (x, y, z))
+        new_constraint = Position(name, frame, (x, y, z))
     workspace.remember("hold here")
     tooltip(tr("{0} goes through this place at this frame", name))
     imgui.same_line()
     if imgui.button(labelled(tr("Still"), "Still"), third):
-        wanted = Velocity(name, max(frame, 1), (0.0, 0.0, 0.0))
+        new_constraint = Velocity(name, max(frame, 1), (0.0, 0.0, 0.0))
     workspace.remember("hold still")
     tooltip(tr("{0} does not move at this frame", name))
     imgui.same_line()
@@ -58,37 +58,40 @@ def draw_holding(workspace: Workspace, puppet: Puppet) -> None:
     if imgui.begin_combo("##level", tr("Level")):
         for other in (point.name for point in puppet.points if point.name != name):
             if imgui.selectable(labelled(tr("with {0}", other), f"with {other}"), False)[0]:
-                wanted = Coupling(name, other, frame)
+                new_constraint = Coupling(name, other, frame)
         imgui.end_combo()
     workspace.remember("hold level")
     tooltip(tr("{0} is as high as another control point at this frame", name))
-    if wanted is not None:
+    if new_constraint is not None:
         editor.edit(
-            later("hold {0}", name), lambda project: with_constraint(project, puppet.id, number, wanted)
+            later("hold {0}", name),
+            lambda project: with_constraint(project, puppet.id, number, new_constraint),
         )
 
 
-def _held_row(workspace: Workspace, puppet: Puppet, number: int, row: int, held: HardConstraint) -> None:
+def _draw_constraint_row(
+    workspace: Workspace, puppet: Puppet, number: int, row: int, held: HardConstraint
+) -> None:
     """Draws one constraint. A click goes to its frame; the cross removes it."""
     editor = workspace.editor
     take = editor.project.takes[puppet.layers[number].take]
-    wide = imgui.get_content_region_avail().x
-    with small():
+    width = imgui.get_content_region_avail().x
+    with use_small_text():
         if imgui.selectable(
-            f"{constraint_text(held, take.step)}###held {row}", False, 0, ImVec2(wide - 30, 0)
+            f"{describe_constraint(held, take.step)}###held {row}", False, 0, ImVec2(width - 30, 0)
         )[0]:
             editor.scrub(puppet.layers[number].time_of(held.frame * take.step, take.duration))
-        imgui.same_line(wide - 12)
+        imgui.same_line(width - 12)
         if imgui.small_button(f"{_REMOVE_ICON}##held {row}"):
             editor.edit("let go", lambda project: without_constraint(project, puppet.id, number, held))
         workspace.remember(f"let go {row}")
 
 
-def constraint_text(held: HardConstraint, step: float) -> str:
+def describe_constraint(held: HardConstraint, step: float) -> str:
     """Returns a short description of a hard constraint."""
-    at = f"{held.frame * step:.2f} s"
+    time_text = f"{held.frame * step:.2f} s"
     if isinstance(held, Position):
-        return tr("{0} goes through a place at {1}", held.point, at)
+        return tr("{0} goes through a place at {1}", held.point, time_text)
     if isinstance(held, Velocity):
-        return tr("{0} is still at {1}", held.point, at)
-    return tr("{0} is level with {1} at {2}", held.point, held.other, at)
+        return tr("{0} is still at {1}", held.point, time_text)
+    return tr("{0} is level with {1} at {2}", held.point, held.other, time_text)

@@ -10,15 +10,21 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Puppet
 from enliven.modeling.edits import rig_of
 from enliven_viewer.language import tr
-from enliven_viewer.studio.examples import layer_of, with_guessed_joints
+from enliven_viewer.studio.examples import find_layer_number, with_guessed_joints
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.examples.motion import draw_held
-from enliven_viewer.studio.panels.examples.points import draw_points, suggest
+from enliven_viewer.studio.panels.examples.motion import draw_constraints
+from enliven_viewer.studio.panels.examples.points import draw_points, suggest_points
 from enliven_viewer.studio.panels.examples.settings import draw_settings
 from enliven_viewer.studio.panels.fields import character_name, tooltip
 from enliven_viewer.studio.panels.layer import draw_layer
 from enliven_viewer.studio.panels.outliner import draw_numbers
-from enliven_viewer.studio.panels.style import filled, packed, panel, small, tinted
+from enliven_viewer.studio.panels.style import (
+    open_panel,
+    pack_colour,
+    push_colours,
+    push_fill,
+    use_small_text,
+)
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, INK, QUIET, RAISED, Colour
 
@@ -34,24 +40,24 @@ _STATUS_HEIGHT = 66.0
 def draw_examples(workspace: Workspace, area: Area) -> None:
     """Draws the panel of the selected puppet at the right."""
     puppet = workspace.editor.puppets.puppet
-    with panel("side", area):
+    with open_panel("side", area):
         if puppet is None:
             return
-        _head(workspace, puppet)
+        _draw_head(workspace, puppet)
         draw_status(workspace, puppet)
-        _next_step(workspace, puppet)
+        _draw_next_step(workspace, puppet)
         draw_points(workspace, puppet)
         puppet = workspace.editor.puppets.puppet
-        number = None if puppet is None else layer_of(puppet, workspace.editor.selection.layer)
+        number = None if puppet is None else find_layer_number(puppet, workspace.editor.selection.layer)
         if puppet is not None and number is not None:
             draw_layer(workspace, puppet, number)
-            draw_held(workspace, puppet)
+            draw_constraints(workspace, puppet)
         if puppet is not None:
             draw_numbers(workspace)
             draw_settings(workspace, puppet)
 
 
-def _head(workspace: Workspace, puppet: Puppet) -> None:
+def _draw_head(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the button back to the side panel, and the puppet's name."""
     if imgui.button(_BACK_ICON, ImVec2(30, 0)):
         workspace.editor.puppets.accept()
@@ -62,34 +68,34 @@ def _head(workspace: Workspace, puppet: Puppet) -> None:
     character_name(workspace, puppet)
 
 
-def _next_step(workspace: Workspace, puppet: Puppet) -> None:
+def _draw_next_step(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the highlighted button of the next step, always in the same place."""
-    label, about, act = _step_of(workspace, puppet)
-    with filled(ACCENT):
+    label, about, act = _find_next_step(workspace, puppet)
+    with push_fill(ACCENT):
         if imgui.button(f"{label}###next step", ImVec2(-1, _NEXT_HEIGHT)):
             act()
     workspace.remember("next step")
     tooltip(about)
 
 
-def _step_of(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
+def _find_next_step(workspace: Workspace, puppet: Puppet) -> tuple[str, str, Callable[[], object]]:
     """Returns the next step for a puppet: label, description and command."""
     editor, take = workspace.editor, workspace.performer.take
     if editor.puppets.number is not None:
         return tr("Done"), tr("Keep the pose, and let the puppet play  (Enter)"), editor.puppets.accept
     if not puppet.points:
-        told_points = tr("Control points at the ends of the limbs; or click the surface yourself")
-        return tr("Suggest points"), told_points, lambda: suggest(workspace, puppet)
+        points_hint = tr("Control points at the ends of the limbs; or click the surface yourself")
+        return tr("Suggest points"), points_hint, lambda: suggest_points(workspace, puppet)
     if take is None:
-        told_take = tr("The motion of a performer that the puppet should follow")
-        return tr("Open a take..."), told_take, partial(workspace.ask, "open")
+        take_hint = tr("The motion of a performer that the puppet should follow")
+        return tr("Open a take..."), take_hint, partial(workspace.ask, "open")
     if any(not point.joint for point in puppet.points):
         guess = lambda project: with_guessed_joints(project, puppet.id, take)  # noqa: E731
-        told_joints = tr("Pair every point with a joint of the performer, by place")
-        return tr("Guess joints"), told_joints, lambda: editor.edit("guess joints", guess)
-    told_pose = tr("Pose the puppet for this moment of the performer: drag its points")
+        joints_hint = tr("Pair every point with the joint of the performer at a similar place")
+        return tr("Guess joints"), joints_hint, lambda: editor.edit("guess joints", guess)
+    pose_hint = tr("Pose the puppet for this moment of the performer: drag its points")
     begin = partial(workspace.begin_pose, take, workspace.performer.playhead(take))
-    return tr("Pose it here"), told_pose, begin
+    return tr("Pose it here"), pose_hint, begin
 
 
 def draw_status(workspace: Workspace, puppet: Puppet) -> None:
@@ -97,13 +103,13 @@ def draw_status(workspace: Workspace, puppet: Puppet) -> None:
     project, solving = workspace.editor.project, workspace.editor.solving
     lacking, problem = rig_of(puppet).lacking(project, puppet), solving.problem(puppet.id)
     if lacking:
-        _box(workspace, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))
+        _draw_box(workspace, ACCENT, tr("Before it moves"), _merge_pairing_sentences(lacking))
     elif problem is not None:
-        _box(workspace, BAD, tr("It cannot move like this"), (problem.what, problem.mend))
+        _draw_box(workspace, BAD, tr("It cannot move like this"), (problem.what, problem.mend))
     else:
         count = len(puppet.poses)
         doubled = tr(" and their mirror images") if puppet.symmetry is not None else ""
-        _box(workspace, GOOD, tr("It moves"), (tr("by {0} examples{1}.", count, doubled),))
+        _draw_box(workspace, GOOD, tr("It moves"), (tr("by {0} examples{1}.", count, doubled),))
 
 
 def _merge_pairing_sentences(lacking: tuple[str, ...]) -> tuple[str, ...]:
@@ -119,21 +125,21 @@ def _merge_pairing_sentences(lacking: tuple[str, ...]) -> tuple[str, ...]:
     return (gathered, *(line for line in lacking if line not in pairs))
 
 
-def _box(workspace: Workspace, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
+def _draw_box(workspace: Workspace, tint: Colour, title: str, lines: tuple[str, ...]) -> None:
     """Draws a raised box with a coloured border and a fixed height."""
     imgui.dummy(ImVec2(0, 2))
-    origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
-    corner = ImVec2(origin.x + wide, origin.y + _STATUS_HEIGHT)
-    draw = imgui.get_window_draw_list()
-    draw.add_rect_filled(origin, corner, packed(RAISED, 0.75), 7.0)
+    origin, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    corner = ImVec2(origin.x + width, origin.y + _STATUS_HEIGHT)
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_rect_filled(origin, corner, pack_colour(RAISED, 0.75), 7.0)
     low = ImVec2(origin.x + 3, origin.y + 8), ImVec2(origin.x + 6, corner.y - 8)
-    draw.add_rect_filled(*low, packed(tint), 2.0)
+    draw_list.add_rect_filled(*low, pack_colour(tint), 2.0)
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(_PADDING + 4, 6))
     imgui.begin_child("##status", ImVec2(0, _STATUS_HEIGHT), imgui.ChildFlags_.always_use_window_padding)
     imgui.pop_style_var()
-    with tinted(tint, imgui.Col_.text):
+    with push_colours(tint, imgui.Col_.text):
         imgui.text_unformatted(title)
-    with small(), tinted(INK if tint is not GOOD else QUIET, imgui.Col_.text):
+    with use_small_text(), push_colours(INK if tint is not GOOD else QUIET, imgui.Col_.text):
         imgui.push_text_wrap_pos(0.0)
         for line in (line for line in lines if line):
             imgui.text_unformatted(line)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.live import time_text
-from enliven_viewer.studio.examples import layer_of
+from enliven_viewer.live import format_time
+from enliven_viewer.studio.examples import find_layer_number
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import packed, panel, quiet, small
+from enliven_viewer.studio.panels.style import draw_note, open_panel, pack_colour, use_small_text
 from enliven_viewer.studio.panels.viewport_overlay import draw_mark
-from enliven_viewer.studio.viewport import axes_marks
+from enliven_viewer.studio.viewport import make_axes_marks
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GLASS, INK, LINE, QUIET
 
@@ -24,32 +24,34 @@ def draw_performer(workspace: Workspace, area: Area, texture: int | None) -> Non
     """Draws the performer, the take field, and the name of the hovered joint."""
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
-    with panel("performer", area, flags):
+    with open_panel("performer", area, flags):
         imgui.pop_style_var()
         view = workspace.performer
         view.size = (area.width, area.height)
         origin = imgui.get_cursor_screen_pos()
-        _picture(workspace, origin, area, texture)
+        _draw_picture(workspace, origin, area, texture)
         imgui.set_cursor_screen_pos(ImVec2(origin.x + 12, origin.y + 12))
-        _bar(workspace, area)
-        _words(workspace, origin, area)
+        _draw_bar(workspace, area)
+        _draw_texts(workspace, origin, area)
 
 
-def _bar(workspace: Workspace, area: Area) -> None:
+def _draw_bar(workspace: Workspace, area: Area) -> None:
     """Draws the take field, and the buttons that play it and link both views."""
     view, puppet = workspace.performer, workspace.editor.puppets.puppet
     takes = workspace.editor.project.takes
-    unused = puppet is not None and view.take is not None and layer_of(puppet, None, view.take) is None
-    wide = max(area.width - (152 if unused else 66), 60)
-    imgui.set_next_item_width(wide)
-    flags = imgui.ComboFlags_.no_arrow_button if wide < _MIN_ARROW_WIDTH else imgui.ComboFlags_.none
+    unused = (
+        puppet is not None and view.take is not None and find_layer_number(puppet, None, view.take) is None
+    )
+    width = max(area.width - (152 if unused else 66), 60)
+    imgui.set_next_item_width(width)
+    flags = imgui.ComboFlags_.no_arrow_button if width < _MIN_ARROW_WIDTH else imgui.ComboFlags_.none
     if imgui.begin_combo("##performer take", view.take or tr("choose a take"), flags):
         for name, take in takes.items():
             if imgui.selectable(f"{name}   {take.duration:.1f} s###take {name}", name == view.take)[0]:
                 view.show(name)
             workspace.remember(f"pick {name}")
         if not takes:
-            quiet("No takes yet. Open one with Ctrl+O.")
+            draw_note("No takes yet. Open one with Ctrl+O.")
         imgui.end_combo()
     workspace.remember("takes")
     if unused:
@@ -60,7 +62,7 @@ def _bar(workspace: Workspace, area: Area) -> None:
         tooltip("The puppet plays this take too, as a layer of its own")
     imgui.same_line()
     if view.linked:
-        imgui.push_style_color(imgui.Col_.text, packed(ACCENT))
+        imgui.push_style_color(imgui.Col_.text, pack_colour(ACCENT))
     linked = view.linked
     if imgui.button(_LINK_ICON + "##linked", ImVec2(30, 0)):
         view.linked = not view.linked
@@ -70,20 +72,20 @@ def _bar(workspace: Workspace, area: Area) -> None:
     tooltip("Both views turn together")
 
 
-def _picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int | None) -> None:
+def _draw_picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int | None) -> None:
     view, size = workspace.performer, ImVec2(area.width, area.height)
     imgui.set_next_item_allow_overlap()
     imgui.invisible_button("##performer", size)
     workspace.remember("performer")
-    draw = imgui.get_window_draw_list()
+    draw_list = imgui.get_window_draw_list()
     corner = ImVec2(origin.x + size.x, origin.y + size.y)
     if texture is not None and view.moment is not None:
-        draw.add_image(imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 1), ImVec2(1, 0))
+        draw_list.add_image(imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 1), ImVec2(1, 0))
     else:
-        draw.add_rect_filled(origin, corner, packed(DARK))
-    draw.add_line(ImVec2(corner.x - 1, origin.y), ImVec2(corner.x - 1, corner.y), packed(LINE), 2.0)
-    at = imgui.get_mouse_pos()
-    place = (at.x - origin.x, at.y - origin.y)
+        draw_list.add_rect_filled(origin, corner, pack_colour(DARK))
+    draw_list.add_line(ImVec2(corner.x - 1, origin.y), ImVec2(corner.x - 1, corner.y), pack_colour(LINE), 2.0)
+    pointer = imgui.get_mouse_pos()
+    place = (pointer.x - origin.x, pointer.y - origin.y)
     if imgui.is_item_activated():
         view.press(place)
     if imgui.is_item_hovered() or imgui.is_item_active():
@@ -96,30 +98,30 @@ def _picture(workspace: Workspace, origin: ImVec2, area: Area, texture: int | No
         view.release()
 
 
-def _words(workspace: Workspace, origin: ImVec2, area: Area) -> None:
+def _draw_texts(workspace: Workspace, origin: ImVec2, area: Area) -> None:
     """Draws the time and the hovered joint, or instructions if no take is shown."""
     view, moment = workspace.performer, workspace.performer.moment
-    draw = imgui.get_window_draw_list()
+    draw_list = imgui.get_window_draw_list()
     if moment is not None:
-        for mark in axes_marks(view.lens, (46, area.height - 42)):
-            draw_mark(draw, area, mark)
+        for mark in make_axes_marks(view.lens, (46, area.height - 42)):
+            draw_mark(draw_list, area, mark)
     if moment is None:
         lines = (tr("No take yet."), tr("Open one (Ctrl+O), or choose one above."))
         for row, line in enumerate(lines):
-            wide = imgui.calc_text_size(line).x
-            at = ImVec2(origin.x + (area.width - wide) / 2, origin.y + area.height / 2 - 20 + 22 * row)
-            draw.add_text(at, packed(INK if row == 0 else QUIET), line)
+            width = imgui.calc_text_size(line).x
+            position = ImVec2(origin.x + (area.width - width) / 2, origin.y + area.height / 2 - 20 + 22 * row)
+            draw_list.add_text(position, pack_colour(INK if row == 0 else QUIET), line)
         return
-    with small():
-        label = tr("the performer at {0}", time_text(moment[1]))
-        wide = imgui.calc_text_size(label).x + 18
-        if wide + 12 > area.width:
-            label = time_text(moment[1])
-            wide = imgui.calc_text_size(label).x + 18
+    with use_small_text():
+        label = tr("the performer at {0}", format_time(moment[1]))
+        width = imgui.calc_text_size(label).x + 18
+        if width + 12 > area.width:
+            label = format_time(moment[1])
+            width = imgui.calc_text_size(label).x + 18
         low = origin.y + area.height - 32
-        left = origin.x + area.width - wide - 12
-        draw.add_rect_filled(ImVec2(left, low), ImVec2(left + wide, low + 22), packed(GLASS), 7.0)
-        draw.add_text(ImVec2(left + 9, low + 4), packed(QUIET), label)
+        left = origin.x + area.width - width - 12
+        draw_list.add_rect_filled(ImVec2(left, low), ImVec2(left + width, low + 22), pack_colour(GLASS), 7.0)
+        draw_list.add_text(ImVec2(left + 9, low + 4), pack_colour(QUIET), label)
         figure = view.figure()
         if view.hovered is not None and figure is not None:
             x, y = view.lens.project(figure.joints)[0][view.hovered]
@@ -128,8 +130,10 @@ def _words(workspace: Workspace, origin: ImVec2, area: Area) -> None:
             puppet = workspace.editor.puppets.puppet
             if point is not None and puppet is not None:
                 name = tr("{0} follows {1}", puppet.points[point].name, name)
-            wide = imgui.calc_text_size(name).x + 14
-            x = min(x + 12, area.width - wide - 6)
+            width = imgui.calc_text_size(name).x + 14
+            x = min(x + 12, area.width - width - 6)
             corner = ImVec2(origin.x + x, origin.y + y - 11)
-            draw.add_rect_filled(corner, ImVec2(corner.x + wide, corner.y + 22), packed(GLASS), 6.0)
-            draw.add_text(ImVec2(corner.x + 7, corner.y + 4), packed(INK), name)
+            draw_list.add_rect_filled(
+                corner, ImVec2(corner.x + width, corner.y + 22), pack_colour(GLASS), 6.0
+            )
+            draw_list.add_text(ImVec2(corner.x + 7, corner.y + 4), pack_colour(INK), name)

@@ -10,16 +10,22 @@ from enliven.document import ControlPoint, Project, Puppet
 from enliven.modeling.puppet import change_point, set_symmetry, suggested_joint, suggested_vertices
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.examples import turn_quarter, with_guessed_joints, with_points
-from enliven_viewer.studio.panels.examples.motion import draw_holding
+from enliven_viewer.studio.panels.examples.motion import draw_constraint_buttons
 from enliven_viewer.studio.panels.fields import Change, name_field, slider, switch, tooltip
-from enliven_viewer.studio.panels.style import heading, packed, quiet, small, tinted
-from enliven_viewer.studio.puppets import plane_for
+from enliven_viewer.studio.panels.style import (
+    draw_heading,
+    draw_note,
+    pack_colour,
+    push_colours,
+    use_small_text,
+)
+from enliven_viewer.studio.puppets import find_plane
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, SHADOW, point_colour
+from enliven_viewer.theme import ACCENT, INK, QUIET, RAISED, SHADOW, get_point_colour
 
 _ROW_HEIGHT = 24.0
 """Height in pixels of a row in the list: a line of text with a margin for clicking."""
-_FOOT, _LOCKED, _SOFT = "\uf063", "\uf023", "\uf09c"
+_FOOT_ICON, _LOCKED_ICON, _SOFT_ICON = "\uf063", "\uf023", "\uf09c"
 """Icons of Font Awesome 4: a foot, a hard point, a soft point."""
 _SUGGESTION_COUNT = 6
 """Number of control points that are suggested at once, not counting mirror images."""
@@ -28,19 +34,19 @@ _AXIS_LABELS = (later("left to right"), later("above to below"), later("front to
 
 def draw_points(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the heading, a row per point, the fields of the selected one, and the buttons."""
-    heading(tr("Control points   {0}", len(puppet.points) or ""))
+    draw_heading(tr("Control points   {0}", len(puppet.points) or ""))
     if not puppet.points:
-        _orientation_buttons(workspace, puppet)
-        quiet("Click the surface where you would hold it: hands, feet, head. Or let some be suggested.")
+        _draw_orientation_buttons(workspace, puppet)
+        draw_note("Click the surface where you would hold it: hands, feet, head. Or let some be suggested.")
     for number, point in enumerate(puppet.points):
-        _row(workspace, puppet, number, point)
+        _draw_row(workspace, puppet, number, point)
         if workspace.editor.puppets.point == number:
-            _point_fields(workspace, puppet, point)
-    _buttons(workspace, puppet)
-    _symmetry(workspace, puppet)
+            _draw_point_fields(workspace, puppet, point)
+    _draw_buttons(workspace, puppet)
+    _draw_symmetry(workspace, puppet)
 
 
-def _orientation_buttons(workspace: Workspace, puppet: Puppet) -> None:
+def _draw_orientation_buttons(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the buttons that turn a mesh that lies on its back or faces sideways."""
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     for label, axis, tip in (
@@ -61,33 +67,35 @@ def _turn_mesh(workspace: Workspace, puppet: str, axis: str) -> None:
         workspace.editor.frame_all(reset=False)
 
 
-def _row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint) -> None:
+def _draw_row(workspace: Workspace, puppet: Puppet, number: int, point: ControlPoint) -> None:
     """Draws one point: its mark as in the 3D view, its name, and its joint."""
-    origin, wide = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    origin, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     puppets = workspace.editor.puppets
-    if imgui.invisible_button(f"##point {number}", ImVec2(wide, _ROW_HEIGHT - 4)):
+    if imgui.invisible_button(f"##point {number}", ImVec2(width, _ROW_HEIGHT - 4)):
         workspace.editor.choose(puppet.id, None if puppets.point == number else number)
     workspace.remember(f"point {point.name}")
     hovered, chosen = imgui.is_item_hovered(), puppets.point == number
-    draw = imgui.get_window_draw_list()
+    draw_list = imgui.get_window_draw_list()
     if chosen or hovered:
-        tint = packed(ACCENT, 0.26) if chosen else packed(RAISED)
-        draw.add_rect_filled(origin, ImVec2(origin.x + wide, origin.y + _ROW_HEIGHT - 4), tint, 5.0)
+        tint = pack_colour(ACCENT, 0.26) if chosen else pack_colour(RAISED)
+        draw_list.add_rect_filled(origin, ImVec2(origin.x + width, origin.y + _ROW_HEIGHT - 4), tint, 5.0)
     middle = origin.y + (_ROW_HEIGHT - 4) / 2
-    draw.add_circle_filled(ImVec2(origin.x + 11, middle), 5.5, _tint(number))
-    draw.add_circle(ImVec2(origin.x + 11, middle), 5.5, packed(SHADOW, 0.5), 0, 1.0)
-    draw.add_text(ImVec2(origin.x + 24, origin.y + 2), packed(INK), point.name)
-    with small():
+    draw_list.add_circle_filled(ImVec2(origin.x + 11, middle), 5.5, _make_tint(number))
+    draw_list.add_circle(ImVec2(origin.x + 11, middle), 5.5, pack_colour(SHADOW, 0.5), 0, 1.0)
+    draw_list.add_text(ImVec2(origin.x + 24, origin.y + 2), pack_colour(INK), point.name)
+    with use_small_text():
         joint_name = point.joint or tr("no joint yet")
-        right = origin.x + wide - 8 - imgui.calc_text_size(joint_name).x
-        draw.add_text(ImVec2(right, origin.y + 4), packed(QUIET if point.joint else ACCENT), joint_name)
+        right = origin.x + width - 8 - imgui.calc_text_size(joint_name).x
+        draw_list.add_text(
+            ImVec2(right, origin.y + 4), pack_colour(QUIET if point.joint else ACCENT), joint_name
+        )
         if point.foot:
-            draw.add_text(ImVec2(right - 18, origin.y + 4), packed(INK, 0.8), _FOOT)
+            draw_list.add_text(ImVec2(right - 18, origin.y + 4), pack_colour(INK, 0.8), _FOOT_ICON)
         if point.weight is not None:
-            draw.add_text(ImVec2(right - 34, origin.y + 4), packed(QUIET), _SOFT)
+            draw_list.add_text(ImVec2(right - 34, origin.y + 4), pack_colour(QUIET), _SOFT_ICON)
 
 
-def _point_fields(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
+def _draw_point_fields(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     """Draws the fields of the selected point."""
     editor, name = workspace.editor, point.name
 
@@ -99,7 +107,7 @@ def _point_fields(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> 
 
     imgui.indent(22)
     name_field(workspace, "point name", name, lambda to: change(later("rename a control point"), name=to))
-    _joint(workspace, puppet, point)
+    _draw_joint_list(workspace, puppet, point)
     switch(workspace, "foot", point.foot, edit("foot", bool), "The puppet can stand on it and walk with it")
     imgui.same_line()
     tip = tr("The surface is pulled towards it, but need not reach it")
@@ -110,11 +118,11 @@ def _point_fields(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> 
     workspace.remember("remove point")
     if point.weight is not None:
         slider(workspace, "weight", point.weight, 0.01, 100.0, tr("pulls by %.2f"), edit("weight", float))
-    draw_holding(workspace, puppet)
+    draw_constraint_buttons(workspace, puppet)
     imgui.unindent(22)
 
 
-def _joint(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
+def _draw_joint_list(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     """Draws the list of joints that the point may follow, most likely first."""
     editor, take = workspace.editor, workspace.performer.take
     imgui.set_next_item_width(-1)
@@ -133,11 +141,11 @@ def _joint(workspace: Workspace, puppet: Puppet, point: ControlPoint) -> None:
     workspace.remember("joint")
 
 
-def _buttons(workspace: Workspace, puppet: Puppet) -> None:
+def _draw_buttons(workspace: Workspace, puppet: Puppet) -> None:
     editor = workspace.editor
     half = ImVec2((imgui.get_content_region_avail().x - 8) / 2, 0)
     if imgui.button(labelled(tr("Suggest points"), "Suggest points"), half):
-        suggest(workspace, puppet)
+        suggest_points(workspace, puppet)
     workspace.remember("suggest points")
     tooltip("Control points at the ends of the limbs, and at their mirror images")
     imgui.same_line()
@@ -149,10 +157,12 @@ def _buttons(workspace: Workspace, puppet: Puppet) -> None:
     workspace.remember("guess joints")
     imgui.end_disabled()
     if imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
-        imgui.set_tooltip(tr("Pair every point that has no joint with one that acts in this take, by place"))
+        imgui.set_tooltip(
+            tr("Pair every point without a joint with a joint at a similar place that moves in this take")
+        )
 
 
-def suggest(workspace: Workspace, puppet: Puppet) -> bool:
+def suggest_points(workspace: Workspace, puppet: Puppet) -> bool:
     """Adds control points at the ends of the mesh's limbs, as one edit."""
 
     def change(project: Project) -> Project:
@@ -161,12 +171,12 @@ def suggest(workspace: Workspace, puppet: Puppet) -> bool:
     return workspace.editor.edit("suggest control points", change)
 
 
-def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
+def _draw_symmetry(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the symmetry options: mirrored examples, the plane, and editing both sides at once."""
     editor = workspace.editor
     toggled, on = imgui.checkbox(labelled(tr("symmetric"), "symmetric"), puppet.symmetry is not None)
     workspace.remember("symmetric")
-    tooltip("Every example counts for its mirror image too: pose one side, and both are shown")
+    tooltip("Every key pose also counts mirrored: a pose of one side is an example for both")
     if toggled:
         set_mirrored(workspace, puppet, on)
         return
@@ -174,7 +184,7 @@ def _symmetry(workspace: Workspace, puppet: Puppet) -> None:
         return
     normal = [abs(value) for value in puppet.symmetry.normal]
     imgui.same_line()
-    with small(), tinted(QUIET, imgui.Col_.text):
+    with use_small_text(), push_colours(QUIET, imgui.Col_.text):
         imgui.text_unformatted(tr(_AXIS_LABELS[normal.index(max(normal))]))
     toggled, on = imgui.checkbox(
         labelled(tr("edit both sides at once"), "edit both sides at once"), editor.puppets.symmetric
@@ -191,16 +201,16 @@ def set_mirrored(workspace: Workspace, puppet: Puppet, on: bool) -> None:
     Before the first key pose, also switches symmetric editing.
     """
     editor = workspace.editor
-    plane = plane_for(puppet) if on else None
+    plane = find_plane(puppet) if on else None
     editor.puppets.set_symmetric(on and not puppet.poses)
     if (plane is None) == (puppet.symmetry is None):
         if on:
             editor.puppets.set_symmetric(True)  # This call reports that the mesh has no mirror plane.
         return
-    word = later("symmetric") if plane else later("not symmetric")
-    editor.edit(word, lambda project: set_symmetry(project, puppet.id, plane))
+    edit_name = later("symmetric") if plane else later("not symmetric")
+    editor.edit(edit_name, lambda project: set_symmetry(project, puppet.id, plane))
 
 
-def _tint(number: int) -> int:
-    red, green, blue = point_colour(number)
-    return packed((red / 255, green / 255, blue / 255, 1.0))
+def _make_tint(number: int) -> int:
+    red, green, blue = get_point_colour(number)
+    return pack_colour((red / 255, green / 255, blue / 255, 1.0))

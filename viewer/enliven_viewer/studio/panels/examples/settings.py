@@ -10,11 +10,11 @@ from enliven.document import Puppet
 from enliven_viewer.language import labelled, later, tr
 from enliven_viewer.studio.examples import with_default_settings, with_setting
 from enliven_viewer.studio.panels.fields import Change, slider, switch, tooltip
-from enliven_viewer.studio.panels.style import tinted
+from enliven_viewer.studio.panels.style import push_colours
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import PRESSED, RAISED
 
-NUMBERS = (
+SETTING_SLIDERS = (
     ("surface", "squash_and_stretch", later("squash and stretch"), 0.0, 1.0, ""),
     ("surface", "exaggeration", later("exaggeration"), 0.0, 3.0, later("exaggerate %.2f")),
     ("surface", "hold", later("hold"), 0.0, 2.0, later("hold %.2f")),
@@ -29,38 +29,38 @@ NUMBERS = (
 def draw_settings(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the sliders, initially collapsed."""
     imgui.dummy(ImVec2(0, 4))
-    with tinted(RAISED, imgui.Col_.header), tinted(PRESSED, imgui.Col_.header_hovered):
+    with push_colours(RAISED, imgui.Col_.header), push_colours(PRESSED, imgui.Col_.header_hovered):
         opened = imgui.collapsing_header(labelled(tr("Settings"), "Settings"))
     workspace.remember("settings")
     if not opened:
         return
-    for group, name, label, low, high, pattern in NUMBERS:
-        settings, change = getattr(puppet, group), _changing(puppet.id, group, name)
+    for group, name, label, low, high, pattern in SETTING_SLIDERS:
+        settings, change = getattr(puppet, group), _make_change(puppet.id, group, name)
         value = getattr(settings, name)
         if isinstance(value, bool):
-            switch(workspace, label, value, change, _doc(settings, name))
+            switch(workspace, label, value, change, _wrap_description(settings, name))
         else:
             slider(workspace, f"setting {label}", value, low, high, pattern, change)
-            tooltip(_doc(settings, name))
+            tooltip(_wrap_description(settings, name))
     if imgui.button(labelled(tr("Reset"), "Reset")):
         workspace.editor.edit("reset settings", lambda project: with_default_settings(project, puppet.id))
     workspace.remember("reset settings")
 
 
-def _changing(puppet: str, group: str, name: str) -> Change:
+def _make_change(puppet: str, group: str, name: str) -> Change:
     """Returns the edit that sets a setting."""
     return lambda project, value: with_setting(project, puppet, group, name, value)
 
 
-def sentence_of(settings: object, name: str) -> str:
+def get_description(settings: object, name: str) -> str:
     """Returns the English description of a setting."""
     field = next(f for f in dataclasses.fields(settings) if f.name == name)  # type: ignore[arg-type]
     return str(field.metadata.get("doc", ""))
 
 
-def _doc(settings: object, name: str) -> str:
+def _wrap_description(settings: object, name: str) -> str:
     """Returns the description of a setting, broken into lines."""
-    words, lines = tr(sentence_of(settings, name)).split(), [""]
+    words, lines = tr(get_description(settings, name)).split(), [""]
     for word in words:
         if len(lines[-1]) + len(word) > 56:
             lines.append("")

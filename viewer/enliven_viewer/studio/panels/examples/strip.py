@@ -9,17 +9,24 @@ from imgui_bundle import ImVec2, imgui
 from enliven.document import Puppet
 from enliven.modeling.puppet import remove_key_pose
 from enliven_viewer.language import later, tr
-from enliven_viewer.live import time_text
+from enliven_viewer.live import format_time
 from enliven_viewer.studio.examples import TakeCoverage, duplicate_pose, mirror_pose, retime_pose
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.examples.strokes import dashed, stick
+from enliven_viewer.studio.panels.examples.strokes import draw_dashed_rectangle, draw_stick_figure
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import filled, packed, panel, quiet, small, tinted
+from enliven_viewer.studio.panels.style import (
+    draw_note,
+    open_panel,
+    pack_colour,
+    push_colours,
+    push_fill,
+    use_small_text,
+)
 from enliven_viewer.studio.performer import Thumbnails
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CHAIN, DARK, GLASS, GOOD, INK, LINE, QUIET, RAISED, UNTINTED
 
-TILE = ImVec2(88, 80)
+TILE_SIZE = ImVec2(88, 80)
 _PLUS_ICON = "\uf067"
 
 
@@ -28,42 +35,42 @@ def draw_strip(workspace: Workspace, area: Area, thumbnails: Thumbnails) -> None
     puppet = workspace.editor.puppets.puppet
     flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(12, 6))
-    with panel("strip", area, flags):
+    with open_panel("strip", area, flags):
         imgui.pop_style_var()
         if puppet is None:
             return
         take = workspace.performer.take
         coverage = workspace.coverages.of(workspace.editor.project, puppet, take) if take else None
-        _head(workspace, puppet, coverage)
-        tall = imgui.get_content_region_avail().y
+        _draw_head(workspace, puppet, coverage)
+        height = imgui.get_content_region_avail().y
         scroll = imgui.WindowFlags_.horizontal_scrollbar | imgui.WindowFlags_.no_background
-        imgui.begin_child("##tiles", ImVec2(0, tall), 0, scroll)
-        _wheel()
-        _plus(workspace, puppet)
+        imgui.begin_child("##tiles", ImVec2(0, height), 0, scroll)
+        _scroll_with_wheel()
+        _draw_add_button(workspace, puppet)
         order = sorted(range(len(puppet.poses)), key=lambda k: (puppet.poses[k].take, puppet.poses[k].time))
         for place, number in enumerate(order, start=1):
             imgui.same_line()
-            _tile(workspace, puppet, number, place, thumbnails)
-        _ghosts(workspace, puppet, coverage)
+            _draw_tile(workspace, puppet, number, place, thumbnails)
+        _draw_suggestions(workspace, puppet, coverage)
         imgui.end_child()
 
 
-def _wheel() -> None:
+def _scroll_with_wheel() -> None:
     """Scrolls the strip sideways with the wheel."""
     if imgui.is_window_hovered() and imgui.get_io().mouse_wheel:
         imgui.set_scroll_x(imgui.get_scroll_x() - 60 * imgui.get_io().mouse_wheel)
 
 
-def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
+def _draw_head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
     """Draws the number of key poses, the number still needed, and buttons for the edited one."""
     puppets = workspace.editor.puppets
     imgui.align_text_to_frame_padding()
-    with small(), tinted(QUIET, imgui.Col_.text):
+    with use_small_text(), push_colours(QUIET, imgui.Col_.text):
         imgui.text_unformatted(tr("KEY POSES   {0}", len(puppet.poses) or ""))
     if coverage is not None and puppet.points:
         imgui.same_line(0, 14)
-        with small(), tinted(QUIET if coverage.needed else GOOD, imgui.Col_.text):
-            imgui.text_unformatted(_status_text(coverage, len(puppet.poses)))
+        with use_small_text(), push_colours(QUIET if coverage.needed else GOOD, imgui.Col_.text):
+            imgui.text_unformatted(_make_status_text(coverage, len(puppet.poses)))
         if imgui.is_item_hovered():
             imgui.set_tooltip(
                 tr(
@@ -76,11 +83,11 @@ def _head(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -
         return
     imgui.same_line(max(imgui.get_window_width() - 398, 40))
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(7, 2))
-    _tools(workspace, puppet, number)
+    _draw_pose_buttons(workspace, puppet, number)
     imgui.pop_style_var()
 
 
-def _status_text(coverage: TakeCoverage, count: int) -> str:
+def _make_status_text(coverage: TakeCoverage, count: int) -> str:
     if count == 0:
         return tr("about {0} would be enough for {1}", coverage.needed, coverage.take)
     if coverage.needed == 0:
@@ -90,9 +97,9 @@ def _status_text(coverage: TakeCoverage, count: int) -> str:
     return tr("{0} more would be enough for {1}, at the dashed moments", coverage.needed, coverage.take)
 
 
-def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
+def _draw_pose_buttons(workspace: Workspace, puppet: Puppet, number: int) -> None:
     """Draws the buttons for the edited key pose."""
-    meant = {
+    tooltips = {
         "Done": tr("Keep it, and let the puppet play (Enter)"),
         "Cancel": tr("Go back to the old pose"),
         "Duplicate": tr("Copies the pose to half a second later"),
@@ -100,13 +107,13 @@ def _tools(workspace: Workspace, puppet: Puppet, number: int) -> None:
         "Here": tr("Move it to the playhead"),
         "Remove": tr("Remove this example"),
     }
-    for place, label in enumerate(meant):
+    for place, label in enumerate(tooltips):
         if place:
             imgui.same_line(0, 5)
-        with filled(ACCENT) if label == "Done" else nullcontext():
+        with push_fill(ACCENT) if label == "Done" else nullcontext():
             pressed = imgui.button(f"{tr(label)}###{label}")
         workspace.remember(f"pose {label}")
-        tooltip(meant[label])
+        tooltip(tooltips[label])
         if pressed:
             run_pose_command(workspace, puppet, number, label)
 
@@ -128,7 +135,7 @@ def run_pose_command(workspace: Workspace, puppet: Puppet, number: int, label: s
         editor.edit("retime a key pose", lambda project: retime_pose(project, name, number, moved))
     else:
         make = duplicate_pose if label == "Duplicate" else mirror_pose
-        moment = _free_moment(workspace, puppet, number)
+        moment = _find_free_time(workspace, puppet, number)
         if editor.edit(_COMMAND_TITLES[label], lambda p: make(p, name, number, key.take, moment)):
             workspace.edit_pose(len(puppet.poses))
 
@@ -137,33 +144,33 @@ _COMMAND_TITLES = {"Duplicate": later("duplicate a key pose"), "Mirror": later("
 """The history name of each command that adds another key pose."""
 
 
-def _free_moment(workspace: Workspace, puppet: Puppet, number: int) -> float:
+def _find_free_time(workspace: Workspace, puppet: Puppet, number: int) -> float:
     """Returns a time in the take without a key pose: half a second after or before this one if possible."""
     key = puppet.poses[number]
     clip = workspace.editor.project.takes[key.take]
     taken = {round(pose.time / clip.step) for pose in puppet.poses if pose.take == key.take}
     here, aside, last = round(key.time / clip.step), max(round(0.5 / clip.step), 1), len(clip.turns) - 1
-    ways = [here + aside, here - aside, *range(last + 1)]
-    free = next((k for k in ways if 0 <= k <= last and k not in taken), here)
+    candidates = [here + aside, here - aside, *range(last + 1)]
+    free = next((k for k in candidates if 0 <= k <= last and k not in taken), here)
     return free * clip.step
 
 
-def _plus(workspace: Workspace, puppet: Puppet) -> None:
+def _draw_add_button(workspace: Workspace, puppet: Puppet) -> None:
     """Draws the button that adds a key pose at the time that the performer shows."""
     moment = workspace.performer.moment
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_disabled(moment is None or not puppet.points)
     imgui.begin_group()
-    pressed = imgui.invisible_button("##plus", TILE)
+    pressed = imgui.invisible_button("##plus", TILE_SIZE)
     workspace.remember("add key pose")
     hovered = imgui.is_item_hovered()
-    corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
-    draw = imgui.get_window_draw_list()
-    draw.add_rect_filled(origin, corner, packed(RAISED, 1.4 if hovered else 0.8), 7.0)
-    wide = imgui.calc_text_size(_PLUS_ICON).x * 22 / imgui.get_font_size()
-    at = ImVec2(origin.x + (TILE.x - wide) / 2, origin.y + 26)
-    draw.add_text(imgui.get_font(), 22.0, at, packed(ACCENT if hovered else INK), _PLUS_ICON)
-    with small():
+    corner = ImVec2(origin.x + TILE_SIZE.x, origin.y + TILE_SIZE.y)
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_rect_filled(origin, corner, pack_colour(RAISED, 1.4 if hovered else 0.8), 7.0)
+    width = imgui.calc_text_size(_PLUS_ICON).x * 22 / imgui.get_font_size()
+    position = ImVec2(origin.x + (TILE_SIZE.x - width) / 2, origin.y + 26)
+    draw_list.add_text(imgui.get_font(), 22.0, position, pack_colour(ACCENT if hovered else INK), _PLUS_ICON)
+    with use_small_text():
         imgui.text_unformatted(tr("new key pose"))
     imgui.end_group()
     imgui.end_disabled()
@@ -173,52 +180,54 @@ def _plus(workspace: Workspace, puppet: Puppet) -> None:
         imgui.set_tooltip(tr("Make a key pose for this moment"))
 
 
-def _tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
+def _draw_tile(workspace: Workspace, puppet: Puppet, number: int, place: int, thumbnails: Thumbnails) -> None:
     """Draws one key pose; a click edits it."""
     pose, chosen = puppet.poses[number], workspace.editor.puppets.number == number
     origin = imgui.get_cursor_screen_pos()
     imgui.begin_group()
-    if imgui.invisible_button(f"##pose {number}", TILE):
+    if imgui.invisible_button(f"##pose {number}", TILE_SIZE):
         workspace.edit_pose(number)
     workspace.remember(f"key pose {place}")
     hovered = imgui.is_item_hovered()
     if imgui.begin_popup_context_item(f"##of pose {number}"):
-        _menu(workspace, puppet, number)
+        _draw_menu(workspace, puppet, number)
         imgui.end_popup()
-    draw = imgui.get_window_draw_list()
-    corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
+    draw_list = imgui.get_window_draw_list()
+    corner = ImVec2(origin.x + TILE_SIZE.x, origin.y + TILE_SIZE.y)
     texture = thumbnails.texture(puppet, pose.places, number)
     if texture is None:
-        draw.add_rect_filled(origin, corner, packed(DARK), 7.0)
+        draw_list.add_rect_filled(origin, corner, pack_colour(DARK), 7.0)
     else:
-        white = packed(UNTINTED)
-        draw.add_image_rounded(
+        white = pack_colour(UNTINTED)
+        draw_list.add_image_rounded(
             imgui.ImTextureRef(texture), origin, corner, ImVec2(0, 0), ImVec2(1, 1), white, 7.0
         )
     figure = workspace.performer.figure((pose.take, pose.time))
     if figure is not None:
-        inset = Area(origin.x + 4, origin.y + TILE.y - 38, 26, 34)
-        draw.add_rect_filled(
-            ImVec2(inset.x, inset.y), ImVec2(inset.x + 26, inset.y + 34), packed(GLASS, 0.8), 5.0
+        inset = Area(origin.x + 4, origin.y + TILE_SIZE.y - 38, 26, 34)
+        draw_list.add_rect_filled(
+            ImVec2(inset.x, inset.y), ImVec2(inset.x + 26, inset.y + 34), pack_colour(GLASS, 0.8), 5.0
         )
-        stick(draw, figure, inset, packed(INK, 0.95))
+        draw_stick_figure(draw_list, figure, inset, pack_colour(INK, 0.95))
     if chosen or hovered:
-        draw.add_rect(origin, corner, packed(ACCENT if chosen else LINE), 7.0, 2.0)
-    with small():
+        draw_list.add_rect(origin, corner, pack_colour(ACCENT if chosen else LINE), 7.0, 2.0)
+    with use_small_text():
         if len({key_pose.take for key_pose in puppet.poses}) > 1:
-            draw.add_text(ImVec2(origin.x + 6, origin.y + 4), packed(QUIET), _short(pose.take))
-        imgui.text_unformatted(f"{place}   {time_text(pose.time)}")
+            draw_list.add_text(
+                ImVec2(origin.x + 6, origin.y + 4), pack_colour(QUIET), _shorten_name(pose.take)
+            )
+        imgui.text_unformatted(f"{place}   {format_time(pose.time)}")
     imgui.end_group()
 
 
-def _menu(workspace: Workspace, puppet: Puppet, number: int) -> None:
+def _draw_menu(workspace: Workspace, puppet: Puppet, number: int) -> None:
     """Draws the context menu of a key pose."""
     for label in ("Edit", "Duplicate", "Mirror", "Remove"):
         if imgui.menu_item_simple(f"{tr(label)}###{label}"):
             run_pose_command(workspace, puppet, number, label)
 
 
-def _ghosts(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
+def _draw_suggestions(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None) -> None:
     """Draws the performer at the suggested times; a click begins a key pose."""
     if coverage is None or not puppet.points:
         return
@@ -228,26 +237,26 @@ def _ghosts(workspace: Workspace, puppet: Puppet, coverage: TakeCoverage | None)
         seconds = frame * coverage.step
         origin = imgui.get_cursor_screen_pos()
         imgui.begin_group()
-        if imgui.invisible_button(f"##ghost {place}", TILE):
+        if imgui.invisible_button(f"##ghost {place}", TILE_SIZE):
             workspace.begin_pose(coverage.take, seconds)
         workspace.remember(f"suggested {place + 1}")
         hovered = imgui.is_item_hovered()
-        draw = imgui.get_window_draw_list()
-        corner = ImVec2(origin.x + TILE.x, origin.y + TILE.y)
-        dashed(draw, origin, corner, packed(CHAIN, 0.9 if hovered else 0.5))
+        draw_list = imgui.get_window_draw_list()
+        corner = ImVec2(origin.x + TILE_SIZE.x, origin.y + TILE_SIZE.y)
+        draw_dashed_rectangle(draw_list, origin, corner, pack_colour(CHAIN, 0.9 if hovered else 0.5))
         figure = workspace.performer.figure((coverage.take, seconds))
         if figure is not None:
-            room = Area(origin.x + 10, origin.y + 6, TILE.x - 20, TILE.y - 12)
-            stick(draw, figure, room, packed(CHAIN, 0.95 if hovered else 0.6))
-        with small(), tinted((*CHAIN[:3], 0.85), imgui.Col_.text):
-            imgui.text_unformatted(tr("suggested  {0}", time_text(seconds)))
+            figure_area = Area(origin.x + 10, origin.y + 6, TILE_SIZE.x - 20, TILE_SIZE.y - 12)
+            draw_stick_figure(draw_list, figure, figure_area, pack_colour(CHAIN, 0.95 if hovered else 0.6))
+        with use_small_text(), push_colours((*CHAIN[:3], 0.85), imgui.Col_.text):
+            imgui.text_unformatted(tr("suggested  {0}", format_time(seconds)))
         imgui.end_group()
         if hovered:
             imgui.set_tooltip(tr("Pose the puppet for this moment: no example is like it"))
     if not wanted:
         imgui.same_line()
-        quiet("")
+        draw_note("")
 
 
-def _short(take: str) -> str:
+def _shorten_name(take: str) -> str:
     return take if len(take) <= 12 else f"{take[:11]}..."

@@ -8,8 +8,8 @@ from enliven.document import Puppet
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.render import LOOKS
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import quiet
-from enliven_viewer.studio.workspace import FILM_SIZES, RATES, Workspace
+from enliven_viewer.studio.panels.style import draw_note
+from enliven_viewer.studio.workspace import FILM_SIZES, FRAME_RATES, Workspace
 
 _LABEL_WIDTH = 96.0
 """Width in pixels of the label before a field."""
@@ -34,20 +34,22 @@ def draw_export_options(workspace: Workspace, *, film: bool) -> None:
             )
             workspace.remember(f"export {character.id}")
         imgui.end_child()
-    _range(workspace)
+    _draw_range(workspace)
     imgui.same_line(0.0, 18.0)
     imgui.set_next_item_width(_FIELD_WIDTH)
-    at = RATES.index(options.rate) if options.rate in RATES else RATES.index(30)
-    options.rate = RATES[imgui.combo("##rate", at, [tr("{0} a second", rate) for rate in RATES])[1]]
+    rate_index = FRAME_RATES.index(options.rate) if options.rate in FRAME_RATES else FRAME_RATES.index(30)
+    options.rate = FRAME_RATES[
+        imgui.combo("##rate", rate_index, [tr("{0} a second", rate) for rate in FRAME_RATES])[1]
+    ]
     workspace.remember("export rate")
     tooltip("Pictures or poses per second")
     if film:
-        _film(workspace)
+        _draw_film_options(workspace)
     else:
-        _format(workspace)
+        _draw_format_options(workspace)
 
 
-def _range(workspace: Workspace) -> None:
+def _draw_range(workspace: Workspace) -> None:
     """Draws the time range, with buttons for everything and for the range between the in and out points."""
     options, editor = workspace.exporting, workspace.editor
     imgui.align_text_to_frame_padding()
@@ -77,28 +79,28 @@ def _range(workspace: Workspace) -> None:
     tooltip("Only the part between the in and out points (Alt+I, Alt+O)")
 
 
-def _film(workspace: Workspace) -> None:
+def _draw_film_options(workspace: Workspace) -> None:
     """Draws the size and the look of a film."""
     options = workspace.exporting
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted(tr("Pixels"))
     imgui.same_line(_LABEL_WIDTH)
     imgui.set_next_item_width(_FIELD_WIDTH)
-    at = FILM_SIZES.index(options.size) if options.size in FILM_SIZES else 1
-    options.size = FILM_SIZES[imgui.combo("##size", at, list(FILM_SIZES))[1]]
+    size_index = FILM_SIZES.index(options.size) if options.size in FILM_SIZES else 1
+    options.size = FILM_SIZES[imgui.combo("##size", size_index, list(FILM_SIZES))[1]]
     workspace.remember("export size")
     imgui.same_line(0.0, 18.0)
     imgui.text_unformatted(tr("Look"))
     imgui.same_line()
     imgui.set_next_item_width(_FIELD_WIDTH)
     looks: list[str] = list(LOOKS)
-    at = looks.index(options.look or workspace.editor.look)
-    changed, at = imgui.combo("##look", at, [tr(look) for look in looks])
-    options.look = looks[at] if changed or options.look else ""
+    size_index = looks.index(options.look or workspace.editor.look)
+    changed, size_index = imgui.combo("##look", size_index, [tr(look) for look in looks])
+    options.look = looks[size_index] if changed or options.look else ""
     workspace.remember("export look")
 
 
-def _format(workspace: Workspace) -> None:
+def _draw_format_options(workspace: Workspace) -> None:
     """Draws the options of the file formats."""
     options = workspace.exporting
     if any(isinstance(character, Puppet) for character in workspace.editor.project.characters.values()):
@@ -116,4 +118,4 @@ def _format(workspace: Workspace) -> None:
     options.unit = "cm" if centimetres else "m"
     workspace.remember("export centimetres")
     tooltip("Many programs that read .bvh expect centimetres")
-    quiet("The ending of the name chooses the kind of file: .glb, or .bvh for one character with bones.")
+    draw_note("The ending of the name chooses the kind of file: .glb, or .bvh for one character with bones.")

@@ -26,26 +26,26 @@ _WINDOW_FLAGS = (
 
 def draw_progress_box(workspace: Workspace, area: Area) -> None:
     """Draws cancellable work at the upper right of the view."""
-    beside = workspace.editor.background
-    progress = beside.progress
+    background_task = workspace.editor.background
+    progress = background_task.progress
     if progress is None:
         return
     progress.seconds += imgui.get_io().delta_time
-    wide = min(_BOX_WIDTH, area.width - 2 * _EDGE_MARGIN)
+    width = min(_BOX_WIDTH, area.width - 2 * _EDGE_MARGIN)
     corner = ImVec2(area.x + area.width - _EDGE_MARGIN, area.y + _TOP_MARGIN)
     imgui.set_next_window_pos(corner, 0, ImVec2(1.0, 0.0))
-    imgui.set_next_window_size(ImVec2(wide, 0))
+    imgui.set_next_window_size(ImVec2(width, 0))
     imgui.begin(labelled(tr("Working"), "Working"), None, _WINDOW_FLAGS)
     imgui.push_text_wrap_pos(0.0)
-    imgui.text_unformatted(beside.message)
+    imgui.text_unformatted(background_task.message)
     imgui.pop_text_wrap_pos()
     if progress.share is None:
-        imgui.progress_bar(-imgui.get_time(), ImVec2(wide - 120, 0), f"{progress.seconds:.0f} s")
+        imgui.progress_bar(-imgui.get_time(), ImVec2(width - 120, 0), f"{progress.seconds:.0f} s")
     else:
-        imgui.progress_bar(progress.share, ImVec2(wide - 120, 0), f"{100 * progress.share:.0f} %")
+        imgui.progress_bar(progress.share, ImVec2(width - 120, 0), f"{100 * progress.share:.0f} %")
     workspace.remember("work progress")
     imgui.same_line()
     if imgui.button(labelled(tr("Cancel"), "cancel work"), ImVec2(-1, 0)):
-        beside.cancel()
+        background_task.cancel()
     workspace.remember("cancel work")
     imgui.end()

@@ -10,7 +10,7 @@ from enliven.modeling.edits import change_layers
 from enliven_viewer.language import tr
 from enliven_viewer.studio.numbers import ANGLE, LENGTH, TIME, Quantity
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import small, tinted
+from enliven_viewer.studio.panels.style import push_colours, use_small_text
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import QUIET
 
@@ -27,23 +27,25 @@ def draw_numbers(workspace: Workspace) -> None:
     place, height = figures.place, figures.height
     if place is None or height is None:
         return
-    _word(tr("Place"), tr("Position of its middle; height of its lowest point above the floor"))
+    _draw_label(tr("Place"), tr("Position of its middle; height of its lowest point above the floor"))
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
-        at = float(place[axis])
-        number_field(workspace, f"place {name}", at, LENGTH, lambda to, axis=axis: figures.move_to(axis, to))
-    _word(tr("Turn"), tr("Turn it about an axis of the stage; y points up"))
+        coordinate = float(place[axis])
+        number_field(
+            workspace, f"place {name}", coordinate, LENGTH, lambda to, axis=axis: figures.move_to(axis, to)
+        )
+    _draw_label(tr("Turn"), tr("Turn it about an axis of the stage; y points up"))
     for axis, name in enumerate(_AXES):
         imgui.same_line(_LABEL_WIDTH + 12 + axis * (_FIELD_WIDTH + 4))
         number_field(workspace, f"turn {name}", 0.0, ANGLE, lambda by, axis=axis: figures.turn(axis, by))
-    _word(tr("Tall"), tr("Its height now; you can also type a percentage: 150 %"))
+    _draw_label(tr("Tall"), tr("Its height now; you can also type a percentage: 150 %"))
     imgui.same_line(_LABEL_WIDTH + 12)
     more = {"percent": height / 100.0}
-    number_field(workspace, "tall", height, LENGTH, figures.make_tall, **more)
-    _begins(workspace)
+    number_field(workspace, "tall", height, LENGTH, figures.set_height, **more)
+    _draw_start_time(workspace)
 
 
-def _begins(workspace: Workspace) -> None:
+def _draw_start_time(workspace: Workspace) -> None:
     """Draws the start time of the selected layer."""
     editor = workspace.editor
     character, number = editor.chosen(), editor.selection.layer
@@ -55,14 +57,14 @@ def _begins(workspace: Workspace) -> None:
         editor.edit("change offset", lambda project: change_layers(project, name, numbers, offset=seconds))
 
     imgui.same_line()
-    _word(tr("Begins"), tr("When the chosen motion begins on the timeline"))
+    _draw_label(tr("Begins"), tr("When the chosen motion begins on the timeline"))
     imgui.same_line()
     number_field(workspace, "begins", character.playing[number].offset, TIME, change)
 
 
-def _word(text: str, tip: str) -> None:
+def _draw_label(text: str, tip: str) -> None:
     imgui.align_text_to_frame_padding()
-    with small(), tinted(QUIET, imgui.Col_.text):
+    with use_small_text(), push_colours(QUIET, imgui.Col_.text):
         imgui.text_unformatted(text)
     tooltip(tip)
 
@@ -85,7 +87,7 @@ def number_field(
     shown, typing = quantity.write(value), workspace.typing
     imgui.set_next_item_width(_FIELD_WIDTH)
     flags = imgui.InputTextFlags_.auto_select_all
-    with small():
+    with use_small_text():
         typed = imgui.input_text(f"##{key}", typing.get(key, shown), flags)[1]
     workspace.remember(key)
     if imgui.is_item_active():

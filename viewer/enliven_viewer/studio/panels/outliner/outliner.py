@@ -8,9 +8,16 @@ from enliven_viewer.language import tr
 from enliven_viewer.studio.outliner import CHARACTER, GROUP, HANDLE, LIVE, TAKE, Outliner, Row
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import CLOSED_EYE, EYE, packed, panel, small, tinted
+from enliven_viewer.studio.panels.style import (
+    CLOSED_EYE_ICON,
+    EYE_ICON,
+    open_panel,
+    pack_colour,
+    push_colours,
+    use_small_text,
+)
 from enliven_viewer.studio.tools import MapTool
-from enliven_viewer.studio.viewport import default_colour
+from enliven_viewer.studio.viewport import choose_default_colour
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, CLEAR, FAINT, INK, QUIET
 
@@ -28,19 +35,25 @@ _SWITCH_WIDTH = 20.0
 """Width in pixels of a visibility or lock icon."""
 _ROW_HEIGHT = 20.0
 """Height of a row in pixels: a line of text with a margin."""
-_OPENED, _CLOSED = "\uf0d7", "\uf0da"
-_LOCKED, _UNLOCKED = "\uf023", "\uf09c"
-_BONE, _POINT, _FILM, _PERSON, _TRASH = "\uf069", "\uf111", "\uf008", "\uf007", "\uf014"
+_OPENED_ICON, _CLOSED_ICON = "\uf0d7", "\uf0da"
+_LOCKED_ICON, _UNLOCKED_ICON = "\uf023", "\uf09c"
+_BONE_ICON, _POINT_ICON, _FILM_ICON, _PERSON_ICON, _TRASH_ICON = (
+    "\uf069",
+    "\uf111",
+    "\uf008",
+    "\uf007",
+    "\uf014",
+)
 _DRAG_PAYLOAD = "character"
 """Payload type of a dragged row."""
 
 
-def split_outliner(side: Area, share: float) -> tuple[Area, Area]:
+def split_outliner(side: Area, fraction: float) -> tuple[Area, Area]:
     """Splits the right side: the tree above with its share of the height, the selection below."""
-    high = round(share * side.height)
+    height = round(fraction * side.height)
     return (
-        Area(side.x, side.y, side.width, high),
-        Area(side.x, side.y + high, side.width, side.height - high),
+        Area(side.x, side.y, side.width, height),
+        Area(side.x, side.y + height, side.width, side.height - height),
     )
 
 
@@ -49,27 +62,29 @@ def draw_outliner(workspace: Workspace, area: Area, side: Area) -> None:
     outliner = workspace.outliner
     leading = workspace.editor.selection.character
     outliner.followed, follow = leading, leading != outliner.followed
-    with panel("outliner", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse):
-        _filter(workspace, outliner)
+    with open_panel(
+        "outliner", area, imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+    ):
+        _draw_filter(workspace, outliner)
         divided = area.height < side.height
         imgui.begin_child("rows", ImVec2(0, -_SPLITTER_HEIGHT if divided else 0))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(4, 1))
         for row in outliner.rows:
-            _row(workspace, outliner, row)
+            _draw_row(workspace, outliner, row)
             if follow and row.kind == CHARACTER and row.id == leading and not imgui.is_item_visible():
                 imgui.set_scroll_here_y(0.5)
         if not workspace.editor.project.characters and not outliner.typed:
-            with small(), tinted(QUIET, imgui.Col_.text):
+            with use_small_text(), push_colours(QUIET, imgui.Col_.text):
                 imgui.text_wrapped(tr("Nothing yet. Sketch a part (S), or open a model or a mesh (Ctrl+O)."))
         if outliner.typed and not outliner.rows:
             imgui.text_disabled(tr("Nothing has this name."))
         imgui.pop_style_var()
         imgui.end_child()
         if divided:
-            _grip(workspace, outliner, area, side)
+            _handle_splitter(workspace, outliner, area, side)
 
 
-def _grip(workspace: Workspace, outliner: Outliner, area: Area, side: Area) -> None:
+def _handle_splitter(workspace: Workspace, outliner: Outliner, area: Area, side: Area) -> None:
     """Draws the line between the tree and the selection."""
     imgui.set_cursor_pos(ImVec2(0, area.height - _SPLITTER_HEIGHT))
     imgui.invisible_button("##grip", ImVec2(area.width, _SPLITTER_HEIGHT))
@@ -78,27 +93,27 @@ def _grip(workspace: Workspace, outliner: Outliner, area: Area, side: Area) -> N
     if held or imgui.is_item_hovered():
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ns)
     if held:
-        share = (imgui.get_mouse_pos().y - side.y + _SPLITTER_HEIGHT / 2) / side.height
-        outliner.share = min(max(share, _MIN_HEIGHT_FRACTION), _MAX_HEIGHT_FRACTION)
+        fraction = (imgui.get_mouse_pos().y - side.y + _SPLITTER_HEIGHT / 2) / side.height
+        outliner.share = min(max(fraction, _MIN_HEIGHT_FRACTION), _MAX_HEIGHT_FRACTION)
     y, low = area.y + area.height - _SPLITTER_HEIGHT / 2, ImVec2(area.x + area.width / 2 - 16, 0)
     start, end = ImVec2(low.x, y), ImVec2(low.x + 32, y)
-    imgui.get_window_draw_list().add_line(start, end, packed(ACCENT if held else QUIET, 0.6), 2.0)
+    imgui.get_window_draw_list().add_line(start, end, pack_colour(ACCENT if held else QUIET, 0.6), 2.0)
 
 
-def _filter(workspace: Workspace, outliner: Outliner) -> None:
+def _draw_filter(workspace: Workspace, outliner: Outliner) -> None:
     imgui.set_next_item_width(-1)
-    with small():
+    with use_small_text():
         outliner.typed = imgui.input_text_with_hint(
             "##filter", tr("\uf002  Filter by name"), outliner.typed, imgui.InputTextFlags_.escape_clears_all
         )[1]
     workspace.remember("filter")
 
 
-def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
+def _draw_row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     """Draws one row: arrow, icon, name, note, visibility and lock."""
     imgui.push_id(row.key)
     left, width = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
-    at = imgui.get_cursor_screen_pos()
+    position = imgui.get_cursor_screen_pos()
     switches = _SWITCH_WIDTH * {CHARACTER: 2, TAKE: 1, GROUP: int(row.id == "live")}.get(row.kind, 0)
     start = left + _INDENT_WIDTH * row.depth
     imgui.set_next_item_allow_overlap()
@@ -106,64 +121,72 @@ def _row(workspace: Workspace, outliner: Outliner, row: Row) -> None:
     clicked = imgui.selectable(f"##{row.key}", outliner.is_chosen(row), 0, size)[0]
     hovered, twice = imgui.is_item_hovered(), imgui.is_mouse_double_clicked(0)
     workspace.remember(row.key)
-    on_arrow = row.folds and imgui.get_mouse_pos().x < at.x + _INDENT_WIDTH * row.depth + _FOLD_WIDTH
+    on_arrow = row.folds and imgui.get_mouse_pos().x < position.x + _INDENT_WIDTH * row.depth + _FOLD_WIDTH
     if clicked:
         _handle_click(workspace, outliner, row, fold=on_arrow or row.kind == GROUP)
     if hovered and twice and not on_arrow:
         outliner.begin_rename(row)
     if row.kind == CHARACTER:
-        _drag(outliner, row)
+        _handle_drag(outliner, row)
     if outliner.renaming == row.key:
         imgui.same_line(start + _FOLD_WIDTH)
         _rename_field(workspace, outliner, row)
     else:
-        _words(outliner, row, at, width - switches)
+        _draw_row_texts(outliner, row, position, width - switches)
     if row.kind == CHARACTER:
-        _switches(workspace, outliner, row, left + width)
+        _draw_switches(workspace, outliner, row, left + width)
     elif row.kind == TAKE:
         imgui.same_line(left + width - _SWITCH_WIDTH)
-        if _switch(workspace, f"delete {row.id}", _TRASH, False):
+        if _draw_switch(workspace, f"delete {row.id}", _TRASH_ICON, False):
             workspace.commands.takes.delete_row(row.id)
         tooltip("Delete it: one of several takes of a lane, or one that nothing plays")
     elif switches:
         imgui.same_line(left + width - _SWITCH_WIDTH)
-        if _switch(workspace, "live", CLOSED_EYE if outliner.live_hidden else EYE, outliner.live_hidden):
+        if _draw_switch(
+            workspace, "live", CLOSED_EYE_ICON if outliner.live_hidden else EYE_ICON, outliner.live_hidden
+        ):
             outliner.live_hidden = not outliner.live_hidden
         tooltip("Show the live stage while you animate and model")
     imgui.pop_id()
 
 
-def _words(outliner: Outliner, row: Row, at: ImVec2, width: float) -> None:
+def _draw_row_texts(outliner: Outliner, row: Row, position: ImVec2, width: float) -> None:
     """Draws the arrow, icon, name and note, clipped at the end of the row."""
-    draw, x = imgui.get_window_draw_list(), at.x + _INDENT_WIDTH * row.depth
+    draw_list, x = imgui.get_window_draw_list(), position.x + _INDENT_WIDTH * row.depth
     label, note = tr(row.label) if row.kind == GROUP else row.label, tr(row.note)
-    middle = at.y + (_ROW_HEIGHT - imgui.get_font_size()) / 2
-    draw.push_clip_rect(at, ImVec2(at.x + width, at.y + _ROW_HEIGHT), True)
+    middle = position.y + (_ROW_HEIGHT - imgui.get_font_size()) / 2
+    draw_list.push_clip_rect(position, ImVec2(position.x + width, position.y + _ROW_HEIGHT), True)
     if row.folds:
         opened = row.key in outliner.opened or bool(outliner.typed)
-        draw.add_text(ImVec2(x + 3, middle), packed(QUIET), _OPENED if opened else _CLOSED)
+        draw_list.add_text(
+            ImVec2(x + 3, middle), pack_colour(QUIET), _OPENED_ICON if opened else _CLOSED_ICON
+        )
     x += _FOLD_WIDTH
     faint = row.kind == CHARACTER and outliner.handling(row.id).hidden
     if row.kind == CHARACTER:
-        tint = default_colour(row.id)
+        tint = choose_default_colour(row.id)
         colour = (tint[0] / 255, tint[1] / 255, tint[2] / 255, 0.4 if faint else 1.0)
-        draw.add_rect_filled(ImVec2(x, at.y + 5), ImVec2(x + 11, at.y + _ROW_HEIGHT - 5), packed(colour), 3.0)
+        draw_list.add_rect_filled(
+            ImVec2(x, position.y + 5), ImVec2(x + 11, position.y + _ROW_HEIGHT - 5), pack_colour(colour), 3.0
+        )
         x += 17
     elif row.kind != GROUP:
-        sign = {TAKE: _FILM, LIVE: _PERSON}.get(row.kind, _POINT if row.note == "point" else _BONE)
+        sign = {TAKE: _FILM_ICON, LIVE: _PERSON_ICON}.get(
+            row.kind, _POINT_ICON if row.note == "point" else _BONE_ICON
+        )
         size = imgui.get_font_size() * 0.7
-        draw.add_text(imgui.get_font(), size, ImVec2(x, middle + 3), packed(QUIET, 0.7), sign)
+        draw_list.add_text(imgui.get_font(), size, ImVec2(x, middle + 3), pack_colour(QUIET, 0.7), sign)
         x += 17
     ink = QUIET if row.kind == GROUP else FAINT if faint else INK
-    draw.add_text(ImVec2(x, middle), packed(ink), label)
+    draw_list.add_text(ImVec2(x, middle), pack_colour(ink), label)
     x += imgui.calc_text_size(label).x + 8
     size = imgui.get_font_size() * 0.82
     wide = imgui.calc_text_size(note).x * 0.82
     # Align the notes at the right, so that they can be compared. If space is short, a note follows the name
     # instead.
-    aside = ImVec2(max(x, at.x + width - wide - 6), middle + 2)
-    draw.add_text(imgui.get_font(), size, aside, packed(QUIET, 0.75), note)
-    draw.pop_clip_rect()
+    aside = ImVec2(max(x, position.x + width - wide - 6), middle + 2)
+    draw_list.add_text(imgui.get_font(), size, aside, pack_colour(QUIET, 0.75), note)
+    draw_list.pop_clip_rect()
 
 
 def _handle_click(workspace: Workspace, outliner: Outliner, row: Row, *, fold: bool) -> None:
@@ -199,7 +222,7 @@ def _rename_field(workspace: Workspace, outliner: Outliner, row: Row) -> None:
         outliner.end_rename(row, keep=True)
 
 
-def _switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) -> None:
+def _draw_switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) -> None:
     """Draws the visibility and lock icons of a character.
 
     A click applies to the whole selection if that contains it.
@@ -207,18 +230,22 @@ def _switches(workspace: Workspace, outliner: Outliner, row: Row, right: float) 
     now, chosen = outliner.handling(row.id), workspace.editor.selection.characters
     names = chosen if row.id in chosen else (row.id,)
     imgui.same_line(right - 2 * _SWITCH_WIDTH)
-    if _switch(workspace, f"eye {row.id}", CLOSED_EYE if now.hidden else EYE, now.hidden):
+    if _draw_switch(workspace, f"eye {row.id}", CLOSED_EYE_ICON if now.hidden else EYE_ICON, now.hidden):
         outliner.hide(*names, on=not now.hidden)
     tooltip("Show it again" if now.hidden else "Hide it here; exports and the stage do not change")
     imgui.same_line(right - _SWITCH_WIDTH)
-    if _switch(workspace, f"lock {row.id}", _LOCKED if now.locked else _UNLOCKED, now.locked):
+    if _draw_switch(workspace, f"lock {row.id}", _LOCKED_ICON if now.locked else _UNLOCKED_ICON, now.locked):
         outliner.lock(*names, on=not now.locked)
-    tooltip("Let it be picked and edited again" if now.locked else "Keep it from being picked and edited")
+    tooltip("Unlock it" if now.locked else "Lock it: it cannot be picked or edited")
 
 
-def _switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
+def _draw_switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
     """Draws one small frameless button, bright while it is on."""
-    with tinted(CLEAR, imgui.Col_.button), tinted(ACCENT if on else FAINT, imgui.Col_.text), small():
+    with (
+        push_colours(CLEAR, imgui.Col_.button),
+        push_colours(ACCENT if on else FAINT, imgui.Col_.text),
+        use_small_text(),
+    ):
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(1, 2))
         pressed = imgui.button(f"{icon}###{name}", ImVec2(_SWITCH_WIDTH - 2, _ROW_HEIGHT - 1))
         imgui.pop_style_var()
@@ -226,7 +253,7 @@ def _switch(workspace: Workspace, name: str, icon: str, on: bool) -> bool:
     return bool(pressed)
 
 
-def _drag(outliner: Outliner, row: Row) -> None:
+def _handle_drag(outliner: Outliner, row: Row) -> None:
     """Lets a row be dragged onto another one to take its place."""
     if imgui.begin_drag_drop_source():
         imgui.set_drag_drop_payload_py_id(_DRAG_PAYLOAD, outliner.place_of(row.id))

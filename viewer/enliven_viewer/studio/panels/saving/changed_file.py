@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.panels.modal import button, modal
-from enliven_viewer.studio.panels.style import quiet
+from enliven_viewer.studio.panels.style import draw_note
 from enliven_viewer.studio.workspace import Difference, Workspace
 
 _LIST_HEIGHT = 150.0
@@ -55,11 +55,11 @@ def _draw_differences(workspace: Workspace, differences: tuple[Difference, ...])
     """Draws the differences by kind, and a button that adds the items that only the file has."""
     imgui.begin_child("##differences", ImVec2(0, _LIST_HEIGHT), imgui.ChildFlags_.frame_style)
     if not differences:
-        quiet("Both are the same.")
+        draw_note("Both are the same.")
     for side, heading in _SIDE_TITLES.items():
         items = [difference.item for difference in differences if difference.side == side]
         if items:
-            quiet(heading)
+            draw_note(heading)
         for item in items:
             imgui.text_wrapped(f"  {item}")
     imgui.end_child()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.live import time_text
+from enliven_viewer.live import format_time
 from enliven_viewer.studio.panels.modal import button, choice, modal
-from enliven_viewer.studio.panels.style import tinted
+from enliven_viewer.studio.panels.style import push_colours
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import BAD
 
@@ -33,8 +33,8 @@ def draw_unsaved(workspace: Workspace) -> None:
 
 def _draw_recording(workspace: Workspace) -> None:
     """Draws that a recording is running, its length, and the effect of each button."""
-    seconds = time_text(workspace.perform.recording.seconds)
-    with tinted(BAD, imgui.Col_.text):
+    seconds = format_time(workspace.perform.recording.seconds)
+    with push_colours(BAD, imgui.Col_.text):
         imgui.text_unformatted(tr("A recording is running: {0}", seconds))
     imgui.text_wrapped(tr("Save ends it and keeps it. Discard throws it away. Cancel lets it go on."))
     imgui.dummy(ImVec2(0, 6))

@@ -13,22 +13,22 @@ from enliven.person import Body, Joint
 from enliven.wire import CameraMessage
 from enliven_viewer.language import tr
 from enliven_viewer.live import LiveStage
-from enliven_viewer.playback import bounds_of
-from enliven_viewer.render.overlay import limb_tints
+from enliven_viewer.playback import find_bounds
+from enliven_viewer.render.overlay import find_limb_tints
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.style import caption, packed
+from enliven_viewer.studio.panels.style import draw_caption, pack_colour
 from enliven_viewer.studio.perform import (
-    WIDER,
+    DEFAULT_ASPECT,
     PerformSession,
     PreviewPlacement,
     ProjectedBody,
+    find_aspect,
+    find_rectangle,
     project_bodies,
-    rectangle_of,
-    width_of,
 )
 from enliven_viewer.studio.picture import PreviewTextures
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import DARK, INK, LINE, QUIET, UNTINTED, Colour, performer_colour
+from enliven_viewer.theme import DARK, INK, LINE, QUIET, UNTINTED, Colour, get_performer_colour
 
 _LIMB_THICKNESS = 0.075
 """Thickness of a limb in metres, visible in an inset of a hundred pixels."""
@@ -45,22 +45,29 @@ def draw_camera_previews(
 ) -> None:
     """Draws the inset over the viewport, if it is enabled and performers are visible."""
     perform = workspace.perform
-    views = views_of(perform) if workspace.preferences.performer else []
+    views = list_views(perform) if workspace.preferences.performer else []
     workspace.widgets.pop("performer inset", None)
     if not views:
         return
-    room = area.width, area.height
-    widths = [width_of(view.camera) for view in views]
-    left, top, wide, tall = inset.place(*room, sum(widths) / WIDER, lambda: _covered_rectangles(workspace))
-    draw, x = imgui.get_background_draw_list(), area.x + left
+    available_size = area.width, area.height
+    widths = [find_aspect(view.camera) for view in views]
+    left, top, wide, height = inset.place(
+        *available_size, sum(widths) / DEFAULT_ASPECT, lambda: _find_covered_rectangles(workspace)
+    )
+    draw_list, x = imgui.get_background_draw_list(), area.x + left
     for view, width in zip(views, widths, strict=True):
-        _view(draw, Area(x, area.y + top, width * tall, tall), view, pictures.of(view.name, view.camera))
-        x += width * tall
+        _draw_view(
+            draw_list,
+            Area(x, area.y + top, width * height, height),
+            view,
+            pictures.of(view.name, view.camera),
+        )
+        x += width * height
     workspace.widgets["performer inset"] = (
         *(area.x + left, area.y + top),
-        *(area.x + left + wide, area.y + top + tall),
+        *(area.x + left + wide, area.y + top + height),
     )
-    _explain(workspace, Area(area.x + left, area.y + top, wide, tall))
+    _draw_tooltip(workspace, Area(area.x + left, area.y + top, wide, height))
 
 
 @dataclass(frozen=True)
@@ -76,53 +83,56 @@ class PreviewContent:
     limbs: Mapping[int, Mapping[int, tuple[float, float, float]]] = field(default_factory=dict)
 
 
-def views_of(perform: PerformSession) -> list[PreviewContent]:
+def list_views(perform: PerformSession) -> list[PreviewContent]:
     """Returns the camera views of all edges, or that of the take; empty without a link."""
     live = perform.live
     if live is None or not (live.take or perform.connected):
         return []
-    views = [_view_of(live.take or tr("Performer"), live, perform.camera)]
+    views = [_make_view(live.take or tr("Performer"), live, perform.camera)]
     guests = [guest for guest in perform.secondary_edges if guest.connected]
-    views += [_view_of(guest.name, guest.live, guest.camera) for guest in guests]
+    views += [_make_view(guest.name, guest.live, guest.camera) for guest in guests]
     someone = any(view.bodies for view in views)
     return views if someone or perform.active_workspace == "Perform" else []
 
 
-def _view_of(name: str, live: LiveStage, camera: CameraMessage | None) -> PreviewContent:
-    return PreviewContent(name, live.scene.bodies, camera, limb_tints(live.scene.boards))
+def _make_view(name: str, live: LiveStage, camera: CameraMessage | None) -> PreviewContent:
+    return PreviewContent(name, live.scene.bodies, camera, find_limb_tints(live.scene.boards))
 
 
-def _covered_rectangles(workspace: Workspace) -> list[tuple[float, float, float, float]]:
+def _find_covered_rectangles(workspace: Workspace) -> list[tuple[float, float, float, float]]:
     """Returns the rectangles covered by live characters and by those of the project."""
     editor, rectangles = workspace.editor, []
-    lens, own = editor.lens, bounds_of([character.extent for character in editor.visible_characters])
-    for box in (editor.beside_box, own):
+    lens, project_bounds = (
+        editor.lens,
+        find_bounds([character.extent for character in editor.visible_characters]),
+    )
+    for box in (editor.live_box, project_bounds):
         if box is not None:
             corners = np.array(list(itertools.product(*zip(*box, strict=True))))
-            rectangles.append(rectangle_of(lens.project(corners)[0]))
+            rectangles.append(find_rectangle(lens.project(corners)[0]))
     return [rectangle for rectangle in rectangles if rectangle is not None]
 
 
-def _view(draw: imgui.ImDrawList, area: Area, view: PreviewContent, texture: int | None) -> None:
+def _draw_view(draw_list: imgui.ImDrawList, area: Area, view: PreviewContent, texture: int | None) -> None:
     """Draws one camera's image."""
     name, bodies = view.name, project_bodies(view.bodies, view.camera)
     low, high = ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height)
-    draw.add_rect_filled(low, high, packed((*DARK[:3], 0.86)), 8.0)
+    draw_list.add_rect_filled(low, high, pack_colour((*DARK[:3], 0.86)), 8.0)
     if texture is not None:
-        picture, white = imgui.ImTextureRef(texture), packed(UNTINTED)
-        draw.add_image_rounded(picture, low, high, ImVec2(0, 0), ImVec2(1, 1), white, 8.0)
-    draw.push_clip_rect(low, high, True)
+        picture, white = imgui.ImTextureRef(texture), pack_colour(UNTINTED)
+        draw_list.add_image_rounded(picture, low, high, ImVec2(0, 0), ImVec2(1, 1), white, 8.0)
+    draw_list.push_clip_rect(low, high, True)
     for number, body in enumerate(bodies):
         limbs = view.limbs.get(body.id, {})
-        _figure(draw, area, body, performer_colour(number), width_of(view.camera), limbs)
+        _draw_figure(draw_list, area, body, get_performer_colour(number), find_aspect(view.camera), limbs)
     label = name if bodies else tr("{0}: no one in view", name)
-    caption(draw, ImVec2(area.x + 9, area.y + 6), label, INK if bodies else QUIET, _TEXT_SIZE)
-    draw.pop_clip_rect()
-    draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
+    draw_caption(draw_list, ImVec2(area.x + 9, area.y + 6), label, INK if bodies else QUIET, _TEXT_SIZE)
+    draw_list.pop_clip_rect()
+    draw_list.add_rect(low, high, pack_colour(LINE), 8.0, 1.5)
 
 
-def _figure(
-    draw: imgui.ImDrawList,
+def _draw_figure(
+    draw_list: imgui.ImDrawList,
     area: Area,
     body: ProjectedBody,
     tint: Colour,
@@ -133,9 +143,9 @@ def _figure(
 
     `width` is the aspect ratio.
     """
-    at = body.places * area.height + [area.x, area.y]
-    at[:, 0] += (area.width - width * area.height) / 2
-    if not np.isfinite(at).all():
+    joint_pixels = body.places * area.height + [area.x, area.y]
+    joint_pixels[:, 0] += (area.width - width * area.height) / 2
+    if not np.isfinite(joint_pixels).all():
         return
     far, near = float(body.depth.max()), float(body.depth.min())
     for parent, joint in body.bones:
@@ -145,19 +155,19 @@ def _figure(
         sure = _MIN_OPACITY + (1.0 - _MIN_OPACITY) * float(
             min(body.confidence[parent], body.confidence[joint])
         )
-        ink = packed((light * red, light * green, light * blue, sure))
+        ink = pack_colour((light * red, light * green, light * blue, sure))
         thick = max(area.height * body.pixels(_LIMB_THICKNESS, joint), 2.0)
-        draw.add_line(ImVec2(*at[parent]), ImVec2(*at[joint]), ink, thick)
-        draw.add_circle_filled(ImVec2(*at[joint]), thick / 2, ink)
+        draw_list.add_line(ImVec2(*joint_pixels[parent]), ImVec2(*joint_pixels[joint]), ink, thick)
+        draw_list.add_circle_filled(ImVec2(*joint_pixels[joint]), thick / 2, ink)
     head = int(Joint.HEAD)
     head_tint = (*limbs.get(head, tint[:3]), 1.0)
-    draw.add_circle_filled(
-        ImVec2(*at[head]), area.height * body.pixels(_HEAD_RADIUS, head), packed(head_tint)
+    draw_list.add_circle_filled(
+        ImVec2(*joint_pixels[head]), area.height * body.pixels(_HEAD_RADIUS, head), pack_colour(head_tint)
     )
 
 
-def _explain(workspace: Workspace, area: Area) -> None:
+def _draw_tooltip(workspace: Workspace, area: Area) -> None:
     """Shows a tooltip with the shortcut that hides the inset while the pointer is over it."""
     io = imgui.get_io()
     if area.holds(io.mouse_pos.x, io.mouse_pos.y) and not io.want_capture_mouse and not io.mouse_down[0]:
-        imgui.set_tooltip(workspace.actions.tip(workspace.actions["view.performer"]))
+        imgui.set_tooltip(workspace.actions.make_tooltip(workspace.actions["view.performer"]))

@@ -7,10 +7,10 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven.arrays import UInt8
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.render.gl import window_context
+from enliven_viewer.render.gl import get_window_context
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import heading, list_box, quiet, tinted
+from enliven_viewer.studio.panels.style import draw_heading, draw_note, open_list_box, push_colours
 from enliven_viewer.studio.perform import Camera, CameraSearch
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import WAIT
@@ -49,15 +49,17 @@ def draw_cameras(workspace: Workspace, area: Area) -> None:
     if search.cameras is None and not search.searching:
         search.begin()
     search.poll()
-    heading("Cameras here")
+    draw_heading("Cameras here")
     looks = False
-    with list_box("cameras", _LIST_HEIGHT) as room:
+    with open_list_box("cameras", _LIST_HEIGHT) as available_width:
         if search.problem:
-            quiet(search.problem)
+            draw_note(search.problem)
         for number, camera in enumerate(search.cameras or ()):
-            looks |= _camera(workspace, search, camera, number, room)
+            looks |= _draw_camera(workspace, search, camera, number, available_width)
         if not search.cameras and not search.problem:
-            quiet("Looking ..." if search.searching else "None is plugged in. Plug one in, and look again.")
+            draw_note(
+                "Looking ..." if search.searching else "No camera is plugged in. Plug one in, and look again."
+            )
     workspace.remember("cameras")
     imgui.begin_disabled(search.searching)
     if imgui.button(
@@ -71,94 +73,101 @@ def draw_cameras(workspace: Workspace, area: Area) -> None:
     workspace.remember("look for cameras")
     if looks:
         imgui.open_popup(_POPUP_ID)
-    _look(workspace, search, area)
+    _draw_test_image(workspace, search, area)
 
 
-def _camera(workspace: Workspace, search: CameraSearch, camera: Camera, number: int, room: float) -> bool:
-    """Draws a camera, ``room`` pixels wide: the start button, the test image button, and its problem.
+def _draw_camera(
+    workspace: Workspace, search: CameraSearch, camera: Camera, number: int, available_width: float
+) -> bool:
+    """Draws a camera: the start button, the test image button, and its problem.
+
+    The row is ``available_width`` pixels wide.
 
     Returns:
         True if a test image was requested.
     """
     looks = False
     imgui.begin_disabled(not camera.can_start)
-    beside = _TEST_BUTTON_WIDTH if camera.depth and camera.can_start else 0.0
+    test_button_width = _TEST_BUTTON_WIDTH if camera.depth and camera.can_start else 0.0
     if imgui.button(
-        f"{fitting(camera.title, room - beside - 16)}###camera {number}", ImVec2(room - beside, 0)
+        f"{shorten_text(camera.title, available_width - test_button_width - 16)}###camera {number}",
+        ImVec2(available_width - test_button_width, 0),
     ):
         search.close()  # End a running camera test, which would block the camera for the edge.
         workspace.attempt(lambda: workspace.perform.connect_local(*camera.words))
     imgui.end_disabled()
     workspace.remember(f"camera {number}")
     tooltip(tr("Perform in front of it: {0}", camera.title) if camera.can_start else camera.title)
-    if beside:
+    if test_button_width:
         imgui.same_line()
-        imgui.begin_disabled(search.looking is not None)
+        imgui.begin_disabled(search.tested_camera is not None)
         if imgui.button(
             f"{_EYE_ICON}##look {number}", ImVec2(_TEST_BUTTON_WIDTH - imgui.get_style().item_spacing.x, 0)
         ):
-            search.look(camera)
+            search.take_test_image(camera)
             looks = True
         imgui.end_disabled()
         workspace.remember(f"look {number}")
-        tooltip("See what it sees")
+        tooltip("Show a test picture")
     if camera.trouble:
-        with tinted(WAIT, imgui.Col_.text):
+        with push_colours(WAIT, imgui.Col_.text):
             imgui.push_text_wrap_pos(0.0)
             imgui.text_unformatted(f"{camera.trouble[:1].upper()}{camera.trouble[1:]}.")
             imgui.pop_text_wrap_pos()
-        quiet(camera.mend)
+        draw_note(camera.mend)
     elif camera.hint:
-        quiet(f"{camera.hint[:1].upper()}{camera.hint[1:]}")
+        draw_note(f"{camera.hint[:1].upper()}{camera.hint[1:]}")
     return looks
 
 
-def _look(workspace: Workspace, search: CameraSearch, area: Area) -> None:
+def _draw_test_image(workspace: Workspace, search: CameraSearch, area: Area) -> None:
     """Draws a camera's last test image in a popup next to the panel.
 
     The popup has the same size while it waits for the image.
     """
-    wide = _TEST_IMAGE_SIZE[0] + 2 * imgui.get_style().window_padding.x
-    imgui.set_next_window_pos(ImVec2(area.x - _GAP - wide, area.y + _TEST_IMAGE_TOP))
+    width = _TEST_IMAGE_SIZE[0] + 2 * imgui.get_style().window_padding.x
+    imgui.set_next_window_pos(ImVec2(area.x - _GAP - width, area.y + _TEST_IMAGE_TOP))
     if not imgui.begin_popup(_POPUP_ID):
         return
-    camera = search.looking or (search.looked[0] if search.looked is not None else None)
-    room = ImVec2(*_TEST_IMAGE_SIZE)
-    imgui.text_unformatted(fitting(camera.title if camera is not None else "", room.x))
-    at = imgui.get_cursor_screen_pos()
-    imgui.dummy(room)
+    camera = search.tested_camera or (search.test_result[0] if search.test_result is not None else None)
+    max_size = ImVec2(*_TEST_IMAGE_SIZE)
+    imgui.text_unformatted(shorten_text(camera.title if camera is not None else "", max_size.x))
+    position = imgui.get_cursor_screen_pos()
+    imgui.dummy(max_size)
     workspace.remember("camera view")
-    if search.looking is None and search.picture is not None:
-        texture = _texture(search.picture, search.number)
-        high, wide = search.picture.shape[:2]
-        scale = min(room.x / wide, room.y / high)
-        low = ImVec2(at.x + (room.x - scale * wide) / 2, at.y + (room.y - scale * high) / 2)
-        far = ImVec2(low.x + scale * wide, low.y + scale * high)
+    if search.tested_camera is None and search.picture is not None:
+        texture = _get_texture(search.picture, search.number)
+        high, width = search.picture.shape[:2]
+        scale = min(max_size.x / width, max_size.y / high)
+        low = ImVec2(
+            position.x + (max_size.x - scale * width) / 2, position.y + (max_size.y - scale * high) / 2
+        )
+        far = ImVec2(low.x + scale * width, low.y + scale * high)
         imgui.get_window_draw_list().add_image(imgui.ImTextureRef(texture.glo), low, far)
-    imgui.begin_child("##words", ImVec2(room.x, _CAPTION_HEIGHT))
-    if search.looking is not None:
-        quiet("Looking ...")
-    elif search.looked is not None:
-        quiet(search.looked[1])
+    imgui.begin_child("##words", ImVec2(max_size.x, _CAPTION_HEIGHT))
+    if search.tested_camera is not None:
+        draw_note("Looking ...")
+    elif search.test_result is not None:
+        draw_note(search.test_result[1])
     imgui.end_child()
     imgui.end_popup()
 
 
-def _texture(picture: UInt8, number: int) -> moderngl.Texture:
+def _get_texture(picture: UInt8, number: int) -> moderngl.Texture:
     """Returns the texture of a test image, which is made once for each image."""
     if _TestImage.texture is None or _TestImage.number != number:
         if _TestImage.texture is not None:
             _TestImage.texture.release()
-        high, wide = picture.shape[:2]
-        _TestImage.texture = window_context().texture((wide, high), 3, picture.tobytes(), alignment=1)
+        height, width = picture.shape[:2]
+        _TestImage.texture = get_window_context().texture((width, height), 3, picture.tobytes(), alignment=1)
         _TestImage.number = number
     return _TestImage.texture
 
 
-def fitting(text: str, room: float) -> str:
+def shorten_text(text: str, max_width: float) -> str:
     """Returns a text shortened at its end to fit the width."""
-    if imgui.calc_text_size(text).x <= room:
+    if imgui.calc_text_size(text).x <= max_width:
         return text
-    while len(text) > 1 and imgui.calc_text_size(f"{text}\u2026").x > room:
+    while len(text) > 1 and imgui.calc_text_size(f"{text}\u2026").x > max_width:
         text = text[:-1]
     return f"{text}\u2026"

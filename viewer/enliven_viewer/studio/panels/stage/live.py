@@ -7,15 +7,15 @@ from dataclasses import replace
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
-from enliven_viewer.live import Hud, HudState, LiveStage, cards_of, time_text, timeline_fraction
-from enliven_viewer.playback import NS
+from enliven_viewer.live import Hud, HudState, LiveStage, format_time, make_cards, timeline_fraction
+from enliven_viewer.playback import NS_PER_S
 from enliven_viewer.render.overlay import Pen
-from enliven_viewer.studio.panel_layout import HOLDER, Area
-from enliven_viewer.studio.panels.stage.scan import ADVICE
-from enliven_viewer.studio.panels.style import packed
+from enliven_viewer.studio.panel_layout import HOLDER_LINE_HEIGHT, Area
+from enliven_viewer.studio.panels.stage.scan import ADVICE_BOTTOM
+from enliven_viewer.studio.panels.style import pack_colour
 from enliven_viewer.studio.perform import PerformSession
 from enliven_viewer.studio.workspace import Workspace
-from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, performer_colour
+from enliven_viewer.theme import BAD, GLASS, GOOD, INK, SHADOW, WAIT, Colour, get_performer_colour
 
 _PERFORMER_TEXT_SIZE = 26.0
 """Text size in pixels of the lines about performers: readable from three metres."""
@@ -41,71 +41,76 @@ _MIN_LINE_WIDTH = 240.0
 """Minimum width in pixels of the lines next to the inset. With less space they cover it."""
 
 
-def draw_live(workspace: Workspace, area: Area, pace: float) -> None:
-    """Draws the live information over the viewport. ``pace`` is the frame rate in frames per second."""
+def draw_live(workspace: Workspace, area: Area, frame_rate: float) -> None:
+    """Draws the live information over the viewport. ``frame_rate`` is in frames per second."""
     perform = workspace.perform
     live = perform.live
     workspace.widgets.pop("holders", None)
     if live is None:
         return
-    draw = imgui.get_background_draw_list()
+    draw_list = imgui.get_background_draw_list()
     size = (round(area.width), round(area.height))
-    draw.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
-    hud = Hud(Pen(draw, (area.x, area.y)))
+    draw_list.push_clip_rect(ImVec2(area.x, area.y), ImVec2(area.x + area.width, area.y + area.height))
+    hud = Hud(Pen(draw_list, (area.x, area.y)))
     view = workspace.editor.lens.view
-    among = bool(workspace.editor.visible_characters)
+    is_over_characters = bool(workspace.editor.visible_characters)
     if perform.active_workspace == "Play":
-        hud.draw(size, _state(live, pace, live.words(view), among))
-        _scrub(live, area, size)
+        hud.draw(size, _make_hud_state(live, frame_rate, live.words(view), is_over_characters))
+        _handle_scrubbing(live, area, size)
     else:
         notice = live.notice if not live.scene.actors else ""
-        hud.draw_choice(size, cards_of(live.scene, view), notice, among)
+        hud.draw_choice(size, make_cards(live.scene, view), notice, is_over_characters)
     if perform.active_workspace in ("Perform", "Play"):
-        free = area_next_to_preview(area, workspace.widgets.get("performer inset"))
-        high = draw_holders(perform, draw, free)
-        if high:
+        free_area = find_area_next_to_preview(area, workspace.widgets.get("performer inset"))
+        height = draw_holders(perform, draw_list, free_area)
+        if height:
             bottom = area.y + area.height
-            workspace.widgets["holders"] = (free.x, bottom - high, free.x + free.width, bottom)
-        draw_size(perform, draw, area)
-        draw_utterance(perform, draw, area, utterance_bottom(is_scanned=workspace.scan.active))
-    _recording(perform, draw, area)
-    draw.pop_clip_rect()
+            workspace.widgets["holders"] = (
+                free_area.x,
+                bottom - height,
+                free_area.x + free_area.width,
+                bottom,
+            )
+        draw_size(perform, draw_list, area)
+        draw_utterance(perform, draw_list, area, find_utterance_bottom(is_scanned=workspace.scan.active))
+    _draw_recording(perform, draw_list, area)
+    draw_list.pop_clip_rect()
 
 
-def _state(live: LiveStage, pace: float, words: str, among: bool) -> HudState:
+def _make_hud_state(live: LiveStage, frame_rate: float, notice: str, is_over_characters: bool) -> HudState:
     timeline, head = live.document.timeline, live.playhead
     return HudState(
         edge=None if live.take else replace(live.document.edge),
         title=live.take,
-        fps=pace,
+        fps=frame_rate,
         fraction=head.fraction,
-        shown_s=(head.time_ns - timeline.start_ns) / NS,
-        length_s=(timeline.end_ns - timeline.start_ns) / NS,
+        shown_s=(head.time_ns - timeline.start_ns) / NS_PER_S,
+        length_s=(timeline.end_ns - timeline.start_ns) / NS_PER_S,
         live=head.live,
         paused=head.paused,
         speed=head.speed,
         notice=live.notice,
-        among=among,
+        among=is_over_characters,
         near=live.is_local,
-        possession=words,
+        possession=notice,
         score=live.scene.props.note if live.scene.props is not None else "",
     )
 
 
-def _scrub(live: LiveStage, area: Area, size: tuple[int, int]) -> None:
+def _handle_scrubbing(live: LiveStage, area: Area, size: tuple[int, int]) -> None:
     """Lets the pointer scrub the playhead along the live timeline."""
     io = imgui.get_io()
     x, y = io.mouse_pos.x - area.x, io.mouse_pos.y - area.y
-    near = timeline_fraction(x, y, size, 1.0)
-    if near is not None and not io.want_capture_mouse and imgui.is_mouse_clicked(0):
+    pressed_fraction = timeline_fraction(x, y, size, 1.0)
+    if pressed_fraction is not None and not io.want_capture_mouse and imgui.is_mouse_clicked(0):
         live.scrubbing = True
     live.scrubbing = live.scrubbing and imgui.is_mouse_down(0)
     if live.scrubbing:
-        along = timeline_fraction(x, size[1] - 34, size, 1.0)
-        live.playhead.scrub(along if along is not None else float(x > size[0] / 2))
+        track_fraction = timeline_fraction(x, size[1] - 34, size, 1.0)
+        live.playhead.scrub(track_fraction if track_fraction is not None else float(x > size[0] / 2))
 
 
-def area_next_to_preview(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
+def find_area_next_to_preview(area: Area, inset: tuple[float, float, float, float] | None) -> Area:
     """Returns the part of the view next to an inset at the bottom."""
     if inset is None or inset[3] < area.y + area.height / 2:
         return area
@@ -117,7 +122,7 @@ def area_next_to_preview(area: Area, inset: tuple[float, float, float, float] | 
     return free if free.width > _MIN_LINE_WIDTH else area
 
 
-def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> float:
+def draw_holders(perform: PerformSession, draw_list: imgui.ImDrawList, area: Area) -> float:
     """Draws the condition that Possess waits for, and the characters that performers control, one line each.
 
     Returns:
@@ -127,79 +132,82 @@ def draw_holders(perform: PerformSession, draw: imgui.ImDrawList, area: Area) ->
         area.y + area.height - (_PLAY_BOTTOM_MARGIN if perform.active_workspace == "Play" else _BOTTOM_MARGIN)
     )
     if perform.possession_requests.words:
-        _line(draw, area, bottom, perform.possession_requests.words, WAIT)
-        bottom -= HOLDER
+        _draw_line(draw_list, area, bottom, perform.possession_requests.words, WAIT)
+        bottom -= HOLDER_LINE_HEIGHT
     for holder in reversed(perform.holders):
         present = perform.performers
         number = present.index(holder.body) if holder.body in present else 0
-        tint = performer_colour(number)
-        _line(draw, area, bottom, holder.words, tint)
-        bottom -= HOLDER
+        tint = get_performer_colour(number)
+        _draw_line(draw_list, area, bottom, holder.words, tint)
+        bottom -= HOLDER_LINE_HEIGHT
     return 0.0 if bottom == begin else area.y + area.height - bottom
 
 
-def utterance_bottom(*, is_scanned: bool) -> float:
+def find_utterance_bottom(*, is_scanned: bool) -> float:
     """Returns the lower end of the recognised words in pixels from the top.
 
     It lies below the instruction of a scan.
     """
-    return ADVICE + _GAP + _PERFORMER_TEXT_SIZE + _LINE_PADDING if is_scanned else _UTTERANCE_BOTTOM
+    return ADVICE_BOTTOM + _GAP + _PERFORMER_TEXT_SIZE + _LINE_PADDING if is_scanned else _UTTERANCE_BOTTOM
 
 
 def draw_utterance(
-    perform: PerformSession, draw: imgui.ImDrawList, area: Area, below: float = _UTTERANCE_BOTTOM
+    perform: PerformSession, draw_list: imgui.ImDrawList, area: Area, below: float = _UTTERANCE_BOTTOM
 ) -> None:
     """Draws the recognised words in large text at the top, without moving other text."""
     words = perform.voice.words
     if words:
-        _line(draw, area, area.y + below, words, GOOD if perform.voice.is_understood else WAIT)
+        _draw_line(draw_list, area, area.y + below, words, GOOD if perform.voice.is_understood else WAIT)
 
 
-def _line(draw: imgui.ImDrawList, area: Area, bottom: float, text: str, tint: Colour) -> None:
+def _draw_line(draw_list: imgui.ImDrawList, area: Area, bottom: float, text: str, tint: Colour) -> None:
     """Draws one centred line of large text above ``bottom``."""
-    room = area.width - 90.0
+    max_width = area.width - 90.0
     size = min(
-        _PERFORMER_TEXT_SIZE, _PERFORMER_TEXT_SIZE * room / max(_wide(text, _PERFORMER_TEXT_SIZE), 1.0)
+        _PERFORMER_TEXT_SIZE,
+        _PERFORMER_TEXT_SIZE * max_width / max(_measure_width(text, _PERFORMER_TEXT_SIZE), 1.0),
     )
-    wide = _wide(text, size)
-    left, top = area.x + (area.width - wide) / 2, bottom - size - _LINE_PADDING
-    low, high = ImVec2(left - 44, top), ImVec2(left + wide + 20, bottom)
-    draw.add_rect_filled(low, high, packed((*GLASS[:3], 0.85)), 12.0)
-    draw.add_circle_filled(ImVec2(left - 22, top + 7 + size / 2), 8.0, packed(tint))
-    draw.add_text(imgui.get_font(), size, ImVec2(left, top + 7), packed(INK), text)
+    width = _measure_width(text, size)
+    left, top = area.x + (area.width - width) / 2, bottom - size - _LINE_PADDING
+    low, high = ImVec2(left - 44, top), ImVec2(left + width + 20, bottom)
+    draw_list.add_rect_filled(low, high, pack_colour((*GLASS[:3], 0.85)), 12.0)
+    draw_list.add_circle_filled(ImVec2(left - 22, top + 7 + size / 2), 8.0, pack_colour(tint))
+    draw_list.add_text(imgui.get_font(), size, ImVec2(left, top + 7), pack_colour(INK), text)
 
 
-def _recording(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
+def _draw_recording(perform: PerformSession, draw_list: imgui.ImDrawList, area: Area) -> None:
     """Draws the count-in in the middle, or the recorded time at the top."""
     if perform.recording.beat:
         text = str(perform.recording.beat)
-        x = area.x + (area.width - _wide(text, _COUNT_IN_TEXT_SIZE)) / 2
+        x = area.x + (area.width - _measure_width(text, _COUNT_IN_TEXT_SIZE)) / 2
         y = area.y + area.height * 0.4 - _COUNT_IN_TEXT_SIZE / 2
-        draw.add_text(imgui.get_font(), _COUNT_IN_TEXT_SIZE, ImVec2(x + 3, y + 3), packed(SHADOW, 0.5), text)
-        draw.add_text(imgui.get_font(), _COUNT_IN_TEXT_SIZE, ImVec2(x, y), packed(INK), text)
-    elif perform.recording.phase == "recording":
-        text = tr("Recording   {0}", time_text(perform.recording.seconds))
-        wide = _wide(text, 20.0)
-        x, y = area.x + (area.width - wide) / 2, area.y + 18
-        draw.add_rect_filled(
-            ImVec2(x - 40, y - 8), ImVec2(x + wide + 18, y + 29), packed((*GLASS[:3], 0.85)), 10.0
+        draw_list.add_text(
+            imgui.get_font(), _COUNT_IN_TEXT_SIZE, ImVec2(x + 3, y + 3), pack_colour(SHADOW, 0.5), text
         )
-        draw.add_circle_filled(ImVec2(x - 20, y + 11), 7.0, packed(BAD))
-        draw.add_text(imgui.get_font(), 20.0, ImVec2(x, y), packed(INK), text)
+        draw_list.add_text(imgui.get_font(), _COUNT_IN_TEXT_SIZE, ImVec2(x, y), pack_colour(INK), text)
+    elif perform.recording.phase == "recording":
+        text = tr("Recording   {0}", format_time(perform.recording.seconds))
+        width = _measure_width(text, 20.0)
+        x, y = area.x + (area.width - width) / 2, area.y + 18
+        draw_list.add_rect_filled(
+            ImVec2(x - 40, y - 8), ImVec2(x + width + 18, y + 29), pack_colour((*GLASS[:3], 0.85)), 10.0
+        )
+        draw_list.add_circle_filled(ImVec2(x - 20, y + 11), 7.0, pack_colour(BAD))
+        draw_list.add_text(imgui.get_font(), 20.0, ImVec2(x, y), pack_colour(INK), text)
 
 
-def draw_size(perform: PerformSession, draw: imgui.ImDrawList, area: Area) -> None:
+def draw_size(perform: PerformSession, draw_list: imgui.ImDrawList, area: Area) -> None:
     """Draws the size of a character that hands are scaling, and the gesture hint, at the left."""
     if perform.sizes.words is None:
         return
     left, top = area.x + _TEXT_MARGIN, area.y + _TEXT_MARGIN
     for text, high in zip(perform.sizes.words, (_CHARACTER_SIZE_TEXT_SIZE, _GESTURE_TEXT_SIZE), strict=True):
-        size = min(high, high * (area.width - 4 * _TEXT_MARGIN) / max(_wide(text, high), 1.0))
-        low, far = ImVec2(left, top), ImVec2(left + _wide(text, size) + 36, top + size + 14)
-        draw.add_rect_filled(low, far, packed((*GLASS[:3], 0.85)), 12.0)
-        draw.add_text(imgui.get_font(), size, ImVec2(left + 18, top + 7), packed(INK), text)
+        size = min(high, high * (area.width - 4 * _TEXT_MARGIN) / max(_measure_width(text, high), 1.0))
+        low, far = ImVec2(left, top), ImVec2(left + _measure_width(text, size) + 36, top + size + 14)
+        draw_list.add_rect_filled(low, far, pack_colour((*GLASS[:3], 0.85)), 12.0)
+        draw_list.add_text(imgui.get_font(), size, ImVec2(left + 18, top + 7), pack_colour(INK), text)
         top += size + 20
 
 
-def _wide(text: str, size: float) -> float:
+def _measure_width(text: str, size: float) -> float:
     return imgui.calc_text_size(text).x * size / imgui.get_font_size()

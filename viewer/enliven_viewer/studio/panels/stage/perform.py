@@ -8,12 +8,21 @@ from functools import partial
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, tr
-from enliven_viewer.live import PARTS, LiveStage, late_words, time_text
+from enliven_viewer.live import PART_CHOICES, LiveStage, describe_delay, format_time
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.stage.cameras import draw_cameras, fitting
+from enliven_viewer.studio.panels.stage.cameras import draw_cameras, shorten_text
 from enliven_viewer.studio.panels.stage.voice import draw_physics, draw_voice
-from enliven_viewer.studio.panels.style import filled, heading, list_box, packed, panel, quiet, small, tinted
+from enliven_viewer.studio.panels.style import (
+    draw_heading,
+    draw_note,
+    open_list_box,
+    open_panel,
+    pack_colour,
+    push_colours,
+    push_fill,
+    use_small_text,
+)
 from enliven_viewer.studio.perform import PerformSession, StageRecording
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, GOOD, QUIET, WAIT, Colour
@@ -41,56 +50,56 @@ _REMOVE_WIDTH = 58.0
 def draw_perform(workspace: Workspace, area: Area) -> None:
     """Draws the panel at the right. The two main buttons stay at its top; the rest scrolls."""
     perform = workspace.perform
-    with panel("perform", area):
+    with open_panel("perform", area):
         live = perform.live
         if live is None:
-            _stage(workspace, perform, area)
+            _draw_stage_options(workspace, perform, area)
             return
-        _primary(workspace, perform)
+        _draw_main_buttons(workspace, perform)
         imgui.begin_child("##rest")
         _draw_stage_state(workspace, perform, live, area)
         # Draw these also in the frame in which the user leaves the stage.
-        _performers(workspace, perform, live)
-        _characters(workspace, perform)
-        if imgui.button(labelled("\uf030  " + tr("Scan a thing..."), "Scan a thing..."), _FULL_WIDTH):
+        _draw_performers(workspace, perform, live)
+        _draw_characters(workspace, perform)
+        if imgui.button(labelled("\uf030  " + tr("Scan an object..."), "Scan an object..."), _FULL_WIDTH):
             workspace.actions.do("scan.open")
         workspace.remember("scan")
-        tooltip("Carry the camera round it, and it becomes a character")
+        tooltip("Carry the camera round an object to make it a character")
         if perform.client is not None:
             draw_physics(workspace, perform)
-        _recording(workspace, perform.recording)
+        _draw_recording_options(workspace, perform.recording)
         if perform.client is not None:
-            _guests(workspace, perform)
+            _draw_other_cameras(workspace, perform)
         imgui.end_child()
 
 
-def _primary(workspace: Workspace, perform: PerformSession) -> None:
+def _draw_main_buttons(workspace: Workspace, perform: PerformSession) -> None:
     """Draws the two main buttons of a performance, always in the same place."""
     size = ImVec2(
         (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2, _PRIMARY_HEIGHT
     )
     waits = perform.possession_requests.waits
-    with filled(WAIT if waits else ACCENT):
+    with push_fill(WAIT if waits else ACCENT):
         if imgui.button(labelled(tr("Cancel") if waits else tr("Possess"), "Possess"), size):
             workspace.actions.do("perform.possess_alone")
     workspace.remember("possess")
     tooltip(perform.possession_requests.words if waits else tr("Step in as its only performer  (P)"))
     imgui.same_line()
-    _record_button(workspace, perform.recording, size)
+    _draw_record_button(workspace, perform.recording, size)
     if perform.client is not None:
         draw_voice(workspace, perform)
     imgui.separator()
 
 
-def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
+def _draw_record_button(workspace: Workspace, recording: StageRecording, size: ImVec2) -> None:
     """Draws the button that starts or ends a recording.
 
     A click triggers the action that the label named when the mouse button went down.
     """
     if recording.phase == "recording":
-        label, drawn = tr("Stop   {0}", time_text(recording.seconds)), filled(BAD)
+        label, drawn = tr("Stop   {0}", format_time(recording.seconds)), push_fill(BAD)
     elif recording.phase == "counting":
-        label, drawn = tr("Cancel   {0}", recording.beat), filled(WAIT)
+        label, drawn = tr("Cancel   {0}", recording.beat), push_fill(WAIT)
     else:
         label, drawn = "\uf111  " + tr("Record"), nullcontext()
     with drawn:
@@ -103,7 +112,7 @@ def _record_button(workspace: Workspace, recording: StageRecording, size: ImVec2
     tooltip("Your movements become motion on the timeline while the rest plays  (Ctrl+R)")
 
 
-def stage_words(perform: PerformSession) -> tuple[str, Colour]:
+def describe_stage(perform: PerformSession) -> tuple[str, Colour]:
     """Returns the state of the link as text, and its colour."""
     live = perform.live
     if live is None:
@@ -113,37 +122,39 @@ def stage_words(perform: PerformSession) -> tuple[str, Colour]:
         return tr("Playing {0}", live.take), GOOD
     if not edge.connected:
         if live.is_local and not len(live.document.timeline):
-            return live.making, WAIT
-        gone = tr("The stage at {0} is silent. The studio keeps looking for it.", _plain_text(edge.address))
-        looked = tr("Looking for a stage at {0}", _plain_text(edge.address))
-        return (gone, BAD) if len(live.document.timeline) else (looked, WAIT)
+            return live.preparation_text, WAIT
+        silence_text = tr(
+            "The stage at {0} is silent. The studio keeps looking for it.", _shorten_address(edge.address)
+        )
+        search_text = tr("Looking for a stage at {0}", _shorten_address(edge.address))
+        return (silence_text, BAD) if len(live.document.timeline) else (search_text, WAIT)
     if edge.phase == "ended":
         return tr("The camera or recording has ended"), WAIT
     if edge.signal != "live":
-        words = {
+        signal_texts = {
             "slow": tr("Connected, but few pictures arrive"),
             "damaged": tr("Connected, but pictures are damaged"),
         }
-        return words.get(edge.signal, tr("Connected, but no picture arrives")), WAIT
-    late = edge.sensor_to_pose_ms
-    behind = late_words(None if late is None else late + (edge.pose_to_screen_ms or 0.0))
-    return tr("Connected, {0}", behind) if behind else tr("Connected"), GOOD
+        return signal_texts.get(edge.signal, tr("Connected, but no picture arrives")), WAIT
+    delay_text = edge.sensor_to_pose_ms
+    delay_text = describe_delay(None if delay_text is None else delay_text + (edge.pose_to_screen_ms or 0.0))
+    return tr("Connected, {0}", delay_text) if delay_text else tr("Connected"), GOOD
 
 
-def _plain_text(address: str) -> str:
+def _shorten_address(address: str) -> str:
     return address.removeprefix("tcp://") or tr("the address")
 
 
-def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
+def _draw_stage_options(workspace: Workspace, perform: PerformSession, area: Area) -> None:
     """Draws the options without a stage. No widget moves when cameras are found."""
-    heading("Stage")
-    words, colour = stage_words(perform)
-    at = imgui.get_cursor_screen_pos()
-    draw = imgui.get_window_draw_list()
-    draw.add_circle_filled(ImVec2(at.x + 5, at.y + 9), 4.5, packed(colour))
+    draw_heading("Stage")
+    state_text, colour = describe_stage(perform)
+    position = imgui.get_cursor_screen_pos()
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_circle_filled(ImVec2(position.x + 5, position.y + 9), 4.5, pack_colour(colour))
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 18)
     imgui.push_text_wrap_pos(0.0)
-    imgui.text_unformatted(words)
+    imgui.text_unformatted(state_text)
     imgui.pop_text_wrap_pos()
     draw_cameras(workspace, area)
     perform.voice.wanted_state = imgui.checkbox(
@@ -152,22 +163,22 @@ def _stage(workspace: Workspace, perform: PerformSession, area: Area) -> None:
     )[1]
     workspace.remember("voice wanted")
     tooltip("Spoken commands; your voice stays on this computer. The panel then lists the phrases")
-    heading("A camera elsewhere")
-    quiet("Address of the computer with the camera. Or let a recorded person perform here.")
+    draw_heading("A camera elsewhere")
+    draw_note("Address of the computer with the camera. Or let a recorded person perform here.")
     imgui.set_next_item_width(-1)
     entered, workspace.perform.address = imgui.input_text_with_hint(
         "##address", _LOCAL_ADDRESS, perform.address, imgui.InputTextFlags_.enter_returns_true
     )
     workspace.remember("address")
-    wanted = imgui.button(labelled(tr("Connect"), "Connect"), _FULL_WIDTH) or entered
-    if wanted and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL_ADDRESS)):
+    is_connect_pressed = imgui.button(labelled(tr("Connect"), "Connect"), _FULL_WIDTH) or entered
+    if is_connect_pressed and workspace.attempt(lambda: perform.connect(perform.address or _LOCAL_ADDRESS)):
         perform.address = ""  # Clear the field, so that the address of another camera can be typed.
     workspace.remember("connect")
     for address in perform.known_addresses:
         if imgui.selectable(f"{address}###known {address}", False)[0]:
             workspace.attempt(partial(perform.connect, address))
         workspace.remember(f"known {address}")
-    heading("No camera here?")
+    draw_heading("No camera here?")
     if imgui.button(labelled(tr("A recorded person"), "A recorded person"), _FULL_WIDTH):
         workspace.attempt(lambda: perform.connect_local("--loop"))
     workspace.remember("recorded person")
@@ -192,10 +203,10 @@ def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveS
     The box has a fixed height, so that nothing below it moves.
     """
     top = imgui.get_cursor_pos_y()
-    heading("Stage")
+    draw_heading("Stage")
     below = imgui.get_cursor_pos()
     imgui.set_cursor_pos(ImVec2(imgui.get_content_region_avail().x - 44, top))
-    with small():
+    with use_small_text():
         if imgui.small_button(labelled(tr("Leave"), "Leave")):
             perform.disconnect()
     workspace.remember("leave")
@@ -205,20 +216,20 @@ def _draw_stage_state(workspace: Workspace, perform: PerformSession, live: LiveS
     imgui.begin_child(
         "##state", ImVec2(0, _TALL_STATUS_HEIGHT if roomy else _STATUS_HEIGHT), imgui.ChildFlags_.frame_style
     )
-    words, colour = stage_words(perform)
-    at, draw = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
-    draw.add_circle_filled(ImVec2(at.x + 5, at.y + 9), 4.5, packed(colour))
+    state_text, colour = describe_stage(perform)
+    position, draw_list = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
+    draw_list.add_circle_filled(ImVec2(position.x + 5, position.y + 9), 4.5, pack_colour(colour))
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + 18)
-    _draw_wrapped_text(words)
+    _draw_wrapped_text(state_text)
     edge = live.document.edge
-    with small():
+    with use_small_text():
         if perform.connected and edge.message:
-            with tinted(WAIT, imgui.Col_.text):
+            with push_colours(WAIT, imgui.Col_.text):
                 _draw_wrapped_text(edge.message)
         for state in edge.health[:2]:
-            with tinted(WAIT, imgui.Col_.text):
+            with push_colours(WAIT, imgui.Col_.text):
                 _draw_wrapped_text(state.what)
-            quiet(state.mend)
+            draw_note(state.mend)
     imgui.end_child()
     workspace.remember("stage state")
 
@@ -229,9 +240,9 @@ def _draw_wrapped_text(text: str) -> None:
     imgui.pop_text_wrap_pos()
 
 
-def _guests(workspace: Workspace, perform: PerformSession) -> None:
+def _draw_other_cameras(workspace: Workspace, perform: PerformSession) -> None:
     """Draws the secondary edges, and a field to add one, below the more common options."""
-    heading("Other cameras")
+    draw_heading("Other cameras")
     for number, guest in enumerate(list(perform.secondary_edges)):
         state = tr("connected") if guest.connected else tr("silent")
         imgui.text_unformatted(f"{guest.name}: {state}")
@@ -252,15 +263,15 @@ def _guests(workspace: Workspace, perform: PerformSession) -> None:
         perform.address = ""
 
 
-def _recording(workspace: Workspace, recording: StageRecording) -> None:
+def _draw_recording_options(workspace: Workspace, recording: StageRecording) -> None:
     """Draws the recording options; the record button is at the top."""
-    heading("Record")
+    draw_heading("Record")
     last = recording.last_recording
     imgui.begin_disabled(recording.phase != "idle" or not last)
     if imgui.button(
         labelled(tr("Again, and keep {0}", last or tr("the last one")), "again beside"), _FULL_WIDTH
     ):
-        recording.again(beside=True)
+        recording.again(keeps_last=True)
     workspace.remember("again beside")
     imgui.end_disabled()
     tooltip("Both are kept: choose in the lane on the timeline which of them plays")
@@ -269,21 +280,21 @@ def _recording(workspace: Workspace, recording: StageRecording) -> None:
     )[1]
     workspace.remember("count in")
     recording.replaces = imgui.checkbox(
-        labelled(tr("In place of what moves there"), "In place of what moves there"), recording.replaces
+        labelled(tr("Replace the motion there"), "Replace the motion there"), recording.replaces
     )[1]
-    tooltip("On: the parts that you move lose the motion they had. Off: yours is added to it")
+    tooltip("On: your motion replaces the old motion of the parts that you move. Off: it is added")
     workspace.remember("replaces")
-    _ends(workspace, recording)
+    _draw_end_conditions(workspace, recording)
 
 
-def _ends(workspace: Workspace, recording: StageRecording) -> None:
+def _draw_end_conditions(workspace: Workspace, recording: StageRecording) -> None:
     """Draws the conditions that end a recording: stillness, or the end of the marked span."""
     held, still = recording.hold_still, bool(recording.hold_still)
     changed, still = imgui.checkbox(
         labelled(tr("Stop when all hold still"), "Stop when all hold still"), still
     )
     workspace.remember("hold still")
-    tooltip("The still end is left out")
+    tooltip("The still end is cut off")
     if changed:
         recording.hold_still = _DEFAULT_STILLNESS_S if still else 0.0
     if still:
@@ -293,50 +304,52 @@ def _ends(workspace: Workspace, recording: StageRecording) -> None:
         )[1]
         workspace.remember("still for")
     if recording.span is None:
-        quiet("I and O mark where recordings begin and end.")
+        draw_note("I and O mark where recordings begin and end.")
         return
     first, last = recording.span
-    imgui.text_unformatted(tr("From {0} to {1}", time_text(first), time_text(last)))
+    imgui.text_unformatted(tr("From {0} to {1}", format_time(first), format_time(last)))
     imgui.same_line(imgui.get_content_region_avail().x - 40)
     if imgui.small_button(labelled(tr("Clear"), "span")):
         recording.span = None
     workspace.remember("clear span")
-    recording.loops = imgui.checkbox(labelled(tr("Over and over"), "Over and over"), recording.loops)[1]
+    recording.loops = imgui.checkbox(labelled(tr("Record in a loop"), "Record in a loop"), recording.loops)[1]
     workspace.remember("loops")
     tooltip("The marked time is recorded again and again until you stop; all are kept, the last one plays")
 
 
-def _characters(workspace: Workspace, perform: PerformSession) -> None:
+def _draw_characters(workspace: Workspace, perform: PerformSession) -> None:
     """Draws all characters, those of the project first, in a scrolling list of fixed height.
 
     A character keeps its line when it enters or leaves the stage, and when other edges add their characters.
     """
-    heading("Characters")
+    draw_heading("Characters")
     editor = workspace.editor
-    own = list(editor.project.characters)
-    with list_box("characters", _CHARACTERS_HEIGHT) as room:
-        for name in own:
-            _character(workspace, perform, name, room)
+    project_names = list(editor.project.characters)
+    with open_list_box("characters", _CHARACTERS_HEIGHT) as available_width:
+        for name in project_names:
+            _draw_character(workspace, perform, name, available_width)
         for name in perform.stage_ids:
             if name not in editor.project.characters:
-                _character(workspace, perform, name, room)
-        if not own and not perform.stage_ids:
-            quiet("None yet. Open a model or draw a shape, and put it there.")
+                _draw_character(workspace, perform, name, available_width)
+        if not project_names and not perform.stage_ids:
+            draw_note("None yet. Open a model or draw a shape, and put it there.")
     workspace.remember("characters")
-    _reveal_list(workspace)
+    _scroll_to_list(workspace)
     chosen = editor.selection.character
     state = perform.sender.states.get(chosen or "", "")
-    can_put = chosen in own and chosen not in perform.stage_ids and not state.startswith("being")
+    can_put = chosen in project_names and chosen not in perform.stage_ids and not state.startswith("being")
     imgui.begin_disabled(not can_put)
     label = tr("Put {0} on the stage", chosen) if can_put else tr("Put the chosen one on the stage")
-    if imgui.button(labelled(fitting(label, imgui.get_content_region_avail().x - 16), "put"), _FULL_WIDTH):
+    if imgui.button(
+        labelled(shorten_text(label, imgui.get_content_region_avail().x - 16), "put"), _FULL_WIDTH
+    ):
         perform.put()
     imgui.end_disabled()
     workspace.remember("put")
     tooltip("A person can step into it then. It follows every edit  (Ctrl+Enter)")
 
 
-def _reveal_list(workspace: Workspace) -> None:
+def _scroll_to_list(workspace: Workspace) -> None:
     """Scrolls the panel to the list of characters if one of its lines is requested.
 
     The list alone would scroll only its own lines.
@@ -350,13 +363,13 @@ def _reveal_list(workspace: Workspace) -> None:
         imgui.set_scroll_here_y(0.5)
 
 
-def _character(workspace: Workspace, perform: PerformSession, name: str, room: float) -> None:
+def _draw_character(workspace: Workspace, perform: PerformSession, name: str, available_width: float) -> None:
     """Draws one character's line: its name, its state, and the button that removes it from the stage.
 
     The state is held, free, or the reason why the character is not on the stage.
     """
     standing = name in perform.stage_ids
-    own, over = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
+    is_in_project, flags = name in workspace.editor.project.characters, imgui.SelectableFlags_.allow_overlap
     state = perform.sender.states.get(name, "")
     if standing:
         state_text = tr("held") if any(holder.character == name for holder in perform.holders) else tr("free")
@@ -364,36 +377,38 @@ def _character(workspace: Workspace, perform: PerformSession, name: str, room: f
         state_text = tr(state) if state else tr("not on the stage")
     chosen = perform.target == name if standing else workspace.editor.selection.character == name
     can_remove = standing and perform.live is not None and not perform.live.take
-    label = fitting(f"{name}  ·  {state_text}", room - (_REMOVE_WIDTH if can_remove else 0.0))
-    if imgui.selectable(f"{label}###character {name}", chosen, over, ImVec2(room, 0))[0]:
+    label = shorten_text(f"{name}  ·  {state_text}", available_width - (_REMOVE_WIDTH if can_remove else 0.0))
+    if imgui.selectable(f"{label}###character {name}", chosen, flags, ImVec2(available_width, 0))[0]:
         perform.stage_selection = name if standing else perform.stage_selection
-        workspace.editor.choose(name if own else None)
+        workspace.editor.choose(name if is_in_project else None)
     workspace.remember(f"{'stands' if standing else 'waits'} {name}")
     tooltip(state_text if state.startswith("refused") else "")
     if can_remove:
-        imgui.same_line(room - _REMOVE_WIDTH)
+        imgui.same_line(available_width - _REMOVE_WIDTH)
         if imgui.small_button(labelled(tr("Remove"), f"remove {name}")):
             perform.take_off(name)
         workspace.remember(f"remove {name}")
 
 
-def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) -> None:
+def _draw_performers(workspace: Workspace, perform: PerformSession, live: LiveStage) -> None:
     """Draws the choice of performer and body parts, and the other ways to control a character."""
-    heading("Performer and body parts")
+    draw_heading("Performer and body parts")
     present, choice = perform.performers, live.possession
     numbers = {live.numbers.number_of(body): body for body in present}
-    everyone = tr("Whoever is free") if present else tr("First to come: no one is in view")
-    names = [everyone, *(tr("Performer {0}", number) for number in sorted(numbers))]
+    default_label = tr("Any free performer") if present else tr("First person in view")
+    names = [default_label, *(tr("Performer {0}", number) for number in sorted(numbers))]
     bodies = [numbers[number] for number in sorted(numbers)]
-    at = 1 + bodies.index(choice.body) if choice.body in bodies else 0
+    index = 1 + bodies.index(choice.body) if choice.body in bodies else 0
     imgui.set_next_item_width(-1)
-    changed, at = imgui.combo("##performer", at, names)
+    changed, index = imgui.combo("##performer", index, names)
     workspace.remember("performer")
     if changed:
-        choice.body = bodies[at - 1] if at else None
+        choice.body = bodies[index - 1] if index else None
         live.possess("preview")
     imgui.set_next_item_width(-1)
-    changed, number = imgui.combo("##parts", PARTS.index(choice.parts), list(map(_part, PARTS)))
+    changed, number = imgui.combo(
+        "##parts", PART_CHOICES.index(choice.parts), list(map(_label_part, PART_CHOICES))
+    )
     workspace.remember("parts")
     tooltip("The body parts that step in; the stage shows what they would move  (1 to 9)")
     if changed:
@@ -421,6 +436,6 @@ def _performers(workspace: Workspace, perform: PerformSession, live: LiveStage) 
     tooltip("Newcomers cannot step in  (K)")
 
 
-def _part(name: str) -> str:
+def _label_part(name: str) -> str:
     label = tr("the whole body") if name == "all" else tr(name)
     return label[:1].upper() + label[1:]

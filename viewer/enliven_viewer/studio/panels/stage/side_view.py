@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.panel_layout import Area
-from enliven_viewer.studio.panels.style import caption, packed
+from enliven_viewer.studio.panels.style import draw_caption, pack_colour
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import INK, LINE, UNTINTED
 
@@ -24,25 +24,27 @@ _TEXT_SIZE = 13.0
 """Text size of its title in pixels."""
 
 
-def place_of_side_view(workspace: Workspace, area: Area) -> Area:
+def find_side_view_area(workspace: Workspace, area: Area) -> Area:
     """Returns the area of the side view in the window: at the top right, or below an inset there."""
-    tall = min(
+    height = min(
         max(_HEIGHT_FRACTION * area.height, _MIN_HEIGHT), _MAX_HEIGHT, max(area.height / 2 - _MARGIN, 1.0)
     )
-    wide, top = _ASPECT * tall, area.y + _MARGIN
-    left = area.x + area.width - wide - _MARGIN
+    width, top = _ASPECT * height, area.y + _MARGIN
+    left = area.x + area.width - width - _MARGIN
     taken = workspace.widgets.get("performer inset")
-    if taken is not None and taken[2] > left and taken[1] < top + tall:
+    if taken is not None and taken[2] > left and taken[1] < top + height:
         top = taken[3] + _MARGIN
-    return Area(left, top, wide, tall)
+    return Area(left, top, width, height)
 
 
 def draw_side_view(workspace: Workspace, area: Area, texture: int) -> None:
     """Draws the side view that the window has rendered."""
-    draw, place = imgui.get_background_draw_list(), place_of_side_view(workspace, area)
+    draw_list, place = imgui.get_background_draw_list(), find_side_view_area(workspace, area)
     low, high = ImVec2(place.x, place.y), ImVec2(place.x + place.width, place.y + place.height)
-    white = packed(UNTINTED)
-    draw.add_image_rounded(imgui.ImTextureRef(texture), low, high, ImVec2(0, 1), ImVec2(1, 0), white, 8.0)
-    draw.add_rect(low, high, packed(LINE), 8.0, 1.5)
-    caption(draw, ImVec2(place.x + 9, place.y + 6), tr("From the side"), INK, _TEXT_SIZE)
+    white = pack_colour(UNTINTED)
+    draw_list.add_image_rounded(
+        imgui.ImTextureRef(texture), low, high, ImVec2(0, 1), ImVec2(1, 0), white, 8.0
+    )
+    draw_list.add_rect(low, high, pack_colour(LINE), 8.0, 1.5)
+    draw_caption(draw_list, ImVec2(place.x + 9, place.y + 6), tr("From the side"), INK, _TEXT_SIZE)
     workspace.widgets["side view"] = (low.x, low.y, high.x, high.y)

@@ -6,13 +6,13 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import Texts, tr
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.stage.cameras import fitting
-from enliven_viewer.studio.panels.style import heading, quiet, small, tinted
+from enliven_viewer.studio.panels.stage.cameras import shorten_text
+from enliven_viewer.studio.panels.style import draw_heading, draw_note, push_colours, use_small_text
 from enliven_viewer.studio.perform import LOOSE_LABELS, PerformSession
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import BAD, GOOD, INK, QUIET, WAIT
 
-_MICROPHONE, _MUTED = "\uf130", "\uf131"
+_MICROPHONE_ICON, _MUTED_ICON = "\uf130", "\uf131"
 """Icons of Font Awesome 4."""
 _ROW_HEIGHT = 40.0
 """Fixed height of the row in pixels: two lines of small text."""
@@ -56,22 +56,22 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
     listening = voice.state is not None and voice.state.state == "listening"
     tint = GOOD if listening else BAD if voice.is_on and voice.state.state == "missing" else QUIET  # type: ignore[union-attr]
     imgui.begin_disabled(voice.state is None)
-    with tinted(tint, imgui.Col_.text):
-        icon = _MICROPHONE if voice.is_on else _MUTED
+    with push_colours(tint, imgui.Col_.text):
+        icon = _MICROPHONE_ICON if voice.is_on else _MUTED_ICON
         if imgui.button(f"{icon}###voice", ImVec2(_SWITCH_SIZE, _SWITCH_SIZE)):
             voice.toggle(perform.client)
     imgui.end_disabled()
     workspace.remember("voice")
     tooltip("Close the microphone" if voice.is_on else "Voice: open the microphone of this stage")
-    room = imgui.get_window_size().x - _SWITCH_SIZE - _HELP_SIZE - 22
-    words = voice.words
-    colour = (GOOD if voice.is_understood else WAIT) if words else INK
-    lines = ((words or tr(voice.status), colour), (voice.advice, QUIET))
-    with small():
+    available_width = imgui.get_window_size().x - _SWITCH_SIZE - _HELP_SIZE - 22
+    heard_text = voice.words
+    colour = (GOOD if voice.is_understood else WAIT) if heard_text else INK
+    lines = ((heard_text or tr(voice.status), colour), (voice.advice, QUIET))
+    with use_small_text():
         for number, (text, tint) in enumerate(lines):
             imgui.set_cursor_screen_pos(ImVec2(top.x + _SWITCH_SIZE + 8, top.y + 2 + 18 * number))
-            with tinted(tint, imgui.Col_.text):
-                imgui.text_unformatted(fitting(text, room))
+            with push_colours(tint, imgui.Col_.text):
+                imgui.text_unformatted(shorten_text(text, available_width))
             tooltip(text)
     workspace.remember("voice state")
     imgui.set_cursor_screen_pos(ImVec2(top.x + imgui.get_window_size().x - _HELP_SIZE, top.y + 6))
@@ -83,23 +83,23 @@ def draw_voice(workspace: Workspace, perform: PerformSession) -> None:
         for phrase, action in voice.phrases:
             imgui.text_unformatted(phrase)
             imgui.same_line(_DESCRIPTIONS_X)
-            with tinted(QUIET, imgui.Col_.text):
-                imgui.text_unformatted(command_words(action))
+            with push_colours(QUIET, imgui.Col_.text):
+                imgui.text_unformatted(describe_command(action))
         imgui.end_popup()
     imgui.end_child()
 
 
-def command_words(action: str) -> str:
+def describe_command(action: str) -> str:
     """Returns the artist's words for a command of the edge such as "possess left arm"."""
-    word, _, parts = action.partition(" ")
-    words = _COMMAND_LABELS.get(word, word)
-    return f"{words}: {parts}" if parts else words
+    verb, _, parts = action.partition(" ")
+    label = _COMMAND_LABELS.get(verb, verb)
+    return f"{label}: {parts}" if parts else label
 
 
 def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
     """Draws the selection of loose objects and their requirements, in a fixed space."""
     physics = perform.physics
-    heading("Physics")
+    draw_heading("Physics")
     imgui.begin_disabled(physics.state is None)
     imgui.set_next_item_width(-1)
     changed, number = imgui.combo("##physics", physics.number, [tr(label) for label in LOOSE_LABELS])
@@ -110,11 +110,11 @@ def draw_physics(workspace: Workspace, perform: PerformSession) -> None:
         physics.ask(perform.client, number)
     imgui.begin_child("##physics state", ImVec2(0, _PHYSICS_HEIGHT))
     if physics.has_problem:
-        with small(), tinted(WAIT, imgui.Col_.text):
+        with use_small_text(), push_colours(WAIT, imgui.Col_.text):
             imgui.push_text_wrap_pos(0.0)
             imgui.text_unformatted(tr(physics.words))
             imgui.pop_text_wrap_pos()
     else:
-        quiet(physics.words)
+        draw_note(physics.words)
     imgui.end_child()
     workspace.remember("physics state")

@@ -6,8 +6,8 @@ from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import tr
 from enliven_viewer.studio.panels.fields import tooltip
-from enliven_viewer.studio.panels.style import packed
-from enliven_viewer.studio.perform import ROOMS
+from enliven_viewer.studio.panels.style import pack_colour
+from enliven_viewer.studio.perform import WORKSPACES
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, BAD, INK
 
@@ -25,9 +25,9 @@ _MIN_GAP = 12.0
 """Minimum gap in pixels between the menus and the first tab."""
 
 
-def tabs_width(*, narrow: bool = False) -> float:
+def measure_tabs(*, narrow: bool = False) -> float:
     """Returns the width in pixels of all tabs, including the gap before them."""
-    return _MIN_GAP + (_NARROW_TAB_WIDTH if narrow else _TAB_WIDTH) * len(ROOMS)
+    return _MIN_GAP + (_NARROW_TAB_WIDTH if narrow else _TAB_WIDTH) * len(WORKSPACES)
 
 
 def draw_workspace_tabs(workspace: Workspace) -> None:
@@ -38,24 +38,24 @@ def draw_workspace_tabs(workspace: Workspace) -> None:
     if not imgui.begin_main_menu_bar():
         return
     perform = workspace.perform
-    begin, wide = imgui.get_cursor_pos_x() + _MIN_GAP, imgui.get_window_width()
-    tab = min(max((wide - begin) / len(ROOMS), _NARROW_TAB_WIDTH), _TAB_WIDTH)
-    left = min(max((wide - tab * len(ROOMS)) / 2, begin), wide - tab * len(ROOMS))
-    draw, high = imgui.get_window_draw_list(), imgui.get_window_height()
-    for number, room in enumerate(ROOMS):
+    begin, width = imgui.get_cursor_pos_x() + _MIN_GAP, imgui.get_window_width()
+    tab = min(max((width - begin) / len(WORKSPACES), _NARROW_TAB_WIDTH), _TAB_WIDTH)
+    left = min(max((width - tab * len(WORKSPACES)) / 2, begin), width - tab * len(WORKSPACES))
+    draw_list, height = imgui.get_window_draw_list(), imgui.get_window_height()
+    for number, workspace_name in enumerate(WORKSPACES):
         x = left + number * tab
-        if perform.active_workspace == room:
-            draw.add_rect_filled(ImVec2(x, 1), ImVec2(x + tab, high), packed(ACCENT, 0.22), 6.0)
+        if perform.active_workspace == workspace_name:
+            draw_list.add_rect_filled(ImVec2(x, 1), ImVec2(x + tab, height), pack_colour(ACCENT, 0.22), 6.0)
         imgui.set_cursor_pos_x(x)
         imgui.set_cursor_pos_y(0)
-        if imgui.invisible_button(f"##room {room}", ImVec2(tab, high)):
-            perform.active_workspace = room
-        tooltip(tr("{0}  (Ctrl+{1})", tr(_TAB_TIPS[room]), number + 1))
-        lit = perform.active_workspace == room or imgui.is_item_hovered()
-        workspace.remember(f"room {room}")
-        letters = imgui.calc_text_size(tr(room)).x
-        at = ImVec2(x + (tab - letters) / 2, (high - imgui.get_text_line_height()) / 2)
-        draw.add_text(at, packed(ACCENT if lit else INK), tr(room))
-        if room == "Perform" and perform.recording.phase == "recording":
-            draw.add_circle_filled(ImVec2(at.x - 9, high / 2), 4.0, packed(BAD))
+        if imgui.invisible_button(f"##room {workspace_name}", ImVec2(tab, height)):
+            perform.active_workspace = workspace_name
+        tooltip(tr("{0}  (Ctrl+{1})", tr(_TAB_TIPS[workspace_name]), number + 1))
+        is_bright = perform.active_workspace == workspace_name or imgui.is_item_hovered()
+        workspace.remember(f"room {workspace_name}")
+        letters = imgui.calc_text_size(tr(workspace_name)).x
+        text_offset = ImVec2(x + (tab - letters) / 2, (height - imgui.get_text_line_height()) / 2)
+        draw_list.add_text(text_offset, pack_colour(ACCENT if is_bright else INK), tr(workspace_name))
+        if workspace_name == "Perform" and perform.recording.phase == "recording":
+            draw_list.add_circle_filled(ImVec2(text_offset.x - 9, height / 2), 4.0, pack_colour(BAD))
     imgui.end_main_menu_bar()

@@ -24,7 +24,7 @@ _TARGET_COVER_COST = 1e6
 def place_card(
     size: tuple[float, float],
     window: Rectangle,
-    meant: Rectangle | None,
+    target: Rectangle | None,
     others: Sequence[Rectangle] = (),
     picture: Rectangle | None = None,
     before: tuple[float, float] | None = None,
@@ -38,35 +38,38 @@ def place_card(
         picture: area of the view; its corners are preferred.
         before: previous position. The card stays there unless it covers the target.
     """
-    if before is not None and not _cost(before, size, meant, ()):
+    if before is not None and not _compute_cost(before, size, target, ()):
         return before
     left, top, right, bottom = window
-    wide, high = size
-    furthest = (
-        max(right - wide - _EDGE_MARGIN_PX, left + _EDGE_MARGIN_PX),
-        max(bottom - high - _EDGE_MARGIN_PX, top + _EDGE_MARGIN_PX),
+    width, height = size
+    max_distance = (
+        max(right - width - _EDGE_MARGIN_PX, left + _EDGE_MARGIN_PX),
+        max(bottom - height - _EDGE_MARGIN_PX, top + _EDGE_MARGIN_PX),
     )
-    corners = [*(_corners(size, picture) if picture is not None else []), *_corners(size, window)]
-    if meant is None:
-        return min(corners, key=lambda at: _cost(at, size, None, others))
-    middle = (meant[0] + meant[2] - wide) / 2, (meant[1] + meant[3] - high) / 2
-    beside = [
-        (meant[0] - wide - _TARGET_GAP_PX, middle[1]),
-        (meant[2] + _TARGET_GAP_PX, middle[1]),
-        (middle[0], meant[3] + _TARGET_GAP_PX),
-        (middle[0], meant[1] - high - _TARGET_GAP_PX),
-        (meant[0] - wide - _TARGET_GAP_PX, meant[3] + _TARGET_GAP_PX),
-        (meant[2] + _TARGET_GAP_PX, meant[3] + _TARGET_GAP_PX),
+    corners = [*(_find_corners(size, picture) if picture is not None else []), *_find_corners(size, window)]
+    if target is None:
+        return min(corners, key=lambda position: _compute_cost(position, size, None, others))
+    middle = (target[0] + target[2] - width) / 2, (target[1] + target[3] - height) / 2
+    positions = [
+        (target[0] - width - _TARGET_GAP_PX, middle[1]),
+        (target[2] + _TARGET_GAP_PX, middle[1]),
+        (middle[0], target[3] + _TARGET_GAP_PX),
+        (middle[0], target[1] - height - _TARGET_GAP_PX),
+        (target[0] - width - _TARGET_GAP_PX, target[3] + _TARGET_GAP_PX),
+        (target[2] + _TARGET_GAP_PX, target[3] + _TARGET_GAP_PX),
     ]
     clamped = [
-        (min(max(x, left + _EDGE_MARGIN_PX), furthest[0]), min(max(y, top + _EDGE_MARGIN_PX), furthest[1]))
-        for x, y in beside
+        (
+            min(max(x, left + _EDGE_MARGIN_PX), max_distance[0]),
+            min(max(y, top + _EDGE_MARGIN_PX), max_distance[1]),
+        )
+        for x, y in positions
     ]
     # min returns the first of equally good places. The nearest places come first in the list.
-    return min([*clamped, *corners], key=lambda at: _cost(at, size, meant, others))
+    return min([*clamped, *corners], key=lambda position: _compute_cost(position, size, target, others))
 
 
-def place_arrow(card: Rectangle, meant: Rectangle, widgets: Sequence[Rectangle]) -> Segment | None:
+def place_arrow(card: Rectangle, target: Rectangle, widgets: Sequence[Rectangle]) -> Segment | None:
     """Returns the arrow to a target: from the card, or from a side where it crosses no other widget.
 
     Only the end of a long arrow is drawn; it still shows the direction.
@@ -77,52 +80,52 @@ def place_arrow(card: Rectangle, meant: Rectangle, widgets: Sequence[Rectangle])
     Returns:
         The arrow, or None if the card is too close for one.
     """
-    start, end = _nearest(card, meant)
+    start, end = _find_nearest_points(card, target)
     length = math.dist(start, end)
     if length < _MIN_ARROW_PX:
         return None
-    share = max(1.0 - _MAX_ARROW_PX / length, 0.0)
-    begin = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
-    x, y = (meant[0] + meant[2]) / 2, (meant[1] + meant[3]) / 2
+    fraction = max(1.0 - _MAX_ARROW_PX / length, 0.0)
+    begin = start[0] + fraction * (end[0] - start[0]), start[1] + fraction * (end[1] - start[1])
+    x, y = (target[0] + target[2]) / 2, (target[1] + target[3]) / 2
     arrows: tuple[Segment, ...] = (
         (begin, end),
-        ((x, meant[3] + _MAX_ARROW_PX), (x, meant[3])),
-        ((x, meant[1] - _MAX_ARROW_PX), (x, meant[1])),
-        ((meant[0] - _MAX_ARROW_PX, y), (meant[0], y)),
-        ((meant[2] + _MAX_ARROW_PX, y), (meant[2], y)),
+        ((x, target[3] + _MAX_ARROW_PX), (x, target[3])),
+        ((x, target[1] - _MAX_ARROW_PX), (x, target[1])),
+        ((target[0] - _MAX_ARROW_PX, y), (target[0], y)),
+        ((target[2] + _MAX_ARROW_PX, y), (target[2], y)),
     )
-    others = [widget for widget in widgets if not _touch(widget, meant)]
-    free = (arrow for arrow in arrows if not any(_touch(_bounds(arrow), widget) for widget in others))
+    others = [widget for widget in widgets if not _do_touch(widget, target)]
+    free = (arrow for arrow in arrows if not any(_do_touch(_find_bounds(arrow), widget) for widget in others))
     return next(free, arrows[0])
 
 
-def _nearest(card: Rectangle, meant: Rectangle) -> Segment:
+def _find_nearest_points(card: Rectangle, target: Rectangle) -> Segment:
     """Returns the nearest points of two rectangles."""
     start, end = [0.0, 0.0], [0.0, 0.0]
     for axis in (0, 1):
-        low, high = max(card[axis], meant[axis]), min(card[axis + 2], meant[axis + 2])
+        low, high = max(card[axis], target[axis]), min(card[axis + 2], target[axis + 2])
         if low <= high:
             start[axis] = end[axis] = (low + high) / 2
-        elif card[axis + 2] < meant[axis]:
-            start[axis], end[axis] = card[axis + 2], meant[axis]
+        elif card[axis + 2] < target[axis]:
+            start[axis], end[axis] = card[axis + 2], target[axis]
         else:
-            start[axis], end[axis] = card[axis], meant[axis + 2]
+            start[axis], end[axis] = card[axis], target[axis + 2]
     return (start[0], start[1]), (end[0], end[1])
 
 
-def _bounds(arrow: Segment) -> Rectangle:
+def _find_bounds(arrow: Segment) -> Rectangle:
     """Returns the bounding box of an arrow."""
     (left, top), (right, bottom) = arrow
     return min(left, right), min(top, bottom), max(left, right), max(top, bottom)
 
 
-def _touch(first: Rectangle, second: Rectangle) -> bool:
+def _do_touch(first: Rectangle, second: Rectangle) -> bool:
     """Returns True if two rectangles, which may have no width or height, have a point in common."""
     across = min(first[2], second[2]) >= max(first[0], second[0])
     return across and min(first[3], second[3]) >= max(first[1], second[1])
 
 
-def _corners(size: tuple[float, float], area: Rectangle) -> list[tuple[float, float]]:
+def _find_corners(size: tuple[float, float], area: Rectangle) -> list[tuple[float, float]]:
     """Returns the top left corner of a card in each corner of an area, those at the right first."""
     left, top, right, bottom = area
     across = max(right - size[0] - _EDGE_MARGIN_PX, left + _EDGE_MARGIN_PX), left + _EDGE_MARGIN_PX
@@ -130,19 +133,19 @@ def _corners(size: tuple[float, float], area: Rectangle) -> list[tuple[float, fl
     return [(x, y) for x in across for y in down]
 
 
-def _cost(
-    at: tuple[float, float],
+def _compute_cost(
+    position: tuple[float, float],
     size: tuple[float, float],
-    meant: Rectangle | None,
+    target: Rectangle | None,
     others: Sequence[Rectangle],
 ) -> float:
     """Returns the covered area in square pixels; the target's area has by far the highest cost."""
-    card = at[0], at[1], at[0] + size[0], at[1] + size[1]
-    cost = sum(_common(card, other) for other in others)
-    return round(cost + (_TARGET_COVER_COST * _common(card, meant) if meant is not None else 0.0))
+    card = position[0], position[1], position[0] + size[0], position[1] + size[1]
+    cost = sum(_measure_overlap(card, other) for other in others)
+    return round(cost + (_TARGET_COVER_COST * _measure_overlap(card, target) if target is not None else 0.0))
 
 
-def _common(one: Rectangle, other: Rectangle) -> float:
-    wide = min(one[2], other[2]) - max(one[0], other[0])
-    high = min(one[3], other[3]) - max(one[1], other[1])
-    return max(wide, 0.0) * max(high, 0.0)
+def _measure_overlap(first: Rectangle, second: Rectangle) -> float:
+    width = min(first[2], second[2]) - max(first[0], second[0])
+    height = min(first[3], second[3]) - max(first[1], second[1])
+    return max(width, 0.0) * max(height, 0.0)

@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from enliven_viewer.language import labelled, tr
 from enliven_viewer.studio.panel_layout import Area
 from enliven_viewer.studio.panels.modal import action_button
-from enliven_viewer.studio.panels.style import BODY, heading, packed, quiet
+from enliven_viewer.studio.panels.style import BODY_TEXT_SIZE, draw_heading, draw_note, pack_colour
 from enliven_viewer.studio.workspace import SAMPLES, Workspace
 from enliven_viewer.theme import INK, QUIET
 
@@ -42,36 +42,36 @@ def draw_start(workspace: Workspace, area: Area) -> None:
     """Draws the start page if it is open or the tour points at it, else the text on an empty stage."""
     tour = workspace.tour
     if tour is not None and tour.wants_samples:
-        _page(workspace, area)
+        _draw_page(workspace, area)
         return
     if workspace.editor.project.characters or workspace.input.tool.name != "choose":
         return
     if workspace.starting:
-        _page(workspace, area)
+        _draw_page(workspace, area)
     elif tour is None:
-        _empty(area)
+        _draw_empty_view(area)
 
 
-def _page(workspace: Workspace, area: Area) -> None:
+def _draw_page(workspace: Workspace, area: Area) -> None:
     middle = ImVec2(area.x + area.width / 2, area.y + area.height / 2)
     imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
-    wide, high = min(_PAGE_WIDTH, area.width - 2 * _EDGE_MARGIN), area.height - 2 * _EDGE_MARGIN
+    width, height = min(_PAGE_WIDTH, area.width - 2 * _EDGE_MARGIN), area.height - 2 * _EDGE_MARGIN
     # Make the page as tall as its contents. In a small window it scrolls.
-    imgui.set_next_window_size_constraints(ImVec2(wide, 0), ImVec2(wide, max(high, 1.0)))
-    imgui.set_next_window_size(ImVec2(wide, 0))
+    imgui.set_next_window_size_constraints(ImVec2(width, 0), ImVec2(width, max(height, 1.0)))
+    imgui.set_next_window_size(ImVec2(width, 0))
     imgui.begin(labelled(tr("Start"), "Start"), None, _WINDOW_FLAGS)
-    room = imgui.get_content_region_avail().x
-    column = min(_COLUMN_WIDTH, (room - _COLUMN_GAP) / 2)
+    available_width = imgui.get_content_region_avail().x
+    column = min(_COLUMN_WIDTH, (available_width - _COLUMN_GAP) / 2)
     is_narrow = column < _MIN_COLUMN_WIDTH
-    column = room if is_narrow else column
+    column = available_width if is_narrow else column
     imgui.push_font(None, 22.0)
     imgui.push_text_wrap_pos(0.0)
     imgui.text(tr("Bring something to life"))
     imgui.pop_text_wrap_pos()
     imgui.pop_font()
-    imgui.push_font(None, BODY * _fitting(workspace, column))
+    imgui.push_font(None, BODY_TEXT_SIZE * _find_text_scale(workspace, column))
     imgui.begin_group()
-    heading("Begin")
+    draw_heading("Begin")
     for name in _FIRST_ACTIONS:
         if name in workspace.actions:
             action_button(workspace, name, column)
@@ -79,10 +79,10 @@ def _page(workspace: Workspace, area: Area) -> None:
     if not is_narrow:
         imgui.same_line(0.0, _COLUMN_GAP)
     imgui.begin_group()
-    heading("Samples")
+    draw_heading("Samples")
     for name in SAMPLES:
         action_button(workspace, f"sample.{name}", column)
-    _recent(workspace, column)
+    _draw_recent_files(workspace, column)
     imgui.end_group()
     imgui.pop_font()
     imgui.dummy(ImVec2(0, 4))
@@ -91,19 +91,19 @@ def _page(workspace: Workspace, area: Area) -> None:
     imgui.end()
 
 
-def _fitting(workspace: Workspace, column: float) -> float:
+def _find_text_scale(workspace: Workspace, column: float) -> float:
     """Returns the text scale, at most 1, at which all buttons fit a column."""
     names = [*_FIRST_ACTIONS, *(f"sample.{name}" for name in SAMPLES)]
     labels = [tr(workspace.actions[name].label) for name in names if name in workspace.actions]
-    room = column - 2 * imgui.get_style().frame_padding.x
-    return min(1.0, room / max(imgui.calc_text_size(label).x for label in labels))
+    max_width = column - 2 * imgui.get_style().frame_padding.x
+    return min(1.0, max_width / max(imgui.calc_text_size(label).x for label in labels))
 
 
-def _recent(workspace: Workspace, column: float) -> None:
-    heading("Recent")
+def _draw_recent_files(workspace: Workspace, column: float) -> None:
+    draw_heading("Recent")
     paths = [Path(name) for name in workspace.preferences.recent[:_MAX_RECENT_FILES]]
     if not paths:
-        quiet("Files that you open or save are listed here. You can also drop files onto the window.")
+        draw_note("Files that you open or save are listed here. You can also drop files onto the window.")
     for number, path in enumerate(paths):
         if imgui.selectable(f"{path.name}###recent {number}", False, 0, ImVec2(column, 0))[0]:
             workspace.attempt(lambda path=path: workspace.open(path))
@@ -111,14 +111,14 @@ def _recent(workspace: Workspace, column: float) -> None:
         imgui.set_item_tooltip(str(path.parent))
 
 
-def _empty(area: Area) -> None:
+def _draw_empty_view(area: Area) -> None:
     """Draws instructions in the middle of an empty view."""
-    draw = imgui.get_background_draw_list()
+    draw_list = imgui.get_background_draw_list()
     lines = (
         tr("Nothing is here yet"),
         tr("Press S and draw a shape, or drop a file here (Ctrl+O opens one)."),
     )
     for k, (text, colour) in enumerate(zip(lines, (INK, QUIET), strict=True)):
-        wide = imgui.calc_text_size(text).x
-        at = ImVec2(area.x + (area.width - wide) / 2, area.y + area.height * 0.42 + 24 * k)
-        draw.add_text(at, packed(colour), text)
+        width = imgui.calc_text_size(text).x
+        position = ImVec2(area.x + (area.width - width) / 2, area.y + area.height * 0.42 + 24 * k)
+        draw_list.add_text(position, pack_colour(colour), text)

@@ -8,10 +8,10 @@ import math
 from imgui_bundle import ImVec2, imgui
 
 from enliven_viewer.language import labelled, later, tr
-from enliven_viewer.studio.panel_layout import MENU, Area, PanelLayout
+from enliven_viewer.studio.panel_layout import MENU_HEIGHT, Area, PanelLayout
 from enliven_viewer.studio.panels.start.card_placement import Rectangle, place_arrow, place_card
-from enliven_viewer.studio.panels.style import filled, packed
-from enliven_viewer.studio.start import TOUR, Tour
+from enliven_viewer.studio.panels.style import pack_colour, push_fill
+from enliven_viewer.studio.start import TOUR_STEPS, Tour
 from enliven_viewer.studio.workspace import Workspace
 from enliven_viewer.theme import ACCENT, DARK, GOOD, INK, QUIET
 
@@ -51,7 +51,7 @@ _WINDOW_FLAGS = (
 )
 _DONE_TEXT = later("Done!")
 _REVIEWED_TEXT = later("You did this already.")
-_SHOW, _BACK, _SKIP, _NEXT, _LATER, _CLOSE = (
+_SHOW_LABEL, _BACK_LABEL, _SKIP_LABEL, _NEXT_LABEL, _LATER_LABEL, _CLOSE_LABEL = (
     later("Show me"),
     later("Back"),
     later("Skip"),
@@ -70,35 +70,35 @@ def draw_tour(workspace: Workspace, places: PanelLayout) -> None:
     workspace.widgets.pop("tour outline", None)
     if tour is None:
         return
-    meant = tour.outline((area.x, area.y))
+    target = tour.outline((area.x, area.y))
     dialogue = bool(workspace.asking)
     if dialogue and not any(name.startswith(("file name", "dialog")) for name in tour.target.widgets):
-        meant = None  # The dialogue covers the target, so do not point at it.
-    shape = _grown(meant) if meant is not None else None
+        target = None  # The dialogue covers the target, so do not point at it.
+    shape = _add_margin(target) if target is not None else None
     if dialogue:
-        card = _bubble(tour, shape)
+        card = _draw_bubble(tour, shape)
     else:
-        card = _card(workspace, tour, places, shape)
-    draw = imgui.get_foreground_draw_list()
+        card = _draw_card(workspace, tour, places, shape)
+    draw_list = imgui.get_foreground_draw_list()
     if shape is not None:
         workspace.widgets["tour outline"] = shape
-        _outline(draw, shape, calm=workspace.preferences.less_motion)
+        _draw_outline(draw_list, shape, calm=workspace.preferences.less_motion)
         if card is not None and tour.target.box is None:
-            _pointer(
-                draw,
+            _draw_arrow(
+                draw_list,
                 card,
                 shape,
                 [workspace.widgets[name] for name in workspace.widgets if name not in _TOUR_WIDGETS],
             )
     if tour.target.path and not dialogue:
-        _way(draw, [ImVec2(area.x + x, area.y + y) for x, y in tour.target.path])
-    _hand(workspace, tour)
+        _draw_drag_path(draw_list, [ImVec2(area.x + x, area.y + y) for x, y in tour.target.path])
+    _draw_hand(workspace, tour)
 
 
-def _grown(meant: Rectangle) -> Rectangle:
+def _add_margin(target: Rectangle) -> Rectangle:
     """Returns the outline around a rectangle, clipped to the window."""
     size = imgui.get_io().display_size
-    left, top, right, bottom = meant
+    left, top, right, bottom = target
     return (
         max(left - _OUTLINE_GAP, 0.0),
         max(top - _OUTLINE_GAP, 0.0),
@@ -107,13 +107,13 @@ def _grown(meant: Rectangle) -> Rectangle:
     )
 
 
-def _card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rectangle | None) -> Rectangle:
+def _draw_card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rectangle | None) -> Rectangle:
     """Draws the card next to its target."""
     area = places.viewport
     size = imgui.get_io().display_size
-    wide = min(_CARD_WIDTH, size.x - 20)
-    high = _height(tour, wide)
-    window = 0.0, MENU if places.viewport.y else 0.0, size.x, size.y
+    width = min(_CARD_WIDTH, size.x - 20)
+    height = _find_height(tour, width)
+    window = 0.0, MENU_HEIGHT if places.viewport.y else 0.0, size.x, size.y
     others = [
         (place.x, place.y, place.x + place.width, place.y + place.height)
         for place in (places.side, places.tools, places.timeline)
@@ -139,27 +139,27 @@ def _card(workspace: Workspace, tour: Tour, places: PanelLayout, shape: Rectangl
     others += [page[1]] if page is not None else []
     picture = area.x, area.y, area.x + area.width, area.y + area.height
     # Move the card only when its sentence changes. Otherwise its buttons must stay under the pointer.
-    key = tour.number, tour.text, tour.ticked > 0.0, wide, high, size.x, size.y, shape is None
+    key = tour.number, tour.text, tour.ticked > 0.0, width, height, size.x, size.y, shape is None
     before = tour.card if tour.card_key == key or tour.ticked > 0.0 else None
-    meant = _with_way(tour, area, shape)
-    x, y = place_card((wide, high), window, meant, others, picture, before)
+    target = _add_drag_path(tour, area, shape)
+    x, y = place_card((width, height), window, target, others, picture, before)
     tour.card, tour.card_key = (x, y), key
     imgui.set_next_window_pos(ImVec2(x, y))
-    imgui.set_next_window_size(ImVec2(wide, high))
+    imgui.set_next_window_size(ImVec2(width, height))
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.5)
-    imgui.push_style_color(imgui.Col_.border, packed(ACCENT, 0.7))
+    imgui.push_style_color(imgui.Col_.border, pack_colour(ACCENT, 0.7))
     imgui.begin(labelled(tr("Tour"), "Tour"), None, _WINDOW_FLAGS)
-    _words(tour)
-    _dots(tour)
-    _buttons(workspace, tour)
+    _draw_sentence(tour)
+    _draw_dots(tour)
+    _draw_buttons(workspace, tour)
     imgui.end()
     imgui.pop_style_color()
     imgui.pop_style_var()
-    workspace.widgets["tour card"] = (x, y, x + wide, y + high)
-    return x, y, x + wide, y + high
+    workspace.widgets["tour card"] = (x, y, x + width, y + height)
+    return x, y, x + width, y + height
 
 
-def _with_way(tour: Tour, area: Area, shape: Rectangle | None) -> Rectangle | None:
+def _add_drag_path(tour: Tour, area: Area, shape: Rectangle | None) -> Rectangle | None:
     """Returns the outline together with the drag path."""
     if shape is None or not tour.target.path:
         return shape
@@ -168,136 +168,144 @@ def _with_way(tour: Tour, area: Area, shape: Rectangle | None) -> Rectangle | No
     return min(shape[0], *across), min(shape[1], *down), max(shape[2], *across), max(shape[3], *down)
 
 
-def _sentence(tour: Tour) -> str:
+def _get_sentence(tour: Tour) -> str:
     if tour.ticked > 0.0:
         return tr(_DONE_TEXT)
     return tr(tour.text or _REVIEWED_TEXT)
 
 
-def _height(tour: Tour, wide: float) -> float:
+def _find_height(tour: Tour, width: float) -> float:
     """Returns the height of the card in pixels.
 
     ImGui's auto-size knows it one frame late, and would clip the card.
     """
     style = imgui.get_style()
-    room = wide - 2 * style.window_padding.x
+    text_width = width - 2 * style.window_padding.x
     grown = _SENTENCE_TEXT_SIZE / imgui.get_font_size()
-    words = imgui.calc_text_size(_sentence(tour), wrap_width=room / grown).y * grown
-    inner = _ICON_SIZE + words + 2 * _DOT_RADIUS + 4 + _BUTTON_HEIGHT
+    text_height = imgui.calc_text_size(_get_sentence(tour), wrap_width=text_width / grown).y * grown
+    inner = _ICON_SIZE + text_height + 2 * _DOT_RADIUS + 4 + _BUTTON_HEIGHT
     return float(2 * style.window_padding.y + inner + 3 * style.item_spacing.y)
 
 
-def _words(tour: Tour) -> None:
+def _draw_sentence(tour: Tour) -> None:
     done = tour.ticked > 0.0 or tour.step is None
     tint = GOOD if done else ACCENT
     icon = "\uf00c" if done or tour.step is None else tour.step.icon
-    draw, at = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
-    draw.add_text(imgui.get_font(), _ICON_SIZE - 4, ImVec2(at.x, at.y), packed(tint), icon)
-    draw.add_text(
+    draw_list, position = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
+    draw_list.add_text(
+        imgui.get_font(), _ICON_SIZE - 4, ImVec2(position.x, position.y), pack_colour(tint), icon
+    )
+    draw_list.add_text(
         imgui.get_font(),
         _SENTENCE_TEXT_SIZE,
-        ImVec2(at.x + _ICON_SIZE + 12, at.y + 2),
-        packed(tint),
+        ImVec2(position.x + _ICON_SIZE + 12, position.y + 2),
+        pack_colour(tint),
         tr(tour.title),
     )
     imgui.dummy(ImVec2(1, _ICON_SIZE))
     imgui.push_font(None, _SENTENCE_TEXT_SIZE)
     imgui.push_text_wrap_pos(0.0)
-    imgui.text_unformatted(_sentence(tour))
+    imgui.text_unformatted(_get_sentence(tour))
     imgui.pop_text_wrap_pos()
     imgui.pop_font()
 
 
-def _dots(tour: Tour) -> None:
+def _draw_dots(tour: Tour) -> None:
     """Draws a dot for each step; those of finished steps are filled."""
-    draw, at = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
-    for number in range(len(TOUR)):
-        middle = ImVec2(at.x + _DOT_RADIUS + number * 4 * _DOT_RADIUS, at.y + _DOT_RADIUS + 2)
+    draw_list, position = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
+    for number in range(len(TOUR_STEPS)):
+        middle = ImVec2(position.x + _DOT_RADIUS + number * 4 * _DOT_RADIUS, position.y + _DOT_RADIUS + 2)
         if number < tour.number or (number == tour.number and tour.ticked > 0.0):
-            draw.add_circle_filled(middle, _DOT_RADIUS, packed(GOOD))
+            draw_list.add_circle_filled(middle, _DOT_RADIUS, pack_colour(GOOD))
         elif number == tour.number:
-            draw.add_circle_filled(middle, _DOT_RADIUS + 1, packed(ACCENT))
+            draw_list.add_circle_filled(middle, _DOT_RADIUS + 1, pack_colour(ACCENT))
         else:
-            draw.add_circle_filled(middle, _DOT_RADIUS - 1, packed(QUIET, 0.45))
+            draw_list.add_circle_filled(middle, _DOT_RADIUS - 1, pack_colour(QUIET, 0.45))
     imgui.dummy(ImVec2(1, 2 * _DOT_RADIUS + 4))
 
 
-def _buttons(workspace: Workspace, tour: Tour) -> None:
+def _draw_buttons(workspace: Workspace, tour: Tour) -> None:
     """Draws the buttons: show me, back, skip or next, and later."""
     spacing = imgui.get_style().item_spacing.x
-    each = (imgui.get_content_region_avail().x - 3 * spacing) / 4
-    size = ImVec2(each, _BUTTON_HEIGHT)
+    button_width = (imgui.get_content_region_avail().x - 3 * spacing) / 4
+    size = ImVec2(button_width, _BUTTON_HEIGHT)
     if tour.step is None:
-        with filled(ACCENT):
-            if imgui.button(labelled(tr(_CLOSE), _CLOSE), ImVec2(-1, _BUTTON_HEIGHT)):
+        with push_fill(ACCENT):
+            if imgui.button(labelled(tr(_CLOSE_LABEL), _CLOSE_LABEL), ImVec2(-1, _BUTTON_HEIGHT)):
                 workspace.end_tour()
         workspace.remember("tour close")
         return
     part = tour.part
     imgui.begin_disabled(part is None or tour.shows or part.waits)
-    with filled(ACCENT):
-        if imgui.button(labelled(tr(_SHOW), _SHOW), size):
+    with push_fill(ACCENT):
+        if imgui.button(labelled(tr(_SHOW_LABEL), _SHOW_LABEL), size):
             mouse = imgui.get_io().mouse_pos
             tour.show((mouse.x, mouse.y))
     imgui.end_disabled()
     workspace.remember("tour show")
     imgui.same_line()
     imgui.begin_disabled(tour.number == 0)
-    if imgui.button(labelled(tr(_BACK), _BACK), size):
+    if imgui.button(labelled(tr(_BACK_LABEL), _BACK_LABEL), size):
         tour.back()
     imgui.end_disabled()
     workspace.remember("tour back")
     imgui.same_line()
-    if imgui.button(labelled(tr(_NEXT if tour.reviewing else _SKIP), "tour skip"), size):
+    if imgui.button(labelled(tr(_NEXT_LABEL if tour.reviewing else _SKIP_LABEL), "tour skip"), size):
         tour.skip()
     workspace.remember("tour skip")
     imgui.same_line()
-    if imgui.button(labelled(tr(_LATER), _LATER), size):
+    if imgui.button(labelled(tr(_LATER_LABEL), _LATER_LABEL), size):
         workspace.end_tour()
     workspace.remember("tour later")
 
 
-def _bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
+def _draw_bubble(tour: Tour, shape: Rectangle | None) -> Rectangle | None:
     """Draws only the sentence, next to its target in a dialogue.
 
     Windows below a dialogue cannot be clicked.
     """
     if shape is None:
         return None
-    draw, size = imgui.get_foreground_draw_list(), imgui.get_io().display_size
+    draw_list, size = imgui.get_foreground_draw_list(), imgui.get_io().display_size
     grown = _SENTENCE_TEXT_SIZE / imgui.get_font_size()
-    words = imgui.calc_text_size(_sentence(tour))
-    wide, high = words.x * grown + 24, words.y * grown + 16
-    x = min(max(shape[0], 8.0), size.x - wide - 8.0)
-    above, below = shape[1] - 14 - high, shape[3] + 14
+    text_size = imgui.calc_text_size(_get_sentence(tour))
+    width, height = text_size.x * grown + 24, text_size.y * grown + 16
+    x = min(max(shape[0], 8.0), size.x - width - 8.0)
+    above, below = shape[1] - 14 - height, shape[3] + 14
     # For a field the card goes above, because the buttons are below the field.
     is_field = shape[2] - shape[0] > size.x / 3
-    y = above if is_field or below + high > size.y else below
-    draw.add_rect_filled(ImVec2(x, y), ImVec2(x + wide, y + high), packed(DARK), 8.0)
-    draw.add_rect(ImVec2(x, y), ImVec2(x + wide, y + high), packed(ACCENT, 0.7), 8.0, 1.5)
-    draw.add_text(imgui.get_font(), _SENTENCE_TEXT_SIZE, ImVec2(x + 12, y + 8), packed(INK), _sentence(tour))
+    y = above if is_field or below + height > size.y else below
+    draw_list.add_rect_filled(ImVec2(x, y), ImVec2(x + width, y + height), pack_colour(DARK), 8.0)
+    draw_list.add_rect(ImVec2(x, y), ImVec2(x + width, y + height), pack_colour(ACCENT, 0.7), 8.0, 1.5)
+    draw_list.add_text(
+        imgui.get_font(), _SENTENCE_TEXT_SIZE, ImVec2(x + 12, y + 8), pack_colour(INK), _get_sentence(tour)
+    )
     return None
 
 
-def _outline(draw: imgui.ImDrawList, shape: Rectangle, *, calm: bool) -> None:
+def _draw_outline(draw_list: imgui.ImDrawList, shape: Rectangle, *, calm: bool) -> None:
     """Draws a pulsing outline with a soft glow."""
     swell = 0.0 if calm else 0.5 + 0.5 * math.sin(2 * math.pi * imgui.get_time() / _PULSE_S)
     left, top, right, bottom = shape
     for more, opacity in ((3 + 3 * swell, 0.25), (6 + 5 * swell, 0.12)):
         low, high = ImVec2(left - more, top - more), ImVec2(right + more, bottom + more)
-        draw.add_rect(low, high, packed(ACCENT, opacity), 9.0 + more, _OUTLINE_WIDTH)
-    draw.add_rect(ImVec2(left, top), ImVec2(right, bottom), packed(ACCENT), 8.0, _OUTLINE_WIDTH)
+        draw_list.add_rect(low, high, pack_colour(ACCENT, opacity), 9.0 + more, _OUTLINE_WIDTH)
+    draw_list.add_rect(ImVec2(left, top), ImVec2(right, bottom), pack_colour(ACCENT), 8.0, _OUTLINE_WIDTH)
 
 
-def _pointer(draw: imgui.ImDrawList, card: Rectangle, shape: Rectangle, widgets: list[Rectangle]) -> None:
+def _draw_arrow(
+    draw_list: imgui.ImDrawList, card: Rectangle, shape: Rectangle, widgets: list[Rectangle]
+) -> None:
     """Draws an arrow from the direction of the card to the outline."""
     arrow = place_arrow(card, shape, widgets)
     if arrow is not None:
-        draw.add_line(ImVec2(*arrow[0]), ImVec2(*arrow[1]), packed(ACCENT), _OUTLINE_WIDTH)
-        _arrow_head(draw, *arrow)
+        draw_list.add_line(ImVec2(*arrow[0]), ImVec2(*arrow[1]), pack_colour(ACCENT), _OUTLINE_WIDTH)
+        _draw_arrow_head(draw_list, *arrow)
 
 
-def _arrow_head(draw: imgui.ImDrawList, start: tuple[float, float], end: tuple[float, float]) -> None:
+def _draw_arrow_head(
+    draw_list: imgui.ImDrawList, start: tuple[float, float], end: tuple[float, float]
+) -> None:
     angle = math.atan2(end[1] - start[1], end[0] - start[0])
     sides = [
         ImVec2(
@@ -306,30 +314,30 @@ def _arrow_head(draw: imgui.ImDrawList, start: tuple[float, float], end: tuple[f
         )
         for turn in (0.5, -0.5)
     ]
-    draw.add_triangle_filled(ImVec2(*end), sides[0], sides[1], packed(ACCENT))
+    draw_list.add_triangle_filled(ImVec2(*end), sides[0], sides[1], pack_colour(ACCENT))
 
 
-def _way(draw: imgui.ImDrawList, points: list[ImVec2]) -> None:
+def _draw_drag_path(draw_list: imgui.ImDrawList, points: list[ImVec2]) -> None:
     """Draws the drag path: dashes, with a dot at the start and an arrow at the end."""
     for start, end in itertools.pairwise(points):
         length = math.dist((start.x, start.y), (end.x, end.y))
         if length < 1.0:
             continue
         across, down = (end.x - start.x) / length, (end.y - start.y) / length
-        at = 0.0
-        while at < length - _ARROW_HEAD_SIZE:
-            stop = min(at + _DASH_LENGTH, length - _ARROW_HEAD_SIZE)
-            low = ImVec2(start.x + at * across, start.y + at * down)
+        distance = 0.0
+        while distance < length - _ARROW_HEAD_SIZE:
+            stop = min(distance + _DASH_LENGTH, length - _ARROW_HEAD_SIZE)
+            low = ImVec2(start.x + distance * across, start.y + distance * down)
             high = ImVec2(start.x + stop * across, start.y + stop * down)
-            draw.add_line(low, high, packed(DARK, 0.7), _OUTLINE_WIDTH + 3)
-            draw.add_line(low, high, packed(ACCENT), _OUTLINE_WIDTH)
-            at += 2 * _DASH_LENGTH
-        _arrow_head(draw, (start.x, start.y), (end.x, end.y))
-    draw.add_circle_filled(points[0], 7.0, packed(DARK, 0.7))
-    draw.add_circle_filled(points[0], 5.0, packed(ACCENT))
+            draw_list.add_line(low, high, pack_colour(DARK, 0.7), _OUTLINE_WIDTH + 3)
+            draw_list.add_line(low, high, pack_colour(ACCENT), _OUTLINE_WIDTH)
+            distance += 2 * _DASH_LENGTH
+        _draw_arrow_head(draw_list, (start.x, start.y), (end.x, end.y))
+    draw_list.add_circle_filled(points[0], 7.0, pack_colour(DARK, 0.7))
+    draw_list.add_circle_filled(points[0], 5.0, pack_colour(ACCENT))
 
 
-def _hand(workspace: Workspace, tour: Tour) -> None:
+def _draw_hand(workspace: Workspace, tour: Tour) -> None:
     """Draws the hand of a demonstration, and passes on the letters that it types."""
     showing = tour.demonstration
     if showing is None:
@@ -337,15 +345,15 @@ def _hand(workspace: Workspace, tour: Tour) -> None:
     typed = showing.take_typed()
     if typed:
         imgui.get_io().add_input_characters_utf8(typed)
-    draw = imgui.get_foreground_draw_list()
+    draw_list = imgui.get_foreground_draw_list()
     x, y = showing.hand
     if showing.presses:
-        draw.add_circle(ImVec2(x, y), 15.0, packed(ACCENT), 0, 3.0)
-    for dx, dy, colour in ((1.5, 2.0, packed(DARK)), (0.0, 0.0, packed(INK))):
-        at = ImVec2(x - 0.36 * _HAND_SIZE + dx, y - 0.1 * _HAND_SIZE + dy)
-        draw.add_text(imgui.get_font(), _HAND_SIZE, at, colour, "\uf0a6")
+        draw_list.add_circle(ImVec2(x, y), 15.0, pack_colour(ACCENT), 0, 3.0)
+    for dx, dy, colour in ((1.5, 2.0, pack_colour(DARK)), (0.0, 0.0, pack_colour(INK))):
+        position = ImVec2(x - 0.36 * _HAND_SIZE + dx, y - 0.1 * _HAND_SIZE + dy)
+        draw_list.add_text(imgui.get_font(), _HAND_SIZE, position, colour, "\uf0a6")
     if showing.shift:
         text = tr("Shift")
-        draw.add_rect_filled(ImVec2(x + 20, y + 22), ImVec2(x + 74, y + 48), packed(DARK), 6.0)
-        draw.add_rect(ImVec2(x + 20, y + 22), ImVec2(x + 74, y + 48), packed(INK), 6.0, 1.5)
-        draw.add_text(ImVec2(x + 30, y + 27), packed(INK), text)
+        draw_list.add_rect_filled(ImVec2(x + 20, y + 22), ImVec2(x + 74, y + 48), pack_colour(DARK), 6.0)
+        draw_list.add_rect(ImVec2(x + 20, y + 22), ImVec2(x + 74, y + 48), pack_colour(INK), 6.0, 1.5)
+        draw_list.add_text(ImVec2(x + 30, y + 27), pack_colour(INK), text)
