@@ -111,7 +111,7 @@ def test_the_window_never_waits_and_the_newest_edit_wins(monkeypatch) -> None:
     import enliven_viewer.studio.ghosts.ghosts as room
 
     editor, ghosts, name = desk("bones")
-    free, real = threading.Event(), room.sample
+    free, real = threading.Event(), room.sample_motion
     threads = set()
 
     def slow(*words):
