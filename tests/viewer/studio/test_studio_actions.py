@@ -70,7 +70,7 @@ def test_actions_at_random_are_undone_bit_for_bit(stage: Workspace) -> None:
         if name == "edit.delete" and len(editor.project.characters) < 3:
             name = "edit.duplicate"
         done += stage.actions.do(name)
-        assert not any("fault of enliven" in toast.text for toast in editor.toasts.shown), name
+        assert not any("internal error of enliven" in toast.text for toast in editor.toasts.shown), name
         if chance.random() < 0.1:
             stage.actions.do(chance.choice(["edit.undo", "edit.redo"]))
     assert done > AT_RANDOM // 2 and editor.history.at > AT_RANDOM // 8
@@ -149,7 +149,7 @@ keys = st.sampled_from(["x", "ctrl+y", "z", "f5", "shift+left"])
 deeds = st.one_of(
     st.tuples(st.just("set_shortcut"), st.sampled_from("abcdef"), keys),
     st.tuples(st.just("clear_shortcuts"), st.sampled_from("abcdef"), st.just("")),
-    st.just(("own_keys", "", "")),
+    st.just(("reset_shortcuts", "", "")),
 )
 
 
@@ -161,7 +161,7 @@ def test_a_key_does_one_action_at_most_and_changed_keys_are_kept(tmp_path_factor
         getattr(actions, name)(*(part for part in (action, key) if part))
         if name == "set_shortcut":
             assert all(actions.action_with_keys(key, room).id == action for room in ROOMS.get(action, ("",)))
-        elif name == "own_keys":
+        elif name == "reset_shortcuts":
             assert not actions.changed and actions.action_with_keys("x").id == "a"
     reopened = table(folder, done)
     assert [reopened.keys_of(action) for action in reopened] == [

@@ -229,7 +229,7 @@ def test_internal_error_is_reported_and_changes_nothing(workspace: Workspace, mo
     assert not workspace.editor.edit("break", lambda project: [project][1])
     assert (
         workspace.editor.project is before
-        and "fault of enliven" in said(workspace)
+        and "internal error of enliven" in said(workspace)
         and "in test_studio_files.py, line" in said(workspace)
         and "IndexError" not in said(workspace)
     )
