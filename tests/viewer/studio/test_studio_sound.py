@@ -134,7 +134,7 @@ def test_missing_sound_device_is_reported_once_and_playback_continues(tmp_path) 
         player.follow()
     assert len(tried) == 1 and editor.playing
     assert [toast.text for toast in editor.toasts.shown] == [
-        "The sound cannot be heard here (PortAudio library not found)"
+        "The sound cannot be played here (PortAudio library not found)"
     ]
 
 
