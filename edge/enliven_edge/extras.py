@@ -13,5 +13,6 @@ def need(module: str, extra: str, where: str) -> None:
         raise ResourceError(
             f"the library {module!r} is not installed",
             where=where,
-            mend=f'Install it: pip install "enliven-edge[{extra}]" (from a checkout: pip install "./edge[{extra}]").',
+            mend=f'Install it: pip install "enliven-edge[{extra}]" '
+            f'(from a checkout: pip install "./edge[{extra}]").',
         )
