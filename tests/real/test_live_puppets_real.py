@@ -46,7 +46,7 @@ def bodies_of(clip: Clip, size: float) -> list[tuple[float, Body]]:
 
 
 @pytest.mark.parametrize(
-    ("mesh", "take"), [("fish", "traffic"), ("humanoid", "can_walk"), ("cow", "can_walk")]
+    ("mesh", "take"), [("fish", "traffic"), ("humanoid", "walks"), ("cow", "walks")]
 )
 def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
     """Also for a mesh without feet, and a performer of another size."""
