@@ -98,6 +98,13 @@ def edge(
         ),
     ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing take.")] = False,
+    out: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Send the motion live to another program: vmc:HOST[:PORT], vrchat:, rokoko: or osc:. "
+            "Repeat the option for several."
+        ),
+    ] = None,
     wait_for_viewer: Annotated[
         float, typer.Option(help="Seconds to wait for a viewer before starting.")
     ] = 0.0,
@@ -119,10 +126,12 @@ def edge(
       enliven edge --sensor synthetic --mesh SPIDER.glb --drive skeleton
       enliven edge --sensor synthetic --mesh CACTUS.toml
       enliven edge --sensor synthetic --mesh chair --mesh HORSE.obj
+      enliven edge --sensor synthetic --out vmc:127.0.0.1 --out osc:192.168.1.20:7000
     """
     _one_thread_for_matrices()
     need_folder(record)
     from enliven_edge.network import check_open, raise_descriptor_limit
+    from enliven_edge.outputs import outputs_of
     from enliven_edge.physics import PhysicsSettings
     from enliven_edge.settings import characters_of
 
@@ -134,6 +143,7 @@ def edge(
     if physics is not None:
         world = load_settings(PhysicsSettings, {"world": physics}, where="--physics").world
         chosen = dataclasses.replace(chosen, physics=dataclasses.replace(chosen.physics, world=world))
+    chosen = dataclasses.replace(chosen, outputs=outputs_of(out or [], chosen.outputs))
     characters = characters_of(mesh or [], drive or [], parts or [], chosen.characters)
     folder = settings.parent if settings else None
     source = _sources(sensor or [], recording or [], option or [], speed, loop, chosen, folder)
@@ -169,6 +179,7 @@ def serve(
     from enliven_edge.controls import open_controls
     from enliven_edge.extras import need
     from enliven_edge.network import Outlet, need_free
+    from enliven_edge.outputs import open_outputs
     from enliven_edge.physics import PhysicsSwitch
     from enliven_edge.scans import Scans
     from enliven_edge.service import Edge
@@ -181,7 +192,8 @@ def serve(
     if chosen.physics.world != "none":
         need("mujoco", "physics", "--physics")
     need_free(chosen.wire)
-    with at_signals(_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
+    outputs = open_outputs(chosen.outputs, folder)
+    with outputs, at_signals(_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
         controls = stack.enter_context(open_controls(chosen.controls, folder, hides_talk=chosen.wire.open))
         sensors = opened(sources, stack, wait_for_sensor)
         live = any(source.sensor != "replay" for source in sources)
@@ -192,6 +204,7 @@ def serve(
         playground = _playground(chosen.physics, [actor.character for actor in actors], live)
         outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
         stage = Stage(actors, chosen.stage)
+        outputs.check(stage)
         service = Edge(
             sensor,
             Tracker(chosen.tracker, _colour_eye(chosen, stack)),
@@ -204,6 +217,7 @@ def serve(
             stop_after=seconds,
             physics=PhysicsSwitch(chosen.physics, live=live, playground=playground),
             controls=controls,
+            outputs=outputs,
             once=once,
             health=HealthMonitor(
                 chosen.health, fps=getattr(sensor, "fps", None), far=chosen.tracker.scene.far

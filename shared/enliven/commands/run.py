@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Any, Literal
@@ -20,6 +21,8 @@ from enliven.wire import free_ports
 _FILM_SECONDS = 10.0
 """Length of a film if no length is given, in seconds. The shipped recording has nine seconds, and this
 includes its end."""
+_OUTPUT = re.compile(r"[A-Za-z]{2,}:")
+"""The beginning of a live output's address. A folder with such a name can be written as ./NAME."""
 _COMPILE_TIMEOUT_S = 3600.0
 """Longest wait for an edge to compile everything, in seconds. On a small machine with much other work, over
 600 s were measured at a load of 10. An edge that fails ends the run at once."""
@@ -39,7 +42,11 @@ def run(
         help="Body parts that possess it: 'legs', 'upper body', ...; by default all.",
         callback=known_parts,
     ),
-    out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
+    out: list[str] | None = typer.Option(
+        None,
+        help="Folder for the film and the contact sheet (by default out), or a program that receives the "
+        "motion live, such as vmc:127.0.0.1. Repeat the option for several.",
+    ),
     film: bool | None = typer.Option(
         None,
         "--film/--window",
@@ -76,6 +83,7 @@ def run(
       enliven run --mesh HORSE.obj --settings EDGE.toml
       enliven run --mesh SPIDER.glb --drive skeleton --parts arms
       enliven run --mesh cactus
+      enliven run --out vmc:127.0.0.1 --out osc:192.168.1.20:7000
       enliven run --mesh chair --mesh lamp
       enliven run --mesh CACTUS.toml --recording TAKE.mcap
     """
@@ -83,7 +91,8 @@ def run(
     for label, path in (("recording", recording), ("settings file", settings)):
         if path is not None and not path.exists():
             raise InputError(f"this {label} does not exist", where=str(path), mend="Check the path.")
-    need_folder(out, record)
+    folder, outputs = _folder_and_outputs(out or [])
+    need_folder(folder, record)
     as_film = not has_display() if film is None else film
     if as_film and film is None:
         say("enliven: no display was found, so this makes a film; with a display, a window opens")
@@ -92,7 +101,7 @@ def run(
         seconds = _FILM_SECONDS
         say(f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds changes that")
     if as_film:
-        out.mkdir(exist_ok=True)
+        folder.mkdir(exist_ok=True)
     ports = free_ports()
     where = {"port": ports[0], "control_port": ports[1]}
     moves: dict[str, Any] = {"mesh": mesh, "parts": parts, "drive": drive, "physics": physics}
@@ -106,12 +115,17 @@ def run(
         "settings": settings,
         "name": f"run-{os.getpid()}",
         "wait_for_viewer": 60,
+        "out": outputs,
     }
     edge = _command_words("edge", **source, **moves, **edge_options, **where)
     edge_restart = _command_words(
         "edge", **source, **moves, **{**edge_options, "record": _record_again(record)}, **where
     )
-    film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_COMPILE_TIMEOUT_S:g}"}
+    film_to = {
+        "film": folder / "enliven.mp4",
+        "sheet": folder / "enliven.png",
+        "wait": f"{_COMPILE_TIMEOUT_S:g}",
+    }
     view = _command_words("view", edge=["127.0.0.1"], **(film_to if as_film else {}), **where, size=size)
     # Before the edge listens, it compiles its kernels and prepares the mesh. The very first time this takes a
     # minute.
@@ -128,7 +142,17 @@ def run(
     if code:
         raise typer.Exit(code)
     if as_film:
-        say(f"enliven: the film is {out / 'enliven.mp4'}, the contact sheet {out / 'enliven.png'}")
+        say(f"enliven: the film is {folder / 'enliven.mp4'}, the contact sheet {folder / 'enliven.png'}")
+
+
+def _folder_and_outputs(words: list[str]) -> tuple[Path, list[str]]:
+    """Returns the folder of the film and the addresses of live outputs, from the values of ``--out``.
+
+    An address begins with the name of a protocol and a colon. A single letter is a drive of Windows.
+    """
+    outputs = [word for word in words if _OUTPUT.match(word)]
+    folders = [word for word in words if not _OUTPUT.match(word)]
+    return Path(folders[-1] if folders else "out"), outputs
 
 
 def _record_again(record: Path | None) -> Path | None:

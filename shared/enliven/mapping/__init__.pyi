@@ -8,6 +8,12 @@ from .automatic_mapping import (
     retarget as retarget,
     with_feet_pinned as with_feet_pinned,
 )
+from .human_names import (
+    HumanJoints as HumanJoints,
+    HumanLimb as HumanLimb,
+    finger_joints as finger_joints,
+    human_joints as human_joints,
+)
 from .facing import facing_of as facing_of, turned_about_y as turned_about_y
 from .alternatives import NextBest as NextBest, next_best as next_best
 from .model_clips import (

@@ -1,0 +1,222 @@
+"""The pose of a human figure as bones of Unity's humanoid, from a performer's body or a rigged character.
+
+The rotation of a bone is measured from the T-pose: upright, facing +Z, arms held out sideways with the palms
+down. So a figure in the T-pose has the identity everywhere, whatever the rest pose of its rig is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+
+from enliven.arrays import Float, Int
+from enliven.person import Body, Joint
+from enliven.rotation import (
+    conjugate,
+    from_matrix,
+    from_rotation_vector,
+    multiply,
+    rotate,
+    slerp,
+    swing,
+    unit,
+)
+
+_PARENT_NAMES = {
+    "Hips": "",
+    "Spine": "Hips",
+    "Chest": "Spine",
+    "UpperChest": "Chest",
+    "Neck": "UpperChest",
+    "Head": "Neck",
+    **{f"{side}Shoulder": "UpperChest" for side in ("Left", "Right")},
+    **{f"{side}UpperArm": f"{side}Shoulder" for side in ("Left", "Right")},
+    **{f"{side}LowerArm": f"{side}UpperArm" for side in ("Left", "Right")},
+    **{f"{side}Hand": f"{side}LowerArm" for side in ("Left", "Right")},
+    **{f"{side}UpperLeg": "Hips" for side in ("Left", "Right")},
+    **{f"{side}LowerLeg": f"{side}UpperLeg" for side in ("Left", "Right")},
+    **{f"{side}Foot": f"{side}LowerLeg" for side in ("Left", "Right")},
+    **{f"{side}Toes": f"{side}Foot" for side in ("Left", "Right")},
+}
+"""Bones of Unity's humanoid (HumanBodyBones) without fingers, parents first, and the parent of each."""
+FINGERS = {"thumb": "Thumb", "index": "Index", "middle": "Middle", "ring": "Ring", "pinky": "Little"}
+"""Unity's word for each finger."""
+FINGER_BONES = ("Proximal", "Intermediate", "Distal")
+"""Unity's words for the bones of a finger, from the hand."""
+
+
+@dataclass(frozen=True, eq=False)
+class HumanPose:
+    """A human figure at one moment, world frame.
+
+    Attributes:
+        name: id of the character, or ``performer-N``.
+        bones: (B,) names of Unity's HumanBodyBones, parents first. "Hips" is the first.
+        positions: (B, 3) metres, where each bone begins.
+        turns: (B, 4) unit quaternions (w, x, y, z): the rotation of each bone since the T-pose.
+    """
+
+    name: str
+    bones: tuple[str, ...]
+    positions: Float
+    turns: Float
+
+    @property
+    def parents(self) -> Int:
+        """(B,) the nearest ancestor of each bone in ``bones``, -1 for the hips."""
+        return parents_of(self.bones)
+
+    def local(self) -> tuple[Float, Float]:
+        """Returns (B, 3) positions and (B, 4) rotations, each relative to the parent bone.
+
+        The hips are relative to the world.
+        """
+        parents = self.parents
+        root = parents < 0
+        above = np.where(root[:, None], np.array([1.0, 0.0, 0.0, 0.0]), self.turns[parents])
+        back = conjugate(above)
+        offsets = self.positions - np.where(root[:, None], 0.0, self.positions[parents])
+        return rotate(back, offsets), multiply(back, self.turns)
+
+    def at(self, bone: str) -> tuple[Float, Float]:
+        """Returns the (3,) position and (4,) rotation of a bone. The figure must have it."""
+        number = self.bones.index(bone)
+        return self.positions[number], self.turns[number]
+
+
+@cache
+def parents_of(bones: tuple[str, ...]) -> Int:
+    """Returns (B,) the number of the nearest existing ancestor of each bone, -1 if there is none."""
+    numbers = {bone: number for number, bone in enumerate(bones)}
+    parents = np.full(len(bones), -1)
+    for number, bone in enumerate(bones):
+        parent = parent_name(bone)
+        while parent and parent not in numbers:
+            parent = parent_name(parent)
+        parents[number] = numbers.get(parent, -1)
+    return parents
+
+
+def parent_name(bone: str) -> str:
+    """Returns the parent of a bone in Unity's humanoid. Empty for the hips."""
+    if bone in _PARENT_NAMES:
+        return _PARENT_NAMES[bone]
+    for before, after in pairwise(FINGER_BONES):
+        if bone.endswith(after):
+            return bone.removesuffix(after) + before
+    return "LeftHand" if bone.startswith("Left") else "RightHand"
+
+
+# --- performers --------------------------------------------------------------------------------------------
+
+_BODY_BONES: tuple[tuple[str, Joint, Joint], ...] = (
+    ("Hips", Joint.HIP_CENTER, Joint.HIP_CENTER),
+    ("Spine", Joint.SPINE, Joint.HIP_CENTER),
+    ("Chest", Joint.SHOULDER_CENTER, Joint.SPINE),
+    ("Neck", Joint.HEAD, Joint.SHOULDER_CENTER),
+    ("Head", Joint.HEAD, Joint.HEAD),
+    *(
+        (f"{side.title()}{bone}", Joint[f"{ends}_{side}"], Joint[f"{begins}_{side}"])
+        for side in ("LEFT", "RIGHT")
+        for bone, ends, begins in (
+            ("Shoulder", "SHOULDER", "SHOULDER"),
+            ("UpperArm", "ELBOW", "SHOULDER"),
+            ("LowerArm", "WRIST", "ELBOW"),
+            ("Hand", "HAND", "WRIST"),
+            ("UpperLeg", "KNEE", "HIP"),
+            ("LowerLeg", "ANKLE", "KNEE"),
+            ("Foot", "FOOT", "ANKLE"),
+            ("Toes", "FOOT", "FOOT"),
+        )
+    ),
+)
+"""Bones of a performer: name, the joint whose bone gives the rotation, and the joint where it begins."""
+BODY_BONE_NAMES = tuple(name for name, _, _ in _BODY_BONES)
+"""Names of the bones of a performer, in the order of :func:`human_of_body`."""
+_ENDS = np.array([ends for _, ends, _ in _BODY_BONES])
+_BEGINS = np.array([begins for _, _, begins in _BODY_BONES])
+_COLLAR_FRACTION = 0.25
+"""Fraction of the way from the neck to the shoulder where the collar bone begins."""
+_SKULL_FRACTION = 0.5
+"""Fraction of the way from the neck to the middle of the head where the head bone begins."""
+
+
+def _t_pose_from_hanging() -> Float:
+    """Returns (B, 4) the rotation from hanging arms to arms held out, for each bone of a performer."""
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(_BODY_BONES), 1))
+    for number, (name, _, _) in enumerate(_BODY_BONES):
+        if name.endswith(("UpperArm", "LowerArm", "Hand")):
+            quarter = np.pi / 2 if name.startswith("Left") else -np.pi / 2
+            turns[number] = from_rotation_vector(np.array([0.0, 0.0, quarter]))
+    return turns
+
+
+_HANGING_FROM_T_POSE = conjugate(_t_pose_from_hanging())
+"""(B, 4) the rotation from the T-pose to the pose of a standing person with hanging arms."""
+_NUMBERS = {name: number for number, name in enumerate(BODY_BONE_NAMES)}
+
+
+def human_of_body(body: Body, name: str) -> HumanPose:
+    """Returns the pose of a performer. A body without measured orientations gets those of its joints."""
+    joints = body.joints
+    orientations = orientations_of_joints(joints) if body.orientations is None else body.orientations
+    positions = joints[_BEGINS].copy()
+    turns = multiply(orientations[_ENDS], _HANGING_FROM_T_POSE)
+    spine, neck = _NUMBERS["Spine"], _NUMBERS["Neck"]
+    # The tracker's trunk has two parts and the humanoid's has three, and the same holds for neck and head.
+    # The bone between shares the rotation of its neighbours equally.
+    halves = slerp(
+        turns[[_NUMBERS["Hips"], _NUMBERS["Chest"]]],
+        turns[[_NUMBERS["Chest"], _NUMBERS["Head"]]],
+        np.array(0.5),
+    )
+    turns[spine], turns[neck] = halves
+    positions[spine] = 0.5 * (joints[Joint.HIP_CENTER] + joints[Joint.SPINE])
+    way = joints[Joint.HEAD] - joints[Joint.SHOULDER_CENTER]
+    positions[_NUMBERS["Head"]] = joints[Joint.SHOULDER_CENTER] + _SKULL_FRACTION * way
+    for side, shoulder in (("Left", Joint.SHOULDER_LEFT), ("Right", Joint.SHOULDER_RIGHT)):
+        across = joints[shoulder] - joints[Joint.SHOULDER_CENTER]
+        positions[_NUMBERS[f"{side}Shoulder"]] = joints[Joint.SHOULDER_CENTER] + _COLLAR_FRACTION * across
+    return HumanPose(name, BODY_BONE_NAMES, positions, turns)
+
+
+_DOWN = np.array([0.0, -1.0, 0.0])
+_LEVEL_FOOT = unit(np.array([0.0, -0.5, 0.866]))
+"""Unit direction from ankle to foot of a level sole: 30 degrees below the horizontal."""
+
+
+def orientations_of_joints(joints: Float) -> Float:
+    """Returns (20, 4) orientations of the bones from (20, 3) joints, as in :class:`enliven.person.Body`.
+
+    The trunk follows the lines of the hips and shoulders. A limb is rotated from its parent by the shortest
+    arc, so its twist is not known. The head follows the chest.
+    """
+    pelvis = _trunk_turn(joints, Joint.HIP_CENTER, Joint.SPINE, Joint.HIP_LEFT, Joint.HIP_RIGHT)
+    chest = _trunk_turn(joints, Joint.SPINE, Joint.SHOULDER_CENTER, Joint.SHOULDER_LEFT, Joint.SHOULDER_RIGHT)
+    turns = np.tile(pelvis, (len(joints), 1))
+    turns[[Joint.SHOULDER_CENTER, Joint.HEAD]] = chest
+    for side in ("LEFT", "RIGHT"):
+        turns[Joint[f"SHOULDER_{side}"]] = chest
+        for turn, names in (
+            (chest, ("SHOULDER", "ELBOW", "WRIST", "HAND")),
+            (pelvis, ("HIP", "KNEE", "ANKLE", "FOOT")),
+        ):
+            for begins, ends in pairwise(names):
+                end = Joint[f"{ends}_{side}"]
+                rest = _LEVEL_FOOT if ends == "FOOT" else _DOWN
+                direction = unit(joints[end] - joints[Joint[f"{begins}_{side}"]])
+                if np.any(direction):
+                    turn = multiply(swing(rotate(turn, rest), direction), turn)
+                turns[end] = turn
+    return turns
+
+
+def _trunk_turn(joints: Float, low: Joint, high: Joint, left: Joint, right: Joint) -> Float:
+    """Returns the (4,) rotation of a part of the trunk from its direction and the line across it."""
+    up = unit(joints[high] - joints[low])
+    across = joints[left] - joints[right]
+    across = unit(across - (across @ up) * up)
+    return from_matrix(np.stack([across, up, np.cross(across, up)], -1))

@@ -1,0 +1,33 @@
+"""Settings of one live output, ``[outputs.NAME]`` in an edge's settings file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from enliven.settings import setting
+
+
+@dataclass(frozen=True)
+class OutputSettings:
+    """One other program that receives the motion live."""
+
+    to: str = setting(
+        doc="Protocol and receiver, SCHEME:HOST[:PORT][/SOURCE]. Schemes: vmc, vrchat, rokoko, osc."
+    )
+    height: float = setting(
+        0.0,
+        "vrchat: height of the user as set in VRChat. Positions are scaled to it. 0: the performer's own.",
+        unit="m",
+        low=0.0,
+        high=3.0,
+    )
+    map: str = setting("", "osc: path of a TOML file that renames addresses, relative to this file.")
+    compress: bool = setting(
+        True, "rokoko: compresses packets as LZ4 frames, as Rokoko Studio does. False: plain JSON."
+    )
+
+
+def outputs_of(words: Sequence[str], settings: Mapping[str, OutputSettings]) -> dict[str, OutputSettings]:
+    """Returns the outputs of the settings, and those of the command line's ``--out``, by name."""
+    return {**settings, **{f"--out {word}": OutputSettings(to=word) for word in words}}
