@@ -151,16 +151,16 @@ class PerformerNumbers:
     def number(self, bodies: Sequence[Body], time_ns: int) -> tuple[dict[int, Body], list[LiveEvent]]:
         """Returns the bodies by number, and the performers that entered or left."""
         events = []
-        for body in sorted(self._numbers):
-            if not 0 <= time_ns - self._seen_ns[body] <= self.FORGET_AFTER_NS:
-                events.append(LiveEvent("leave", self._numbers.pop(body)))
+        self._seen_ns.update((body.id, time_ns) for body in bodies)
+        for known in list(self._numbers):
+            if not 0 <= time_ns - self._seen_ns[known] <= self.FORGET_AFTER_NS:
+                events.append(LiveEvent("leave", self._numbers.pop(known)))
         numbered = {}
         for body in bodies:
             if body.id not in self._numbers:
                 taken = set(self._numbers.values())
                 self._numbers[body.id] = next(n for n in range(1, len(taken) + 2) if n not in taken)
                 events.append(LiveEvent("enter", self._numbers[body.id]))
-            self._seen_ns[body.id] = time_ns
             numbered[self._numbers[body.id]] = body
         self._seen_ns = {body: self._seen_ns[body] for body in self._numbers}
         return dict(sorted(numbered.items())), events

@@ -30,4 +30,10 @@ class OutputSettings:
 
 def outputs_of(words: Sequence[str], settings: Mapping[str, OutputSettings]) -> dict[str, OutputSettings]:
     """Returns the outputs of the settings, and those of the command line's ``--out``, by name."""
-    return {**settings, **{f"--out {word}": OutputSettings(to=word) for word in words}}
+    outputs = dict(settings)
+    for word in words:
+        name = f"--out {word}"
+        while name in outputs:  # The same address twice is refused later, with both names in the message.
+            name += " again"
+        outputs[name] = OutputSettings(to=word)
+    return outputs
