@@ -59,9 +59,9 @@ def parse_address(text: str, default_ports: Mapping[str, int], where: str) -> Ou
     if scheme not in default_ports:
         near = difflib.get_close_matches(scheme, default_ports, n=1)
         guess = f"Did you mean {near[0]}? " if near else ""
-        known = ", ".join(default_ports)
+        schemes = ", ".join(default_ports)
         problem = f"{match['scheme']!r} is not a known protocol of outputs"
-        raise InputError(problem, where=where, mend=f"{guess}Known: {known}.")
+        raise InputError(problem, where=where, mend=f"{guess}Known: {schemes}.")
     if port is not None and not (port.isascii() and port.isdecimal() and 1 <= int(port[:6]) <= MAX_PORT):
         mend = f"Write a number from 1 to {MAX_PORT}, or leave it out for {default_ports[scheme]}."
         raise InputError(f"{port!r} is not a UDP port", where=where, mend=mend)

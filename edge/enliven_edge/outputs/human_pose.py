@@ -133,7 +133,7 @@ _BODY_BONES: tuple[tuple[str, Joint, Joint], ...] = (
         )
     ),
 )
-"""Bones of a performer: name, the joint whose bone gives the rotation, and the joint where it begins."""
+"""Bones of a performer: name, end joint of the bone with its rotation, and the joint where it begins."""
 BODY_BONE_NAMES = tuple(name for name, _, _ in _BODY_BONES)
 """Names of the bones of a performer, in the order of :func:`human_of_body`."""
 _ENDS = np.array([ends for _, ends, _ in _BODY_BONES])

@@ -135,7 +135,7 @@ def placement_of(info: CharacterInfo, pose: Pose) -> tuple[Float, Float]:
     return pose.positions[0] + rotate(turn, info.middle - pivots[0]), turn
 
 
-class PerformerNumbers:
+class PerformerSlots:
     """Gives each performer the lowest free number from 1, and keeps it while the performer is in view.
 
     The tracker's ids grow with every person that enters. Receivers need addresses that stay the same.
@@ -152,9 +152,9 @@ class PerformerNumbers:
         """Returns the bodies by number, and the performers that entered or left."""
         events = []
         self._seen_ns.update((body.id, time_ns) for body in bodies)
-        for known in list(self._numbers):
-            if not 0 <= time_ns - self._seen_ns[known] <= self.FORGET_AFTER_NS:
-                events.append(LiveEvent("leave", self._numbers.pop(known)))
+        for body_id in list(self._numbers):
+            if not 0 <= time_ns - self._seen_ns[body_id] <= self.FORGET_AFTER_NS:
+                events.append(LiveEvent("leave", self._numbers.pop(body_id)))
         numbered = {}
         for body in bodies:
             if body.id not in self._numbers:

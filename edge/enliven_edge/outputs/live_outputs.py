@@ -14,11 +14,11 @@ from enliven_edge.closeable import Closeable
 from enliven_edge.extras import need
 from enliven_edge.outputs.address import OutputAddress, parse_address, resolve
 from enliven_edge.outputs.humanoid_map import humanoid_map
-from enliven_edge.outputs.live_frame import PERFORMER, CharacterInfo, LiveEvent, LiveFrame, PerformerNumbers
-from enliven_edge.outputs.output import Output
+from enliven_edge.outputs.live_frame import PERFORMER, CharacterInfo, LiveEvent, LiveFrame, PerformerSlots
+from enliven_edge.outputs.output import LiveOutput
 from enliven_edge.outputs.registry import OUTPUTS, Protocol
 from enliven_edge.outputs.sender import Sender
-from enliven_edge.outputs.settings import OutputSettings
+from enliven_edge.outputs.settings import LiveOutputSettings
 from enliven_edge.stage import Stage, Tick
 from enliven_edge.tracking.health import HEALTH_MESSAGES
 
@@ -34,9 +34,9 @@ class LiveOutputs(Closeable):
         outputs: with the sender of each.
     """
 
-    def __init__(self, outputs: Sequence[tuple[Output, Sender]] = ()) -> None:
+    def __init__(self, outputs: Sequence[tuple[LiveOutput, Sender]] = ()) -> None:
         self._outputs = list(outputs)
-        self._numbers = PerformerNumbers()
+        self._numbers = PerformerSlots()
         self._characters: dict[str, CharacterInfo] = {}
         self._since_ns: dict[str, int] = {}
         self._time_ns = 0
@@ -81,8 +81,10 @@ class LiveOutputs(Closeable):
                 self._since_ns.pop(sender.name, None)
                 continue
             since = self._since_ns.setdefault(sender.name, self._time_ns)
-            what = message.what.format(output=sender.name, why=reason)
-            states.append(HealthState(HealthKind.OUTPUT_FAILS, message.severity, since, what, message.mend))
+            problem = message.what.format(output=sender.name, why=reason)
+            states.append(
+                HealthState(HealthKind.OUTPUT_FAILS, message.severity, since, problem, message.mend)
+            )
         return states
 
     def close(self) -> None:
@@ -97,8 +99,8 @@ class LiveOutputs(Closeable):
     def _update_characters(self, stage: Stage) -> None:
         """Analyses the characters that are new on the stage, or changed."""
         for name, actor in list(stage.actors.items()):
-            known = self._characters.get(name)
-            if known is None or known.character is not actor.character:
+            info = self._characters.get(name)
+            if info is None or info.character is not actor.character:
                 skeleton = actor.skeleton
                 humanoid = None if skeleton is None else humanoid_map(skeleton)
                 self._characters[name] = CharacterInfo(actor.character, humanoid)
@@ -115,7 +117,7 @@ class LiveOutputs(Closeable):
         return events
 
 
-def open_outputs(settings: Mapping[str, OutputSettings], folder: Path | None = None) -> LiveOutputs:
+def open_outputs(settings: Mapping[str, LiveOutputSettings], folder: Path | None = None) -> LiveOutputs:
     """Opens the outputs of the settings and the command line, and starts their threads.
 
     Args:
@@ -164,7 +166,7 @@ def _check_source(address: OutputAddress, protocol: Protocol, where: str) -> Non
         raise InputError(f"{address.scheme} sends performers, not {source!r}", where=where, mend=mend)
 
 
-def _refuse_other_keys(wanted: OutputSettings, scheme: str, protocol: Protocol, where: str) -> None:
+def _refuse_other_keys(wanted: LiveOutputSettings, scheme: str, protocol: Protocol, where: str) -> None:
     """Raises InputError for a key that this protocol would ignore."""
     own = {"to", *protocol.keys}
     for item in dataclasses.fields(wanted):

@@ -1,4 +1,4 @@
-"""OSC bundles whose addresses are encoded once and whose numbers are filled in for every frame.
+"""OSC bundles with addresses that are encoded once, and numbers that are filled in for every frame.
 
 python-osc encodes one message in about 20 us of Python. For all messages of a frame this would hold the
 interpreter's lock for milliseconds, and delay the edge. Here python-osc encodes each set of addresses once. A

@@ -7,7 +7,7 @@ addresses.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,8 +17,9 @@ from enliven.arrays import Float, Int
 from enliven.errors import InputError
 from enliven.person import Body, Joint
 from enliven.settings import load_settings, setting
-from enliven_edge.outputs.live_frame import CharacterInfo, LiveEvent, LiveFrame
+from enliven_edge.outputs.live_frame import LiveEvent, LiveFrame
 from enliven_edge.outputs.osc_template import OscMessage, OscTemplate, OscTemplates
+from enliven_edge.outputs.output import LiveOutput
 
 PORT = 10000
 """Default port: that of an OSC In operator of TouchDesigner."""
@@ -106,7 +107,7 @@ def _pattern(old: str, new: str, where: str) -> tuple[re.Pattern[str], str]:
     return re.compile("([^/]+)".join(map(re.escape, old.split("*")))), new
 
 
-class OscOutput:
+class OscOutput(LiveOutput):
     """Sends the tree of addresses.
 
     Args:
@@ -118,9 +119,6 @@ class OscOutput:
         self._templates = OscTemplates()
         self._blocks: dict[str, tuple[list[OscMessage], Int]] = {}
         self._first_ns: int | None = None
-
-    def check(self, characters: Mapping[str, CharacterInfo]) -> None:
-        pass
 
     def packets(self, frame: LiveFrame) -> list[bytes]:
         if self._first_ns is None or frame.time_ns < self._first_ns:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from enliven_edge.outputs.address import OutputAddress
-from enliven_edge.outputs.output import Output
-from enliven_edge.outputs.settings import OutputSettings
+from enliven_edge.outputs.output import LiveOutput
+from enliven_edge.outputs.settings import LiveOutputSettings
 
 
 @dataclass(frozen=True)
@@ -20,35 +20,35 @@ class Protocol:
         open: returns the output. Its module is imported only here, because it needs optional libraries.
         library: Python module that it needs, of the extra ``outputs``.
         sources: the sources that an address may name: "any", only "performers", or "none".
-        keys: keys of :class:`OutputSettings` that only this protocol uses.
+        keys: keys of :class:`LiveOutputSettings` that only this protocol uses.
     """
 
     port: int
-    open: Callable[[OutputAddress, OutputSettings, Path], Output]
+    open: Callable[[OutputAddress, LiveOutputSettings, Path], LiveOutput]
     library: str
     sources: str = "none"
     keys: tuple[str, ...] = ()
 
 
-def _vmc(address: OutputAddress, settings: OutputSettings, folder: Path) -> Output:
+def _vmc(address: OutputAddress, settings: LiveOutputSettings, folder: Path) -> LiveOutput:
     from enliven_edge.outputs.vmc import VmcOutput
 
     return VmcOutput(address.source)
 
 
-def _vrchat(address: OutputAddress, settings: OutputSettings, folder: Path) -> Output:
+def _vrchat(address: OutputAddress, settings: LiveOutputSettings, folder: Path) -> LiveOutput:
     from enliven_edge.outputs.vrchat import VrchatOutput
 
     return VrchatOutput(address.source, settings.height)
 
 
-def _rokoko(address: OutputAddress, settings: OutputSettings, folder: Path) -> Output:
+def _rokoko(address: OutputAddress, settings: LiveOutputSettings, folder: Path) -> LiveOutput:
     from enliven_edge.outputs.rokoko import RokokoOutput
 
     return RokokoOutput(settings.compress)
 
 
-def _osc(address: OutputAddress, settings: OutputSettings, folder: Path) -> Output:
+def _osc(address: OutputAddress, settings: LiveOutputSettings, folder: Path) -> LiveOutput:
     from enliven_edge.outputs.osc_tree import OscOutput, read_address_map
 
     return OscOutput(read_address_map(folder / settings.map) if settings.map else None)

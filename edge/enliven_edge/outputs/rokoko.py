@@ -10,7 +10,6 @@ Blender (live_data_manager.py).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import lz4.frame
@@ -21,7 +20,8 @@ from enliven.arrays import AnyArray, Float
 from enliven.document import BOX
 from enliven.rotation import from_matrix, multiply
 from enliven_edge.outputs.human_pose import HumanPose
-from enliven_edge.outputs.live_frame import CharacterInfo, LiveFrame
+from enliven_edge.outputs.live_frame import LiveFrame
+from enliven_edge.outputs.output import LiveOutput
 from enliven_edge.outputs.unity_axes import unity_position, unity_rotation
 
 PORT = 14043
@@ -29,6 +29,7 @@ PORT = 14043
 _VERSION = "3,0"
 _HALF = float(np.sqrt(0.5))
 _TRUNK = (0.0, 0.0, 1.0, 0.0)
+"""Rotation (x, y, z, w) of the trunk's joints of Rokoko's skeleton in its T-pose: half a turn about Z."""
 _SIDES = {
     "Left": {
         "Shoulder": (0.0, 0.0, _HALF, -_HALF),
@@ -82,7 +83,7 @@ _MIN_STEP_S = 1e-3
 """Shortest frame time that the reported frame rate is computed from, in seconds."""
 
 
-class RokokoOutput:
+class RokokoOutput(LiveOutput):
     """Sends all performers, characters and props.
 
     Args:
@@ -94,9 +95,6 @@ class RokokoOutput:
         self._encoder = msgspec.json.Encoder()
         self._first_ns: int | None = None
         self._last_ns = 0
-
-    def check(self, characters: Mapping[str, CharacterInfo]) -> None:
-        pass
 
     def packets(self, frame: LiveFrame) -> list[bytes]:
         data = self._encoder.encode(self._scene(frame))

@@ -12,7 +12,7 @@ from dataclasses import replace
 from enliven_edge.closeable import Closeable
 from enliven_edge.outputs.address import Place
 from enliven_edge.outputs.live_frame import LiveEvent, LiveFrame
-from enliven_edge.outputs.output import Output
+from enliven_edge.outputs.output import LiveOutput
 
 log = logging.getLogger(__name__)
 
@@ -45,7 +45,7 @@ class Sender(Closeable):
         skipped: number of frames that were replaced before they were sent.
     """
 
-    def __init__(self, name: str, output: Output, family: socket.AddressFamily, place: Place) -> None:
+    def __init__(self, name: str, output: LiveOutput, family: socket.AddressFamily, place: Place) -> None:
         self.name = name
         self.sent = self.errors = self.skipped = 0
         self._output = output
@@ -136,4 +136,4 @@ class Sender(Closeable):
         self._reason, self._failed_at = reason, now
         if now - self._logged_at >= _MAX_LOG_INTERVAL_S:
             self._logged_at = now
-            log.warning("output %s: %s. %d packets are lost so far.", self.name, reason, self.errors)
+            log.warning("output %s: %s. Lost packets: %d.", self.name, reason, self.errors)

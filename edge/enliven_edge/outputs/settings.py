@@ -9,7 +9,7 @@ from enliven.settings import setting
 
 
 @dataclass(frozen=True)
-class OutputSettings:
+class LiveOutputSettings:
     """One other program that receives the motion live."""
 
     to: str = setting(
@@ -28,12 +28,14 @@ class OutputSettings:
     )
 
 
-def outputs_of(words: Sequence[str], settings: Mapping[str, OutputSettings]) -> dict[str, OutputSettings]:
+def outputs_of(
+    words: Sequence[str], settings: Mapping[str, LiveOutputSettings]
+) -> dict[str, LiveOutputSettings]:
     """Returns the outputs of the settings, and those of the command line's ``--out``, by name."""
     outputs = dict(settings)
     for word in words:
         name = f"--out {word}"
         while name in outputs:  # The same address twice is refused later, with both names in the message.
             name += " again"
-        outputs[name] = OutputSettings(to=word)
+        outputs[name] = LiveOutputSettings(to=word)
     return outputs

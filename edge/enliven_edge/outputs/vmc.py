@@ -20,6 +20,7 @@ from enliven.rotation import from_matrix
 from enliven_edge.outputs.human_pose import HumanPose
 from enliven_edge.outputs.live_frame import PERFORMER, CharacterInfo, LiveFrame
 from enliven_edge.outputs.osc_template import OscMessage, OscTemplates
+from enliven_edge.outputs.output import LiveOutput
 from enliven_edge.outputs.unity_axes import unity_position, unity_rotation
 
 PORT = 39539
@@ -36,7 +37,7 @@ _MAX_BONE_TRACKERS = 64
 """Maximum number of bones of one character that are sent as trackers, about four packets."""
 
 
-class VmcOutput:
+class VmcOutput(LiveOutput):
     """Sends humanoid bones and trackers.
 
     Args:

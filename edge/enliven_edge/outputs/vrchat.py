@@ -8,15 +8,14 @@ Source of the messages: https://docs.vrchat.com/docs/osc-trackers
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from enliven.arrays import Float
 from enliven.person import Body, Joint
 from enliven_edge.outputs.human_pose import HumanPose
-from enliven_edge.outputs.live_frame import PERFORMER, CharacterInfo, LiveFrame
+from enliven_edge.outputs.live_frame import PERFORMER, LiveFrame
 from enliven_edge.outputs.osc_template import OscMessage, OscTemplates
+from enliven_edge.outputs.output import LiveOutput
 from enliven_edge.outputs.unity_axes import unity_euler, unity_position
 
 PORT = 9000
@@ -43,7 +42,7 @@ _MIN_HEIGHT_M = 0.5
 """Smallest measured height that positions are scaled by. Smaller ones are failures of the measurement."""
 
 
-class VrchatOutput:
+class VrchatOutput(LiveOutput):
     """Sends the trackers of one performer.
 
     Args:
@@ -54,9 +53,6 @@ class VrchatOutput:
     def __init__(self, source: str = "", height: float = 0.0) -> None:
         self._source, self._height = source, height
         self._templates = OscTemplates()
-
-    def check(self, characters: Mapping[str, CharacterInfo]) -> None:
-        pass
 
     def packets(self, frame: LiveFrame) -> list[bytes]:
         number = (

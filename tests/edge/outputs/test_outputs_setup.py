@@ -11,7 +11,7 @@ from enliven_edge.outputs import vmc, vrchat
 from enliven_edge.outputs.address import OutputAddress, parse_address, resolve
 from enliven_edge.outputs.live_outputs import open_outputs
 from enliven_edge.outputs.registry import OUTPUTS
-from enliven_edge.outputs.settings import OutputSettings, outputs_of
+from enliven_edge.outputs.settings import LiveOutputSettings, outputs_of
 from enliven_edge.settings import EdgeSettings
 
 PORTS = {scheme: protocol.port for scheme, protocol in OUTPUTS.items()}
@@ -63,7 +63,7 @@ def test_a_wrong_address_is_refused(text, message):
 
 
 def test_the_same_receiver_twice_is_refused():
-    twice = {"desk": OutputSettings("osc:127.0.0.1:7000")}
+    twice = {"desk": LiveOutputSettings("osc:127.0.0.1:7000")}
     with pytest.raises(
         InputError, match=r"--out osc:127\.0\.0\.1:7000.*same output as outputs\.desk.*another port"
     ):
@@ -96,7 +96,7 @@ def test_a_failed_start_leaves_no_thread():
 )
 def test_keys_of_another_protocol_are_refused(keys, message, tmp_path):
     with pytest.raises(InputError, match=message):
-        open_outputs({"x": OutputSettings(**keys)}, tmp_path)
+        open_outputs({"x": LiveOutputSettings(**keys)}, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_keys_of_another_protocol_are_refused(keys, message, tmp_path):
 def test_a_wrong_mapping_file_is_refused(text, message, tmp_path):
     (tmp_path / "map.toml").write_text(text)
     with pytest.raises(InputError, match=message):
-        open_outputs({"x": OutputSettings("osc:127.0.0.1", map="map.toml")}, tmp_path)
+        open_outputs({"x": LiveOutputSettings("osc:127.0.0.1", map="map.toml")}, tmp_path)
 
 
 def test_a_missing_library_is_named(monkeypatch):

@@ -20,7 +20,7 @@ from enliven_edge.outputs.humanoid_map import humanoid_map
 from enliven_edge.outputs.live_frame import CharacterInfo, LiveEvent, LiveFrame
 from enliven_edge.outputs.live_outputs import open_outputs
 from enliven_edge.outputs.osc_template import MAX_PACKET_BYTES
-from enliven_edge.outputs.settings import OutputSettings
+from enliven_edge.outputs.settings import LiveOutputSettings
 from enliven_edge.stage.rig.rig_actor import RigActor
 from enliven_edge.stage.stage import Stage
 
@@ -47,7 +47,7 @@ def sent(tmp_path):
     def send(scheme: str, *frames, source: str = "", last: str, **keys) -> OscReceiver:
         receiver = OscReceiver()
         receivers.append(receiver)
-        settings = OutputSettings(f"{scheme}:127.0.0.1:{receiver.port}{source}", **keys)
+        settings = LiveOutputSettings(f"{scheme}:127.0.0.1:{receiver.port}{source}", **keys)
         with open_outputs({"test": settings}, tmp_path) as outputs:
             for number, frame in enumerate(frames):
                 outputs.senders[0].put(frame)
@@ -143,11 +143,11 @@ def test_vmc_moves_an_avatar_as_the_rig_moves(sent, convention):
 def test_vmc_refuses_bones_of_a_character_that_is_not_human():
     stage = Stage([RigActor(meshed("horse", horse())), RigActor(meshed("anna", person("mixamo")))])
     with (
-        open_outputs({"--out x": OutputSettings("vmc:127.0.0.1:9/horse")}) as outputs,
+        open_outputs({"--out x": LiveOutputSettings("vmc:127.0.0.1:9/horse")}) as outputs,
         pytest.raises(InputError, match=r"no humanoid bones.*tracker.*--drive skeleton"),
     ):
         outputs.check(stage)
-    with open_outputs({"--out x": OutputSettings("vmc:127.0.0.1:9/anna")}) as outputs:
+    with open_outputs({"--out x": LiveOutputSettings("vmc:127.0.0.1:9/anna")}) as outputs:
         outputs.check(stage)
 
 
@@ -203,7 +203,7 @@ ROKOKO_SEGMENTS = {
 def test_rokoko_moves_an_actor_as_the_performer_moves(compress):
     body = performer()
     with JsonReceiver() as receiver:
-        settings = OutputSettings(f"rokoko:127.0.0.1:{receiver.port}", compress=compress)
+        settings = LiveOutputSettings(f"rokoko:127.0.0.1:{receiver.port}", compress=compress)
         with open_outputs({"r": settings}) as outputs:
             outputs.senders[0].put(LiveFrame(0, {1: body}))
             packet = receiver.read()
@@ -224,7 +224,7 @@ def test_rokoko_sends_people_rigs_and_objects():
     frame = four_characters()
     with (
         JsonReceiver() as receiver,
-        open_outputs({"r": OutputSettings(f"rokoko:127.0.0.1:{receiver.port}")}) as outputs,
+        open_outputs({"r": LiveOutputSettings(f"rokoko:127.0.0.1:{receiver.port}")}) as outputs,
     ):
         outputs.senders[0].put(frame)
         scene = receiver.read()["scene"]

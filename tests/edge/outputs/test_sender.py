@@ -15,7 +15,7 @@ from enliven.frames import BodyFrame
 from enliven.health import HealthKind
 from enliven.wire import HoldMessage
 from enliven_edge.outputs import sender as sender_module
-from enliven_edge.outputs.live_frame import LiveFrame, PerformerNumbers
+from enliven_edge.outputs.live_frame import LiveFrame, PerformerSlots
 from enliven_edge.outputs.live_outputs import LiveOutputs, open_outputs
 from enliven_edge.outputs.sender import Sender
 from enliven_edge.outputs.settings import outputs_of
@@ -153,7 +153,7 @@ def test_many_outputs_get_the_same_frames():
 
 
 def test_performers_keep_their_numbers_and_free_ones_are_used_again():
-    numbers = PerformerNumbers()
+    numbers = PerformerSlots()
     at = lambda *ids, ns: numbers.number([performer(i) for i in ids], ns)  # noqa: E731
     named, events = at(41, 17, ns=0)
     assert {n: b.id for n, b in named.items()} == {1: 41, 2: 17}
