@@ -74,23 +74,33 @@ class LiveFrame:
     props: Props | None = None
     events: Sequence[LiveEvent] = ()
 
-    # Threads of several outputs may compute the same value twice at the same time. Both results are equal.
-    @cached_property
-    def human_performers(self) -> dict[int, HumanPose]:
-        """The human poses of the performers, by number."""
-        return {
-            number: human_of_body(body, f"{PERFORMER}{number}") for number, body in self.performers.items()
-        }
+    _humans: dict[str, HumanPose] = field(default_factory=dict, repr=False)
+    """Human poses that were computed for some output, by name."""
 
-    @cached_property
-    def human_characters(self) -> dict[str, HumanPose]:
-        """The human poses of the characters that are rigged humans, by id, in the order of the stage."""
-        humans = {}
-        for pose in self.poses:
-            info = self.characters.get(pose.character)
-            if info is not None and info.humanoid is not None:
-                humans[pose.character] = info.humanoid.pose(pose)
-        return humans
+    # Threads of several outputs may compute the same value twice at the same time. Both results are equal.
+    def human_performer(self, number: int) -> HumanPose | None:
+        """Returns the human pose of a performer, or None if there is none with this number."""
+        body, name = self.performers.get(number), f"{PERFORMER}{number}"
+        if body is not None and name not in self._humans:
+            self._humans[name] = human_of_body(body, name)
+        return self._humans.get(name)
+
+    def human_character(self, name: str) -> HumanPose | None:
+        """Returns the human pose of a character, or None if it is not a rigged human on the stage."""
+        if name not in self._humans:
+            info = self.characters.get(name)
+            pose = next((pose for pose in self.poses if pose.character == name), None)
+            if info is None or info.humanoid is None or pose is None:
+                return None
+            self._humans[name] = info.humanoid.pose(pose)
+        return self._humans[name]
+
+    @property
+    def humans(self) -> list[HumanPose]:
+        """The human poses of all performers, and then of all characters that are rigged humans."""
+        poses = [self.human_performer(number) for number in self.performers]
+        poses += [self.human_character(pose.character) for pose in self.poses]
+        return [human for human in poses if human is not None]
 
     @cached_property
     def placements(self) -> dict[str, tuple[Float, Float]]:
@@ -110,13 +120,13 @@ class LiveFrame:
         """
         if source.startswith(PERFORMER):
             number = source.removeprefix(PERFORMER)
-            return self.human_performers.get(int(number)) if number.isdecimal() else None
+            return self.human_performer(int(number)) if number.isdecimal() else None
         if source:
-            return self.human_characters.get(source)
-        characters = self.human_characters
-        if characters:
-            return next(iter(characters.values()))
-        return self.human_performers[min(self.performers)] if self.performers else None
+            return self.human_character(source)
+        for pose in self.poses:
+            if (human := self.human_character(pose.character)) is not None:
+                return human
+        return self.human_performer(min(self.performers)) if self.performers else None
 
 
 def placement_of(info: CharacterInfo, pose: Pose) -> tuple[Float, Float]:

@@ -106,10 +106,9 @@ class RokokoOutput(LiveOutput):
             self._first_ns = self._last_ns = frame.time_ns
         step = (frame.time_ns - self._last_ns) * 1e-9
         self._last_ns = frame.time_ns
-        humans = [*frame.human_performers.values(), *frame.human_characters.values()]
         scene = {
             "timestamp": round((frame.time_ns - self._first_ns) * 1e-9, 4),
-            "actors": [_actor(human, number) for number, human in enumerate(humans)],
+            "actors": [_actor(human, number) for number, human in enumerate(frame.humans)],
             "characters": _characters(frame),
             "props": _props(frame),
         }

@@ -104,7 +104,9 @@ class Sender(Closeable):
             frame, self._newest = self._newest, None
             events = tuple(self._events)
             self._events.clear()
-        return None if frame is None else replace(frame, events=events)
+        if frame is None or len(events) == len(frame.events):
+            return frame
+        return replace(frame, events=events)
 
     def _send(self, packet: bytes) -> None:
         """Sends one packet, or counts it as lost. It never blocks."""

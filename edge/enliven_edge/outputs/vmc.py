@@ -16,7 +16,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Props
 from enliven.errors import InputError
-from enliven.rotation import from_matrix
+from enliven.person import Joint
+from enliven.rotation import IDENTITY, from_matrix
 from enliven_edge.outputs.human_pose import HumanPose
 from enliven_edge.outputs.live_frame import PERFORMER, CharacterInfo, LiveFrame
 from enliven_edge.outputs.osc_template import OscMessage, OscTemplates
@@ -112,9 +113,10 @@ def _trackers(frame: LiveFrame, human: str) -> tuple[list[str], list[AnyArray]]:
             count = min(len(bones), _MAX_BONE_TRACKERS)
             labels = [f"{name}/{bone}" for bone in bones[:count]]
             add(labels, pose.positions[:count], from_matrix(pose.linear[:count]))
-    for number, other in frame.human_performers.items():
+    for number, body in frame.performers.items():
         if f"{PERFORMER}{number}" != human:
-            add([other.name], other.positions[:1], other.turns[:1])
+            turn = IDENTITY if body.orientations is None else body.orientations[Joint.HIP_CENTER]
+            add([f"{PERFORMER}{number}"], body.joints[Joint.HIP_CENTER], turn)
     if frame.props is not None:
         add(*_props(frame.props))
     if not names:

@@ -58,10 +58,10 @@ class VrchatOutput(LiveOutput):
         number = (
             int(self._source.removeprefix(PERFORMER)) if self._source else min(frame.performers, default=0)
         )
-        body = frame.performers.get(number)
-        if body is None:
+        body, human = frame.performers.get(number), frame.human_performer(number)
+        if body is None or human is None:
             return []
-        values = tracker_values(body, frame.human_performers[number], self._height)
+        values = tracker_values(body, human, self._height)
         return self._templates.packets("trackers", lambda: _MESSAGES, [values])
 
 

@@ -118,7 +118,7 @@ def test_vmc_sends_the_character_that_the_address_names(sent, name):
     frame = four_characters()
     receiver = sent("vmc", frame, source=f"/{name}", last="/VMC/Ext/OK")
     until(lambda: len(bones_of(receiver)) >= 20, "the bones")
-    avatar, human = Avatar(bones_of(receiver)), frame.human_characters[name]
+    avatar, human = Avatar(bones_of(receiver)), frame.human_character(name)
     for bone in ("LeftUpperArm", "RightLowerLeg"):
         place, way = human.at(bone)
         assert np.allclose(avatar.position(bone), MIRROR * place, atol=1e-4)
