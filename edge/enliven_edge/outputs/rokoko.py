@@ -10,13 +10,14 @@ Blender (live_data_manager.py).
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import lz4.frame
 import msgspec
 import numpy as np
 
-from enliven.arrays import AnyArray, Float
+from enliven.arrays import AnyArray
 from enliven.document import BOX
 from enliven.rotation import from_matrix, multiply
 from enliven_edge.outputs.human_pose import HumanPose
@@ -69,8 +70,10 @@ JOINTS: tuple[tuple[str, str, tuple[float, ...]], ...] = (
 )
 """The joints of an actor: name in the stream, bone of the humanoid, and rotation in Rokoko's T-pose."""
 _NAMES = [name for name, _, _ in JOINTS]
-_T_POSE = np.array([(w, x, y, z) for _, _, (x, y, z, w) in JOINTS])
-"""(23, 4) the same rotations as (w, x, y, z)."""
+_T_POSE_BEFORE_MIRROR = np.array([(w, x, -y, -z) for _, _, (x, y, z, w) in JOINTS])
+"""(23, 4) the same rotations as (w, x, y, z) in enliven's axes: the mirror is its own inverse."""
+_META = {"hasGloves": False, "hasLeftGlove": False, "hasRightGlove": False, "hasBody": True, "hasFace": False}
+"""Parts of an actor that are sent: the body alone."""
 _FALLBACKS = {"Chest": "Spine", "Spine": "Hips", "Neck": "Head", "Head": "Chest"}
 """The bone that replaces a missing one. The chest replaces a shoulder, and the foot the toes."""
 _COLOURS = ((255, 105, 70), (70, 160, 255), (120, 220, 90), (250, 200, 60))
@@ -108,7 +111,7 @@ class RokokoOutput(LiveOutput):
         self._last_ns = frame.time_ns
         scene = {
             "timestamp": round((frame.time_ns - self._first_ns) * 1e-9, 4),
-            "actors": [_actor(human, number) for number, human in enumerate(frame.humans)],
+            "actors": _actors(frame.humans),
             "characters": _characters(frame),
             "props": _props(frame),
         }
@@ -116,45 +119,50 @@ class RokokoOutput(LiveOutput):
         return {"version": _VERSION, "fps": fps, "scene": scene}
 
 
-def _actor(human: HumanPose, number: int) -> dict[str, Any]:
-    """Returns a human figure as an actor."""
-    rows = [_bone_number(human, bone) for _, bone, _ in JOINTS]
-    positions = unity_position(human.positions[rows])
-    turns = multiply(unity_quaternion(human.turns[rows]), _T_POSE)[:, [1, 2, 3, 0]]
-    places, rotations = np.round(positions, 4).tolist(), np.round(turns, 5).tolist()
-    heights = positions[:, 1]
-    return {
-        "name": human.name,
-        "color": _COLOURS[number % len(_COLOURS)],
-        "meta": {
-            "hasGloves": False,
-            "hasLeftGlove": False,
-            "hasRightGlove": False,
-            "hasBody": True,
-            "hasFace": False,
-        },
-        "dimensions": {
-            "totalHeight": round(float(np.ptp(heights)), 4),
-            "hipHeight": round(float(heights[0] - heights.min()), 4),
-        },
-        "body": {
-            name: {"position": _vector(place), "rotation": _quaternion(rotation)}
-            for name, place, rotation in zip(_NAMES, places, rotations, strict=True)
-        },
-    }
+def _actors(humans: list[HumanPose]) -> list[dict[str, Any]]:
+    """Returns human figures as actors."""
+    if not humans:
+        return []
+    rows = [_rows_of(human.bones) for human in humans]
+    places = np.stack([human.positions[row] for human, row in zip(humans, rows, strict=True)])
+    turns = np.stack([human.turns[row] for human, row in zip(humans, rows, strict=True)])
+    values = _values(places, multiply(turns, _T_POSE_BEFORE_MIRROR))
+    heights = places[..., 1]
+    total, hips = np.ptp(heights, 1).round(4).tolist(), (heights[:, 0] - heights.min(1)).round(4).tolist()
+    return [
+        {
+            "name": human.name,
+            "color": _COLOURS[number % len(_COLOURS)],
+            "meta": _META,
+            "dimensions": {"totalHeight": total[number], "hipHeight": hips[number]},
+            "body": {name: _placement(row) for name, row in zip(_NAMES, values[number], strict=True)},
+        }
+        for number, human in enumerate(humans)
+    ]
 
 
-def unity_quaternion(turns: AnyArray) -> Float:
-    """Returns (..., 4) rotations in Unity's axes as (w, x, y, z), the order of :mod:`enliven.rotation`."""
-    return np.roll(unity_rotation(turns), 1, -1)
+@cache
+def _rows_of(bones: tuple[str, ...]) -> list[int]:
+    """Returns (23,) the bone of each joint of an actor, or the one that replaces a missing bone."""
+    rows = []
+    for _, bone, _ in JOINTS:
+        name = bone
+        while name not in bones:
+            side = "Left" if name.startswith("Left") else "Right"
+            name = f"{side}Foot" if name.endswith("Toes") else _FALLBACKS.get(name, "Chest")
+        rows.append(bones.index(name))
+    return rows
 
 
-def _bone_number(human: HumanPose, bone: str) -> int:
-    """Returns the number of a bone, or that of the bone that replaces it."""
-    while bone not in human.bones:
-        side = "Left" if bone.startswith("Left") else "Right"
-        bone = f"{side}Foot" if bone.endswith("Toes") else _FALLBACKS.get(bone, "Chest")
-    return human.bones.index(bone)
+def _values(places: AnyArray, turns: AnyArray) -> list[Any]:
+    """Returns (..., 7) rounded positions and rotations (x, y, z, w) in Unity's axes, as lists."""
+    return np.concatenate([unity_position(places).round(4), unity_rotation(turns).round(5)], -1).tolist()
+
+
+def _placement(values: list[float]) -> dict[str, dict[str, float]]:
+    """Returns one row of :func:`_values` with its names."""
+    x, y, z, i, j, k, w = values
+    return {"position": {"x": x, "y": y, "z": z}, "rotation": {"x": i, "y": j, "z": k, "w": w}}
 
 
 def _characters(frame: LiveFrame) -> list[dict[str, Any]]:
@@ -164,11 +172,9 @@ def _characters(frame: LiveFrame) -> list[dict[str, Any]]:
         info = frame.characters.get(pose.character)
         if info is None or info.humanoid is not None or info.character.names is None:
             continue
-        places = np.round(unity_position(pose.positions), 4).tolist()
-        turns = np.round(unity_rotation(from_matrix(pose.linear)), 5).tolist()
+        values = _values(pose.positions, from_matrix(pose.linear))
         joints = [
-            {"name": name, "position": _vector(place), "rotation": _quaternion(turn)}
-            for name, place, turn in zip(info.character.names, places, turns, strict=True)
+            {"name": name, **_placement(row)} for name, row in zip(info.character.names, values, strict=True)
         ]
         out.append({"name": pose.character, "joints": joints})
     return out
@@ -186,20 +192,6 @@ def _props(frame: LiveFrame) -> list[dict[str, Any]]:
             colour = tuple(int(part) for part in frame.props.colours[k])
             placed.append((f"{kind}-{number}", frame.props.positions[k], frame.props.turns[k], colour))
     return [
-        {
-            "name": name,
-            "color": colour,
-            "type": _PROP_TYPE,
-            "position": _vector(np.round(unity_position(place), 4).tolist()),
-            "rotation": _quaternion(np.round(unity_rotation(turn), 5).tolist()),
-        }
+        {"name": name, "color": colour, "type": _PROP_TYPE, **_placement(_values(place, turn))}
         for name, place, turn, colour in placed
     ]
-
-
-def _vector(values: list[float]) -> dict[str, float]:
-    return {"x": values[0], "y": values[1], "z": values[2]}
-
-
-def _quaternion(values: list[float]) -> dict[str, float]:
-    return {"x": values[0], "y": values[1], "z": values[2], "w": values[3]}

@@ -21,6 +21,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 
 _MIRROR_X = np.array([-1.0, 1.0, 1.0])
+_XYZW = [1, 2, 3, 0]
+"""Numbers of x, y, z, w in a quaternion (w, x, y, z)."""
 _TO_UNITY = np.array([1.0, -1.0, -1.0, 1.0])
 """Signs of (x, y, z, w) of a mirrored rotation."""
 _GIMBAL_COSINE = 1e-6
@@ -34,7 +36,7 @@ def unity_position(positions: AnyArray) -> Float:
 
 def unity_rotation(turns: AnyArray) -> Float:
     """Returns (..., 4) rotations in Unity's axes and order (x, y, z, w), from quaternions (w, x, y, z)."""
-    return np.asarray(np.roll(np.asarray(turns, np.float64), -1, -1) * _TO_UNITY)
+    return np.asarray(np.asarray(turns, np.float64)[..., _XYZW] * _TO_UNITY)
 
 
 def unity_euler(turns: AnyArray) -> Float:
