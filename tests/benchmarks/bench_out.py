@@ -23,10 +23,10 @@ from enliven.arrays import Float
 from enliven.document import Character, Pose, Skeleton, SkinWeights
 from enliven.frames import DepthFrame
 from enliven.person import Body
+from enliven.person.human_pose import human_of_body
 from enliven.rotation import from_rotation_vector, to_matrix
 from enliven_edge.network import Outlet
 from enliven_edge.outputs import LiveOutputs, open_outputs, outputs_of
-from enliven_edge.outputs.human_pose import human_of_body
 from enliven_edge.outputs.humanoid_map import humanoid_map
 from enliven_edge.outputs.live_frame import CharacterInfo, LiveFrame
 from enliven_edge.outputs.osc_tree import OscOutput

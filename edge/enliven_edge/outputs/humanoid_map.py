@@ -10,6 +10,7 @@ import numpy as np
 from enliven.arrays import Float, Int
 from enliven.document import Pose, Skeleton
 from enliven.mapping import HumanJoints, HumanLimb, facing_of, finger_joints, human_joints
+from enliven.person import FINGER_BONES, FINGERS, HumanPose
 from enliven.rotation import (
     IDENTITY,
     conjugate,
@@ -20,7 +21,6 @@ from enliven.rotation import (
     swing,
     unit,
 )
-from enliven_edge.outputs.human_pose import FINGER_BONES, FINGERS, HumanPose
 
 _DOWN = np.array([0.0, -1.0, 0.0])
 _SIDEWAYS = {"Left": np.array([1.0, 0.0, 0.0]), "Right": np.array([-1.0, 0.0, 0.0])}

@@ -10,9 +10,8 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.document import Character, Pose, Props
-from enliven.person import Body
+from enliven.person import Body, HumanPose, human_of_body
 from enliven.rotation import IDENTITY, from_matrix, rotate
-from enliven_edge.outputs.human_pose import HumanPose, human_of_body
 from enliven_edge.outputs.humanoid_map import HumanoidMap
 
 PERFORMER = "performer-"

@@ -19,11 +19,11 @@ import numpy as np
 
 from enliven.arrays import AnyArray
 from enliven.document import BOX
+from enliven.person import HumanPose
 from enliven.rotation import from_matrix, multiply
-from enliven_edge.outputs.human_pose import HumanPose
+from enliven.unity_axes import unity_position, unity_rotation
 from enliven_edge.outputs.live_frame import LiveFrame
 from enliven_edge.outputs.output import LiveOutput
-from enliven_edge.outputs.unity_axes import unity_position, unity_rotation
 
 PORT = 14043
 """Default port of the plug-ins."""

@@ -16,13 +16,12 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Props
 from enliven.errors import InputError
-from enliven.person import Joint
+from enliven.person import HumanPose, Joint
 from enliven.rotation import IDENTITY, from_matrix
-from enliven_edge.outputs.human_pose import HumanPose
+from enliven.unity_axes import unity_position, unity_rotation
 from enliven_edge.outputs.live_frame import PERFORMER, CharacterInfo, LiveFrame
 from enliven_edge.outputs.osc_template import OscMessage, OscTemplates
 from enliven_edge.outputs.output import LiveOutput
-from enliven_edge.outputs.unity_axes import unity_position, unity_rotation
 
 PORT = 39539
 """Default port of receivers (marionettes)."""

@@ -11,12 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person import Body, Joint
-from enliven_edge.outputs.human_pose import HumanPose
+from enliven.person import Body, HumanPose, Joint
+from enliven.unity_axes import unity_euler, unity_position
 from enliven_edge.outputs.live_frame import PERFORMER, LiveFrame
 from enliven_edge.outputs.osc_template import OscMessage, OscTemplates
 from enliven_edge.outputs.output import LiveOutput
-from enliven_edge.outputs.unity_axes import unity_euler, unity_position
 
 PORT = 9000
 """Default port of VRChat."""

@@ -3,3 +3,13 @@ from .joints import BONES as BONES, J as J, MIRROR as MIRROR, PARENTS as PARENTS
 from .limbs import Limb as Limb
 from .orientation import mirrored as mirrored
 from .parts import parts_named as parts_named
+from .human_pose import (
+    FINGER_BONES as FINGER_BONES,
+    FINGERS as FINGERS,
+    HumanPose as HumanPose,
+    body_of_human as body_of_human,
+    human_of_body as human_of_body,
+    orientations_of_joints as orientations_of_joints,
+    parent_name as parent_name,
+    standing_offset as standing_offset,
+)

@@ -9,9 +9,9 @@ from made_people import CONVENTIONS, name_in, person
 from posed_people import facing_away, performer, posed, some_turns
 
 from enliven.document.skeleton import Skeleton
+from enliven.person.human_pose import human_of_body, orientations_of_joints
 from enliven.person.joints import Joint
 from enliven.rotation import IDENTITY, from_rotation_vector, multiply, rotate, unit
-from enliven_edge.outputs.human_pose import human_of_body, orientations_of_joints
 from enliven_edge.outputs.humanoid_map import humanoid_map
 
 T_POSE = {"Left": np.array([1.0, 0, 0]), "Right": np.array([-1.0, 0, 0])}

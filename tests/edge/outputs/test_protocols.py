@@ -13,9 +13,9 @@ from posed_people import character, performer, posed, some_turns
 
 from enliven.document import Props
 from enliven.errors import InputError
+from enliven.person.human_pose import human_of_body
 from enliven.person.joints import Joint
 from enliven.rotation import rotate, unit
-from enliven_edge.outputs.human_pose import human_of_body
 from enliven_edge.outputs.humanoid_map import humanoid_map
 from enliven_edge.outputs.live_frame import CharacterInfo, LiveEvent, LiveFrame
 from enliven_edge.outputs.live_outputs import open_outputs

@@ -23,6 +23,8 @@ from enliven.arrays import AnyArray, Float
 _MIRROR_X = np.array([-1.0, 1.0, 1.0])
 _XYZW = [1, 2, 3, 0]
 """Numbers of x, y, z, w in a quaternion (w, x, y, z)."""
+_WXYZ = [3, 0, 1, 2]
+"""Numbers of w, x, y, z in a quaternion (x, y, z, w)."""
 _TO_UNITY = np.array([1.0, -1.0, -1.0, 1.0])
 """Signs of (x, y, z, w) of a mirrored rotation."""
 _GIMBAL_COSINE = 1e-6
@@ -37,6 +39,16 @@ def unity_position(positions: AnyArray) -> Float:
 def unity_rotation(turns: AnyArray) -> Float:
     """Returns (..., 4) rotations in Unity's axes and order (x, y, z, w), from quaternions (w, x, y, z)."""
     return np.asarray(np.asarray(turns, np.float64)[..., _XYZW] * _TO_UNITY)
+
+
+def from_unity_position(positions: AnyArray) -> Float:
+    """Returns (..., 3) positions or directions in enliven's axes, from Unity's."""
+    return unity_position(positions)
+
+
+def from_unity_rotation(turns: AnyArray) -> Float:
+    """Returns (..., 4) quaternions (w, x, y, z) in enliven's axes, from Unity's (x, y, z, w)."""
+    return np.asarray((np.asarray(turns, np.float64) * _TO_UNITY)[..., _WXYZ])
 
 
 def unity_euler(turns: AnyArray) -> Float:

@@ -6,6 +6,7 @@ down. So a figure in the T-pose has the identity everywhere, whatever the rest p
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -13,7 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from enliven.arrays import Float, Int
-from enliven.person import Body, Joint
+from enliven.person.body import Body
+from enliven.person.joints import Joint
 from enliven.rotation import (
     conjugate,
     from_matrix,
@@ -68,6 +70,17 @@ class HumanPose:
     def parents(self) -> Int:
         """(B,) the nearest ancestor of each bone in ``bones``, -1 for the hips."""
         return parents_of(self.bones)
+
+    @staticmethod
+    def ordered(bones: Iterable[str]) -> list[str]:
+        """Returns the known ones of some bones, parents first."""
+        return sorted((bone for bone in bones if bone in _PARENT_NAMES), key=list(_PARENT_NAMES).index)
+
+    @staticmethod
+    def ancestors(bone: str) -> Iterator[str]:
+        """Yields the bones above a bone, from its parent to the hips."""
+        while bone := parent_name(bone):
+            yield bone
 
     def local(self) -> tuple[Float, Float]:
         """Returns (B, 3) positions and (B, 4) rotations, each relative to the parent bone.
@@ -154,7 +167,9 @@ def _t_pose_from_hanging() -> Float:
     return turns
 
 
-_HANGING_FROM_T_POSE = conjugate(_t_pose_from_hanging())
+_T_POSE_FROM_HANGING = _t_pose_from_hanging()
+"""(B, 4) the rotation from hanging arms to the T-pose."""
+_HANGING_FROM_T_POSE = conjugate(_T_POSE_FROM_HANGING)
 """(B, 4) the rotation from the T-pose to the pose of a standing person with hanging arms."""
 _NUMBERS = {name: number for number, name in enumerate(BODY_BONE_NAMES)}
 
@@ -183,6 +198,104 @@ def human_of_body(body: Body, name: str) -> HumanPose:
     return HumanPose(name, BODY_BONE_NAMES, positions, turns)
 
 
+_REFERENCE_HEIGHT_M = 1.75
+"""Height in metres of the person with the offsets of ``_T_POSE_PLACES``."""
+_T_POSE_PLACES = {
+    "Hips": (0.0, 0.90, 0.0),
+    "Spine": (0.0, 0.96, 0.0),
+    "Chest": (0.0, 1.02, 0.0),
+    "UpperChest": (0.0, 1.15, 0.0),
+    "Neck": (0.0, 1.33, 0.0),
+    "Head": (0.0, 1.42, 0.01),
+    **{
+        f"{side}{bone}": (sign * x, y, z)
+        for side, sign in (("Left", 1.0), ("Right", -1.0))
+        for bone, x, y, z in (
+            ("Shoulder", 0.05, 1.32, 0.0),
+            ("UpperArm", 0.185, 1.28, 0.0),
+            ("LowerArm", 0.47, 1.28, 0.0),
+            ("Hand", 0.72, 1.28, 0.0),
+            ("UpperLeg", 0.085, 0.82, 0.0),
+            ("LowerLeg", 0.085, 0.39, 0.0),
+            ("Foot", 0.085, -0.02, 0.0),
+            ("Toes", 0.085, -0.06, 0.12),
+        )
+    },
+}
+"""Where each bone begins in the T-pose of an average person, in metres. Only differences count."""
+_HEAD_ABOVE_SKULL = np.array([0.0, 0.09, 0.01])
+"""(3,) metres from the beginning of the head bone to the middle of the head, of the average person."""
+_HAND_LENGTH_M = 0.085
+"""Metres from the wrist to the middle of the hand, of the average person."""
+
+
+def standing_offset(bone: str, parent: str, height: float) -> Float:
+    """Returns (3,) metres from a parent bone to a bone in the T-pose of an average person.
+
+    Args:
+        height: metres of the person.
+    """
+    offset = np.subtract(_T_POSE_PLACES[bone], _T_POSE_PLACES[parent])
+    return np.asarray(offset * (height / _REFERENCE_HEIGHT_M))
+
+
+def body_of_human(human: HumanPose, id: int) -> Body:
+    """Returns the body of a human pose, the inverse of :func:`human_of_body`.
+
+    A joint without its bones is placed by average proportions, and has confidence 0. The size of the person
+    is measured by the legs or, without them, assumed.
+    """
+    places, turns, sizes = dict[str, Float](), dict[str, Float](), list[float]()
+    for bone, place, turn in zip(human.bones, human.positions, human.turns, strict=True):
+        places[bone], turns[bone] = place, turn
+    for side in ("Left", "Right"):
+        for upper, lower in (("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot"), ("UpperArm", "LowerArm")):
+            if f"{side}{upper}" in places and f"{side}{lower}" in places:
+                length = np.linalg.norm(places[f"{side}{upper}"] - places[f"{side}{lower}"])
+                usual = np.linalg.norm(standing_offset(f"{side}{lower}", f"{side}{upper}", 1.0))
+                sizes.append(float(length / usual))
+    height = float(np.median(sizes)) if sizes else _REFERENCE_HEIGHT_M
+    scale = height / _REFERENCE_HEIGHT_M
+    present = set(places)
+    for bone in HumanPose.ordered(_PARENT_NAMES):
+        if bone not in places:
+            parent = next(above for above in HumanPose.ancestors(bone) if above in places)
+            places[bone] = places[parent] + rotate(turns[parent], standing_offset(bone, parent, height))
+            turns[bone] = turns[parent]
+    joints, confidence = np.empty((len(Joint), 3)), np.zeros(len(Joint))
+    orientations = np.empty((len(Joint), 4))
+
+    def put(joint: Joint, place: Float, carrier: str, *bones: str) -> None:
+        joints[joint] = place
+        orientations[joint] = multiply(turns[carrier], _T_POSE_FROM_HANGING[_NUMBERS[carrier]])
+        confidence[joint] = float(present.issuperset(bones))
+
+    trunk = "UpperChest" if "UpperChest" in present else "Chest" if "Chest" in present else "Spine"
+    put(Joint.HIP_CENTER, places["Hips"], "Hips", "Hips")
+    put(Joint.SPINE, places["Chest"], "Hips", "Hips")
+    put(Joint.SHOULDER_CENTER, places["Neck"], "Chest", "Spine")
+    # The head bone of a rig has no end, so the middle of the head lies at a usual distance.
+    put(Joint.HEAD, places["Head"] + rotate(turns["Head"], scale * _HEAD_ABOVE_SKULL), "Head", "Head")
+    orientations[Joint.SHOULDER_CENTER] = turns[trunk]
+    for side, sign in (("Left", 1.0), ("Right", -1.0)):
+        joint = {name: Joint[f"{name}_{side.upper()}"] for name in _SIDE_JOINTS}
+        hand = places[f"{side}Hand"] + rotate(turns[f"{side}Hand"], [sign * scale * _HAND_LENGTH_M, 0.0, 0.0])
+        put(joint["SHOULDER"], places[f"{side}UpperArm"], "Chest", f"{side}UpperArm")
+        orientations[joint["SHOULDER"]] = turns[trunk]
+        put(
+            joint["ELBOW"], places[f"{side}LowerArm"], f"{side}UpperArm", f"{side}UpperArm", f"{side}LowerArm"
+        )
+        put(joint["WRIST"], places[f"{side}Hand"], f"{side}LowerArm", f"{side}LowerArm", f"{side}Hand")
+        put(joint["HAND"], hand, f"{side}Hand", f"{side}Hand")
+        put(joint["HIP"], places[f"{side}UpperLeg"], "Hips", f"{side}UpperLeg")
+        put(joint["KNEE"], places[f"{side}LowerLeg"], f"{side}UpperLeg", f"{side}UpperLeg", f"{side}LowerLeg")
+        put(joint["ANKLE"], places[f"{side}Foot"], f"{side}LowerLeg", f"{side}LowerLeg", f"{side}Foot")
+        put(joint["FOOT"], places[f"{side}Toes"], f"{side}Foot", f"{side}Foot")
+    return Body(id, joints, confidence, orientations, stature=height)
+
+
+_SIDE_JOINTS = ("SHOULDER", "ELBOW", "WRIST", "HAND", "HIP", "KNEE", "ANKLE", "FOOT")
+"""Names of the joints of one side of the body."""
 _DOWN = np.array([0.0, -1.0, 0.0])
 _LEVEL_FOOT = unit(np.array([0.0, -0.5, 0.866]))
 """Unit direction from ankle to foot of a level sole: 30 degrees below the horizontal."""
