@@ -19,9 +19,8 @@ import numpy as np
 
 from enliven.arrays import AnyArray
 from enliven.document import BOX
-from enliven.person import HumanPose
+from enliven.person import HumanPose, unity_position, unity_rotation
 from enliven.rotation import from_matrix, multiply
-from enliven.unity_axes import unity_position, unity_rotation
 from enliven_edge.outputs.live_frame import LiveFrame
 from enliven_edge.outputs.output import LiveOutput
 

@@ -16,9 +16,8 @@ import numpy as np
 from enliven.arrays import AnyArray, Float
 from enliven.document import Props
 from enliven.errors import InputError
-from enliven.person import HumanPose, Joint
+from enliven.person import HumanPose, Joint, unity_position, unity_rotation
 from enliven.rotation import IDENTITY, from_matrix
-from enliven.unity_axes import unity_position, unity_rotation
 from enliven_edge.outputs.live_frame import PERFORMER, CharacterInfo, LiveFrame
 from enliven_edge.outputs.osc_template import OscMessage, OscTemplates
 from enliven_edge.outputs.output import LiveOutput

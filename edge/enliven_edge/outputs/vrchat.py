@@ -11,8 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from enliven.arrays import Float
-from enliven.person import Body, HumanPose, Joint
-from enliven.unity_axes import unity_euler, unity_position
+from enliven.person import Body, HumanPose, Joint, unity_euler, unity_position
 from enliven_edge.outputs.live_frame import PERFORMER, LiveFrame
 from enliven_edge.outputs.osc_template import OscMessage, OscTemplates
 from enliven_edge.outputs.output import LiveOutput

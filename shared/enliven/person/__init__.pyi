@@ -13,3 +13,10 @@ from .human_pose import (
     parent_name as parent_name,
     standing_offset as standing_offset,
 )
+from .unity_axes import (
+    from_unity_position as from_unity_position,
+    from_unity_rotation as from_unity_rotation,
+    unity_euler as unity_euler,
+    unity_position as unity_position,
+    unity_rotation as unity_rotation,
+)

@@ -279,7 +279,8 @@ def body_of_human(human: HumanPose, id: int) -> Body:
     orientations[Joint.SHOULDER_CENTER] = turns[trunk]
     for side, sign in (("Left", 1.0), ("Right", -1.0)):
         joint = {name: Joint[f"{name}_{side.upper()}"] for name in _SIDE_JOINTS}
-        hand = places[f"{side}Hand"] + rotate(turns[f"{side}Hand"], [sign * scale * _HAND_LENGTH_M, 0.0, 0.0])
+        along = np.array([sign * scale * _HAND_LENGTH_M, 0.0, 0.0])
+        hand = places[f"{side}Hand"] + rotate(turns[f"{side}Hand"], along)
         put(joint["SHOULDER"], places[f"{side}UpperArm"], "Chest", f"{side}UpperArm")
         orientations[joint["SHOULDER"]] = turns[trunk]
         put(

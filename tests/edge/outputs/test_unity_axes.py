@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from live_receivers import euler_turn, turn
 
+from enliven.person.unity_axes import unity_euler, unity_position, unity_rotation
 from enliven.rotation import from_rotation_vector, multiply, normalized, rotate
-from enliven.unity_axes import unity_euler, unity_position, unity_rotation
 
 NUMBERS = st.floats(-3.0, 3.0)
 VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS).map(np.array)

@@ -15,9 +15,8 @@ import numpy as np
 from enliven.arrays import Float
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
-from enliven.person import Body, Joint
+from enliven.person import Body, Joint, from_unity_position
 from enliven.rotation import unit
-from enliven.unity_axes import from_unity_position
 from enliven_edge.extras import need
 from enliven_edge.sensors.base import Sensor
 

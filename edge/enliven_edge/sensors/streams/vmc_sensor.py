@@ -9,9 +9,15 @@ import numpy as np
 
 from enliven.errors import InputError
 from enliven.frames import BodyFrame
-from enliven.person import Body, HumanPose, body_of_human, standing_offset
+from enliven.person import (
+    Body,
+    HumanPose,
+    body_of_human,
+    from_unity_position,
+    from_unity_rotation,
+    standing_offset,
+)
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
-from enliven.unity_axes import from_unity_position, from_unity_rotation
 from enliven_edge.extras import need
 from enliven_edge.sensors.base import Sensor
 
