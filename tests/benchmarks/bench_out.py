@@ -36,7 +36,7 @@ from enliven_edge.outputs.vmc import VmcOutput, bone_numbers
 from enliven_edge.outputs.vrchat import VrchatOutput
 from enliven_edge.service import Edge
 from enliven_edge.settings import WireSettings
-from enliven_edge.stage import Stage, cast
+from enliven_edge.stage import Stage, create_actor
 from enliven_edge.tracking import Tracker
 from enliven_edge.tracking.body_model import model
 from enliven_edge.tracking.body_model.posture import Posture
@@ -138,7 +138,7 @@ def _python_osc(frame: LiveFrame) -> bytes:
 
 def _frame_rate(frames: list[DepthFrame], schemes: tuple[str, ...]) -> float:
     """Returns the frames per second of an edge with these outputs, after the performer was found."""
-    actor = cast("chair", nodes=NODES)
+    actor = create_actor("chair", nodes=NODES)
     actor.warm_up()
     with contextlib.ExitStack() as stack:
         words = []
@@ -155,5 +155,5 @@ def _frame_rate(frames: list[DepthFrame], schemes: tuple[str, ...]) -> float:
                 edge.stage.possess("chair")
                 begin = time.perf_counter()
             edge.step(frame)
-            edge._listen()
+            edge._poll_requests()
         return (FRAMES - FRAMES // 4) / (time.perf_counter() - begin)
