@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from enliven.document import Character
     from enliven_edge.fusion.live import FusedSensors
     from enliven_edge.landmarks import ColourPoseEstimator
+    from enliven_edge.network import Access
     from enliven_edge.physics import PhysicsSettings, Playground
     from enliven_edge.sensors import Sensor
     from enliven_edge.settings import CharacterChoice, EdgeSettings
@@ -83,9 +84,13 @@ def edge(
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
     name: Annotated[str | None, typer.Option(help="The edge's name on the network.")] = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = None,
-    open_to_all: Annotated[
+    insecure: Annotated[
         bool | None,
-        typer.Option("--open", help="Let other machines watch and possess characters; see --host."),
+        typer.Option(
+            "--insecure",
+            "--open",
+            help="Use no keys: everyone that reaches --host watches and possesses characters.",
+        ),
     ] = None,
     port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
     control_port: Annotated[
@@ -112,7 +117,7 @@ def edge(
     \b
       enliven edge --sensor synthetic
       enliven edge --recording TAKE.mcap --mesh HORSE.obj --possess-at 2
-      enliven edge --sensor synthetic --host 0.0.0.0 --open --settings EDGE.toml
+      enliven edge --sensor synthetic --host 0.0.0.0 --settings EDGE.toml
       enliven edge --recording TAKE.mcap --record performance.mcap --possess-at 1
       enliven edge --recording LEFT.mcap --recording RIGHT.mcap --space SPACE.toml
       enliven edge --sensor synthetic --physics boxes
@@ -122,12 +127,14 @@ def edge(
     """
     _one_thread_for_matrices()
     need_folder(record)
-    from enliven_edge.network import check_open, raise_descriptor_limit
+    from enliven_edge.network import open_access, raise_descriptor_limit
     from enliven_edge.physics import PhysicsSettings
     from enliven_edge.settings import characters_of
 
-    chosen = _settings(settings, name=name, host=host, port=port, control_port=control_port, open=open_to_all)
-    check_open(chosen.wire.host, chosen.wire.open)
+    chosen = _settings(
+        settings, name=name, host=host, port=port, control_port=control_port, insecure=insecure
+    )
+    access = open_access(chosen.wire)
     raise_descriptor_limit()
     if up is not None:
         chosen = dataclasses.replace(chosen, up=up)
@@ -142,7 +149,7 @@ def edge(
     elif chosen.space and folder is not None:
         chosen = dataclasses.replace(chosen, space=str(folder / chosen.space))
     run = (characters, possess_at, record, overwrite, wait_for_viewer, seconds)
-    serve(chosen, source, run, folder, once, wait_for_sensor)
+    serve(chosen, source, run, folder, once, wait_for_sensor, access)
 
 
 def _one_thread_for_matrices() -> None:
@@ -161,6 +168,7 @@ def serve(
     folder: Path | None = None,
     once: bool = False,
     wait_for_sensor: bool = False,
+    access: Access | None = None,
 ) -> None:
     """Opens everything, runs the loop, and closes everything; heavy modules are imported only here."""
     from enliven_edge.character_upload import CharacterUploads
@@ -168,7 +176,7 @@ def serve(
     from enliven_edge.commands.progress import at_signals
     from enliven_edge.controls import open_controls
     from enliven_edge.extras import need
-    from enliven_edge.network import Outlet, need_free
+    from enliven_edge.network import Outlet, is_local, need_free
     from enliven_edge.physics import PhysicsSwitch
     from enliven_edge.scans import Scans
     from enliven_edge.service import Edge
@@ -180,9 +188,10 @@ def serve(
     characters, possess_at, record, overwrite, wait, seconds = run
     if chosen.physics.world != "none":
         need("mujoco", "physics", "--physics")
-    need_free(chosen.wire)
+    need_free(chosen.wire, access)
     with at_signals(_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
-        controls = stack.enter_context(open_controls(chosen.controls, folder, hides_talk=chosen.wire.open))
+        hides_talk = chosen.wire.insecure or not is_local(chosen.wire.host)
+        controls = stack.enter_context(open_controls(chosen.controls, folder, hides_talk=hides_talk))
         sensors = opened(sources, stack, wait_for_sensor)
         live = any(source.sensor != "replay" for source in sources)
         if not live:
@@ -190,7 +199,9 @@ def serve(
         sensor = stack.enter_context(_one_of(sensors, sources, chosen, once))
         actors, parts = prepared(characters, chosen)
         playground = _playground(chosen.physics, [actor.character for actor in actors], live)
-        outlet = stack.enter_context(Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite))
+        outlet = stack.enter_context(
+            Outlet(chosen.wire, sensor.name, record=record, overwrite=overwrite, access=access)
+        )
         stage = Stage(actors, chosen.stage)
         service = Edge(
             sensor,
@@ -212,6 +223,8 @@ def serve(
         controls.forget()
         with at_signals(service.stop, signal.SIGINT, signal.SIGTERM):
             log.info("%s listens on %s for %s", chosen.wire.name, outlet.publisher.endpoint, sensor.name)
+            if access is not None:
+                access.begin()
             if wait:
                 service.wait_for_viewer(wait)
             service.run()

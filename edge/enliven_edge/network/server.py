@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any, Literal
 
+from enliven.keys import CurveServer
 from enliven.wire import ZmtpError, ZmtpSession
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.tcp_listener import connections_allowed, listen, make_watchful
@@ -71,6 +72,7 @@ class ZmtpServer:
         kind: "ROUTER" answers requests, "PUB" sends to subscribers.
         most_bytes: maximum bytes of a frame from a peer.
         most: maximum number of connections. Fewer if the process may not open that number.
+        curve: the edge's keys, and the peers that it admits. None: without keys.
 
     Attributes:
         port: the port that it listens on.
@@ -87,7 +89,9 @@ class ZmtpServer:
         kind: Literal["ROUTER", "PUB"],
         most_bytes: int,
         most: int = MOST_CONNECTIONS,
+        curve: CurveServer | None = None,
     ) -> None:
+        self._curve = curve
         self._listener = listen(host, port, option)
         self.port: int = self._listener.getsockname()[1]
         self._kind: Literal["ROUTER", "PUB"] = kind
@@ -195,7 +199,12 @@ class ZmtpServer:
                     break
             self._greet(connection)
             self._push(connection, until)
-        except (OSError, ZmtpError):
+        except ZmtpError:
+            # The session may have queued the reason.
+            self._greet(connection)
+            self._push(connection, until)
+            self.drop(connection)
+        except OSError:
             self.drop(connection)
         finally:
             connection.charge(time.monotonic() - start)
@@ -268,7 +277,7 @@ class ZmtpServer:
                 own.close()
                 return
             self.drop(leaving)
-        connection = Connection(own, address, ZmtpSession(self._kind, self._most_bytes))
+        connection = Connection(own, address, ZmtpSession(self._kind, self._most_bytes, self._curve))
         try:
             make_watchful(own)
             self._selector.register(connection, selectors.EVENT_READ)

@@ -1,0 +1,89 @@
+"""enliven keys: makes and lists the keys of this user, and forgets paired viewers and edges."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from enliven.commands.terminal import facts_table, plain_console, say
+from enliven.errors import InputError
+
+keys = typer.Typer(add_completion=False, rich_markup_mode=None, no_args_is_help=True)
+
+
+@keys.callback()
+def _keys() -> None:
+    """Make and list the keys that lock an edge to its paired viewers.
+
+    With keys, an edge encrypts its connections and accepts only viewers that were paired with enliven pair.
+    One pair of keys serves the edges and the viewers of a user on a computer.
+
+    \b
+      enliven keys make
+      enliven keys list
+      enliven keys show
+      enliven keys forget NAME
+    """
+
+
+@keys.command()
+def make(
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace existing keys. Every peer must then pair again.")
+    ] = False,
+) -> None:
+    """Make the keys of this user on this computer."""
+    from enliven.keys import KeyStore, fingerprint
+
+    store = KeyStore()
+    pair = store.make(overwrite=overwrite)
+    say(f"{store.own_path}: {fingerprint(pair.public)}")
+
+
+@keys.command()
+def show() -> None:
+    """Print the fingerprint of the own keys, to compare it with the one that a peer lists."""
+    from enliven.keys import KeyStore, fingerprint
+
+    store = KeyStore()
+    own = store.own()
+    if own is None:
+        raise InputError("there are no keys", where=str(store.own_path), mend="Make them: enliven keys make.")
+    say(fingerprint(own.public))
+
+
+@keys.command(name="list")
+def list_keys() -> None:
+    """List the own keys, the paired viewers and the paired edges."""
+    from enliven.keys import KeyStore, fingerprint
+
+    store, problems = KeyStore(), list[str]()
+    try:
+        own = store.own()
+        shown = "none: enliven keys make" if own is None else fingerprint(own.public)
+    except InputError as error:
+        shown = "damaged"
+        problems.append(str(error))
+    rows: list[tuple[str, ...]] = [("own keys", shown)]
+    for viewer in store.viewers(problems).values():
+        rows.append(("viewer", fingerprint(viewer.public), viewer.name, viewer.role, viewer.paired))
+    for edge in store.edges(problems):
+        at = f"{edge.name} at {edge.host}:{edge.control_port}"
+        rows.append(("edge", fingerprint(edge.public), at, edge.role, edge.paired))
+    plain_console().print(facts_table([(*row, *[""] * (5 - len(row))) for row in rows]), soft_wrap=True)
+    for problem in problems:
+        say(f"enliven: {problem}", err=True)
+    if problems:
+        raise typer.Exit(InputError.exit_code)
+
+
+@keys.command()
+def forget(
+    peer: Annotated[str, typer.Argument(help="A name, an address, or the start of a fingerprint.")],
+) -> None:
+    """Forget a paired viewer or edge. A running edge disconnects such a viewer within seconds."""
+    from enliven.keys import KeyStore, fingerprint
+
+    for each in KeyStore().forget(peer):
+        say(f"forgotten: {each.name}, {fingerprint(each.public)}")
