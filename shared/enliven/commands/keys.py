@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from enliven.commands.terminal import facts_table, plain_console, say
+from enliven.commands.terminal import say
 from enliven.errors import InputError
 
 keys = typer.Typer(add_completion=False, rich_markup_mode=None, no_args_is_help=True)
@@ -65,13 +65,12 @@ def list_keys() -> None:
     except InputError as error:
         shown = "damaged"
         problems.append(str(error))
-    rows: list[tuple[str, ...]] = [("own keys", shown)]
+    say(f"own keys  {shown}")
     for viewer in store.viewers(problems).values():
-        rows.append(("viewer", fingerprint(viewer.public), viewer.name, viewer.role, viewer.paired))
+        say(f"viewer    {fingerprint(viewer.public)}  {viewer.role:7}  {viewer.paired:10}  {viewer.name}")
     for edge in store.edges(problems):
         at = f"{edge.name} at {edge.host}:{edge.control_port}"
-        rows.append(("edge", fingerprint(edge.public), at, edge.role, edge.paired))
-    plain_console().print(facts_table([(*row, *[""] * (5 - len(row))) for row in rows]), soft_wrap=True)
+        say(f"edge      {fingerprint(edge.public)}  {edge.role:7}  {edge.paired:10}  {at}")
     for problem in problems:
         say(f"enliven: {problem}", err=True)
     if problems:

@@ -18,6 +18,7 @@ import os
 import re
 import secrets
 import stat
+import struct
 import sys
 import time
 from dataclasses import dataclass, field
@@ -305,7 +306,7 @@ def _key(table: dict[str, Any], name: str, path: Path) -> bytes:
     """Returns a key of a file, decoded."""
     text = table.get(name)
     if isinstance(text, str) and len(text) == _Z85_KEY_LENGTH and text.isascii():
-        with contextlib.suppress(KeyError, ValueError, OverflowError):
+        with contextlib.suppress(KeyError, ValueError, struct.error):
             key = _from_z85(text.encode())
             if len(key) == KEY_BYTES:
                 return key
