@@ -476,7 +476,7 @@ def test_an_edge_without_keys_answers_everyone_and_needs_no_pairing() -> None:
 
 def test_other_machines_need_keys_or_insecure(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     store = KeyStore(tmp_path / "keys")
-    with pytest.raises(InputError, match=r"no keys.*enliven keys make.*--insecure"):
+    with pytest.raises(InputError, match=r"has no keys.*enliven keys make.*--insecure"):
         open_access(WireSettings(host="0.0.0.0"), store)
     assert open_access(WireSettings(), store) is None, "a laptop needs no keys"
     assert open_access(WireSettings(host="0.0.0.0", insecure=True), store) is None

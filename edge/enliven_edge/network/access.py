@@ -137,7 +137,7 @@ def open_access(wire: WireSettings, store: KeyStore | None = None) -> Access | N
     """Returns the access to an edge, or None for an edge without keys. The log states the consequences.
 
     Raises:
-        InputError: if other machines reach the address and there are no keys, unless ``insecure`` is set.
+        InputError: if other machines reach the address without keys, unless ``insecure`` is set.
     """
     local = is_local(wire.host)
     if wire.insecure:

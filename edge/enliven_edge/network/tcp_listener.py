@@ -88,8 +88,8 @@ def check_open(host: str, open_to_all: bool) -> None:
     if open_to_all or is_local(host):
         return
     raise InputError(
-        "everyone that reaches this address could possess characters and watch the performers, because there "
-        "are no keys",
+        "everyone that reaches this address could possess characters and watch the performers, because the "
+        "edge has no keys",
         where=f"host {host or '*'}",
         mend="Make keys with enliven keys make, start again, and pair each viewer with the code that is "
         "shown. Without keys, give --insecure (insecure = true under [wire]), or --host 127.0.0.1.",

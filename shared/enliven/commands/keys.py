@@ -49,7 +49,9 @@ def show() -> None:
     store = KeyStore()
     own = store.own()
     if own is None:
-        raise InputError("there are no keys", where=str(store.own_path), mend="Make them: enliven keys make.")
+        raise InputError(
+            "the keys are missing", where=str(store.own_path), mend="Make them: enliven keys make."
+        )
     say(fingerprint(own.public))
 
 

@@ -21,7 +21,7 @@ def pair(
         typer.Option(help="The rights of this viewer. Each role includes the ones before it."),
     ] = "perform",
     name: Annotated[
-        str, typer.Option(help="Name by which the edge lists this viewer; default: the computer's.")
+        str, typer.Option(help="Name of this viewer in the edge's list; default: the computer's.")
     ] = "",
     show_code: Annotated[
         bool, typer.Option("--show-code", help="Show the edge's code; needs the role operate.")

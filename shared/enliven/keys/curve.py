@@ -23,13 +23,15 @@ COMMAND_FLAG = 2
 OVERHEAD = 33
 """Bytes that sealing adds to a message: its name, nonce, authenticator and flags."""
 UNKNOWN_VIEWER = b"400"
-"""Status in the ERROR command for a viewer whose key is not paired. libzmq reports it to the viewer."""
+"""Status in the ERROR command for a viewer that is not paired. libzmq reports it to the viewer."""
 OTHER_EDGE_KEY = b"500"
 """Status for a viewer that expects another key of this edge."""
 
 _HELLO, _INITIATE, _MESSAGE = b"\x05HELLO", b"\x08INITIATE", b"\x07MESSAGE"
 _HELLO_BYTES = 200
+"""Bytes of HELLO. It is padded, so that no answer of the edge is longer than the question."""
 _COOKIE_BYTES = 96
+"""Bytes of the cookie that WELCOME sends and INITIATE returns."""
 _SHORT_NONCE = 8
 """Bytes of a nonce that counts up. A prefix of 16 bytes, which differs by command and side, precedes it."""
 _LONG_NONCE = 16
@@ -37,6 +39,7 @@ _LONG_NONCE = 16
 _VOUCH_BYTES = _LONG_NONCE + 80
 _MIN_INITIATE_BYTES = 9 + _COOKIE_BYTES + _SHORT_NONCE + 16 + KEY_BYTES + _VOUCH_BYTES
 _MAX_COUNT = 2**64 - 1
+"""Count of a message at which a connection ends: counts must not start again."""
 
 
 class CurveError(Exception):

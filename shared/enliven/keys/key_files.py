@@ -35,7 +35,7 @@ KEY_BYTES = 32
 _Z85_KEY_LENGTH = 40
 """Length of a key as text in Z85, the encoding that ZeroMQ uses for keys."""
 _FINGERPRINT_DIGITS = 32
-"""Hexadecimal digits of a fingerprint: 128 bits, so nobody can make another key with the same one."""
+"""Hexadecimal digits of a fingerprint: 128 bits are enough to tell keys apart, also made ones."""
 _MAX_PEERS = 1000
 """Maximum number of paired viewers, and of paired edges, that are read."""
 _MAX_NAME_LENGTH = 64
@@ -72,7 +72,7 @@ class PairedEdge:
     Attributes:
         public: the edge's public key.
         name: the edge's name.
-        host: its address as it was typed.
+        host: the typed address.
         control_port: its port of the commands.
         role: the granted role.
         paired: date of the pairing.
@@ -323,10 +323,10 @@ def _damaged(path: Path, what: str) -> InputError:
 
 
 def _read_private(path: Path, mend: str) -> dict[str, Any] | None:
-    """Returns the content of a file that only this user may read. None: there is no file.
+    """Returns the content of a file that only this user may read. None: it does not exist.
 
     Raises:
-        InputError: if it is not a TOML file, belongs to another user, or others may read or change it.
+        InputError: if it is not a TOML file, or it belongs to another user, or others may read or change it.
     """
     try:
         state = path.lstat()
@@ -343,7 +343,7 @@ def _read_private(path: Path, mend: str) -> dict[str, Any] | None:
             raise InputError(
                 f"other users may read or change this key file (mode {stat.S_IMODE(state.st_mode):04o})",
                 where=str(path),
-                mend=f"If nobody has read it: chmod 600 {path}. Otherwise it is no secret any more. {mend}",
+                mend=f"If only you have read it: chmod 600 {path}. Otherwise others may know the key. {mend}",
             )
     try:
         return read_toml(path)

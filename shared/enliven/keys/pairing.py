@@ -1,8 +1,8 @@
 """Pairs a viewer with an edge by a six-digit code: SPAKE2, then the public keys in boxes of the agreed key.
 
-The code is far too short for a key: whoever recorded an exchange that is encrypted by the code itself could
-try all codes. SPAKE2 (RFC 9382, by the package of Magic Wormhole) turns the code into a strong key of 256
-bits. Each run lets an attacker test exactly one code, and a recorded run tests none:
+The code is far too short for a key: an attacker could record an exchange that is encrypted by the code
+itself, and then try all codes. SPAKE2 (RFC 9382, by the package of Magic Wormhole) turns the code into a
+strong key of 256 bits. Each run lets an attacker test exactly one code, and a recorded run tests none:
 
 1. viewer -> edge: its SPAKE2 message
 2. edge -> viewer: the edge's SPAKE2 message
@@ -46,7 +46,7 @@ _WRONG_CODE = {
     _VIEWER: "the code is wrong",
     _EDGE: "the code is wrong, or another program answers in place of the edge",
 }
-"""What a box that cannot be opened means, by its sender."""
+"""The reason why a box cannot be opened, by the sender of the box."""
 _KEY_LABELS = {_VIEWER: b"enliven pairing: viewer to edge", _EDGE: b"enliven pairing: edge to viewer"}
 
 
@@ -156,12 +156,12 @@ class PairingDesk:
 
     @property
     def seconds_left(self) -> int:
-        """Seconds until the shown code expires. 0: there is no code."""
+        """Seconds until the shown code expires. 0: no code is shown."""
         return max(0, round(self._expires - self._clock())) if self.code else 0
 
     @property
     def pause_s(self) -> float:
-        """Seconds until a new code is shown after too many tries. 0: there is no pause."""
+        """Seconds until a new code is shown after too many tries. 0: a code may be shown now."""
         return max(0.0, self._paused_until - self._clock())
 
     def poll(self) -> None:
@@ -178,7 +178,7 @@ class PairingDesk:
         """Begins a run with the current code. Each run counts as a try, also one that is not finished.
 
         Raises:
-            PairingError: if there is no code now, or the message is not one.
+            PairingError: if no code is shown now, or the message is not valid.
         """
         code = self.code
         if not code:
@@ -215,7 +215,7 @@ def _agree(spake: Any, message: bytes) -> bytes:
     """Returns the key that both sides agree on. A wrong code gives another key, without an error."""
     try:
         key: bytes = spake.finish(message)
-    except Exception:  # For bytes that are no point the library raises plain Exceptions and AssertionErrors.
+    except Exception:  # The library raises plain Exceptions for invalid bytes.
         raise PairingError("the pairing message is not valid") from None
     return key
 

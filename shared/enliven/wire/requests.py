@@ -358,7 +358,7 @@ NEEDED_ROLES: dict[type[Ask], Role | None] = {
 """The lowest role that may send a request. None: also viewers that are not paired. A request that is not
 listed needs the highest role."""
 THIS_MACHINE_ONLY: frozenset[type[Ask]] = frozenset({Listen})
-"""Requests that only viewers on the edge's own machine may send: nobody else may open a microphone."""
+"""Requests that only viewers on the edge's own machine may send: others must not open a microphone."""
 Answer = Welcome | CharacterMessage | Done | Awaited | Refused | Pong | PairingStarted | Paired | ShownCode
 Body = TypeVar("Body")
 

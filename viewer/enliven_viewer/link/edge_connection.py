@@ -92,7 +92,7 @@ _FULL_RETRY_INTERVAL_S = 30.0
 NO_ANSWER = "does not answer"
 """End of the refusal text of a command that timed out. A busy edge may still carry it out."""
 _REOPEN_INTERVAL_S = 2.0
-"""Seconds until a connection whose handshake failed is opened again. By then the user may have paired."""
+"""Seconds after a failed handshake until the connection is opened again. By then the user may have paired."""
 _COMMAND_TIMEOUT_S = 3.0
 """Timeout of a command, in seconds. After it, the user gets a message that the edge does not answer."""
 
