@@ -44,7 +44,7 @@ socket.setsockopt(zmq.SUBSCRIBE, b"")
 while True:
     socket.recv()
 """
-"""Program that receives the streams. Arguments: the address, then the edge's public key and its own two keys."""
+"""Program that receives the streams. Arguments: the address, the edge's public key, its own two keys."""
 
 
 @dataclass

@@ -323,8 +323,8 @@ def test_a_viewer_pairs_and_is_connected_without_a_restart(
     code = locked.access.desk.code
     words = ["pair", str(locked.endpoint), code[:3], code[3:], "--role", "watch", "--name", "lap\ntop"]
     assert run_beside(locked, lambda: cli.run(words)) == 0
-    told = capsys.readouterr().out
-    assert "paired with stage as watch" in told and fingerprint(locked.own.public) in told
+    output = capsys.readouterr().out
+    assert "paired with stage as watch" in output and fingerprint(locked.own.public) in output
     locked.house.until(lambda: state_of(client) == "connected", client.poll)
     locked.house.until(lambda: client.edges[0].role == "watch", client.poll)
     own = viewer_config.own()

@@ -56,8 +56,8 @@ def hear_edge(endpoint: Endpoint, seconds: float) -> StatusMessage:
         socket.close(linger=0)
     where = str(endpoint)
     if watch.problem:
-        what, _, mend = handshake_advice(watch.problem, endpoint.host).partition(". ")
-        raise ResourceError(f"the edge {what}", where=where, mend=f"{mend}.")
+        problem, _, mend = handshake_advice(watch.problem, endpoint.host).partition(". ")
+        raise ResourceError(f"the edge {problem}", where=where, mend=f"{mend}.")
     if other:
         raise ResourceError(other, where=where, mend="Install the same version of enliven on both machines.")
     mend = "Start it there: enliven edge, with --host for other machines. Check address and firewall."

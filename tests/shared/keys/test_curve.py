@@ -108,9 +108,9 @@ def test_a_vouch_for_another_connection_is_refused() -> None:
 def test_repeated_reordered_and_changed_messages_are_refused() -> None:
     client = Client()
     channel = connected(client)
-    one, two = client.message(b"one"), client.message(b"two")
-    assert channel.open(two) == (0, b"two")
-    for again in (one, two):
+    first, second = client.message(b"one"), client.message(b"two")
+    assert channel.open(second) == (0, b"two")
+    for again in (first, second):
         with pytest.raises(CurveError, match="repeated"):
             channel.open(again)
     three = bytearray(client.message(b"three"))

@@ -38,9 +38,9 @@ def viewer(number: int, name: str = "laptop") -> PairedViewer:
 
 def test_made_keys_are_read_again_and_belong_together(store: KeyStore) -> None:
     assert store.own() is None
-    made = store.make()
-    assert store.own() == made and len(made.public) == len(made.secret) == 32
-    assert "secret" not in repr(made), "a log must not show it"
+    pair = store.make()
+    assert store.own() == pair and len(pair.public) == len(pair.secret) == 32
+    assert "secret" not in repr(pair), "a log must not show it"
 
 
 @posix
@@ -68,12 +68,12 @@ def test_keys_are_replaced_only_on_request(store: KeyStore) -> None:
 
 
 def test_of_many_makers_at_once_one_succeeds(store: KeyStore) -> None:
-    made: list[KeyPair] = []
+    pairs: list[KeyPair] = []
     refused: list[InputError] = []
 
     def make() -> None:
         try:
-            made.append(store.make())
+            pairs.append(store.make())
         except InputError as error:
             refused.append(error)
 
@@ -82,7 +82,7 @@ def test_of_many_makers_at_once_one_succeeds(store: KeyStore) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(made) == 1 and len(refused) == 7 and store.own() == made[0]
+    assert len(pairs) == 1 and len(refused) == 7 and store.own() == pairs[0]
 
 
 @posix
@@ -133,23 +133,23 @@ def test_damaged_and_foreign_files_are_refused_in_a_sentence(store: KeyStore, te
 
 
 def test_peers_are_stored_listed_and_forgotten(store: KeyStore) -> None:
-    one, two = viewer(1), viewer(2, 'a "quoted" \\ name')
+    first, second = viewer(1), viewer(2, 'a "quoted" \\ name')
     edge = PairedEdge(bytes(32), "stage", "Kiosk.local", 5581, "watch", "2026-11-29")
     stamp = store.stamp()
-    store.add_viewer(one)
-    store.add_viewer(two)
+    store.add_viewer(first)
+    store.add_viewer(second)
     store.add_edge(edge)
-    assert store.viewers() == {one.public: one, two.public: two} and store.edges() == [edge]
+    assert store.viewers() == {first.public: first, second.public: second} and store.edges() == [edge]
     assert store.stamp() != stamp
     assert store.edge_at("kiosk.LOCAL", 5581) == edge and store.edge_at("kiosk.local", 5591) is None
     with pytest.raises(InputError, match="no paired viewer or edge matches"):
         store.forget("nobody")
-    store.add_viewer(viewer(3, one.name))
+    store.add_viewer(viewer(3, first.name))
     with pytest.raises(InputError, match="several peers match"):
-        store.forget(one.name)
-    assert store.forget(fingerprint(one.public)[:9]) == [one]
+        store.forget(first.name)
+    assert store.forget(fingerprint(first.public)[:9]) == [first]
     assert store.forget("Kiosk.local") == [edge] and store.edges() == []
-    assert set(store.viewers()) == {two.public, bytes([3]) * 32}
+    assert set(store.viewers()) == {second.public, bytes([3]) * 32}
 
 
 def test_an_edge_that_is_paired_again_replaces_the_one_at_its_address(store: KeyStore) -> None:
@@ -217,5 +217,5 @@ def test_the_command_makes_lists_shows_and_forgets(
     own_config.own_path.write_text("nonsense")
     capsys.readouterr()
     assert cli.run(["keys", "list"]) == 3
-    told = capsys.readouterr()
-    assert "damaged" in told.out and "not readable TOML" in told.err and "stage" in told.out
+    output = capsys.readouterr()
+    assert "damaged" in output.out and "not readable TOML" in output.err and "stage" in output.out

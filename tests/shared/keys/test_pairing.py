@@ -1,4 +1,4 @@
-"""Tests of pairing by a code: who knows it pairs, who does not learns nothing and may not try for long."""
+"""Tests of pairing by a code: without the code a program learns nothing, and has few tries."""
 
 from __future__ import annotations
 
