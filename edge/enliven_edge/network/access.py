@@ -7,7 +7,6 @@ import time
 
 from enliven.errors import EnlivenError
 from enliven.keys import (
-    CurveServer,
     Introduction,
     KeyPair,
     KeyStore,
@@ -59,6 +58,9 @@ class Access:
         self._viewers: dict[bytes, PairedViewer] = {}
         self._stamp, self._looked_at = -1, 0.0
         self._told: set[str] = set()
+        # Imported here, because an edge without keys does not need libsodium.
+        from enliven.keys import CurveServer
+
         self.curve = CurveServer(keys, lambda public: self.role_of(public) is not None)
         self.desk = PairingDesk(_log_code)
         self.open_s = open_s
@@ -66,6 +68,7 @@ class Access:
 
     def begin(self) -> None:
         """Accepts pairings for the first minutes of the edge."""
+        log.info("only paired viewers can connect; %d are paired", len(self._viewers))
         if self.open_s:
             self.desk.open_for(self.open_s)
 

@@ -14,12 +14,14 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from enliven.keys import CurveServer
 from enliven.wire import ZmtpError, ZmtpSession
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.tcp_listener import connections_allowed, listen, make_watchful
+
+if TYPE_CHECKING:
+    from enliven.keys import CurveServer
 
 log = logging.getLogger(__name__)
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
-from enliven.keys import CurveServer
 from enliven.wire import MAX_STREAM_BYTES, STREAMS, framed
 from enliven_edge.network.server import ZmtpServer
+
+if TYPE_CHECKING:
+    from enliven.keys import CurveServer
 
 _MAX_SUBSCRIPTION_BYTES = 64
 """Maximum bytes of a subscriber's frame: "SUBSCRIBE" and the name of a topic have 23."""
