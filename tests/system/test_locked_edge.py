@@ -73,6 +73,7 @@ from enliven.wire import (
 from enliven_edge.network.access import Access, open_access
 from enliven_edge.network.permissions import refusal_of
 from enliven_edge.network.publisher import Publisher
+from enliven_edge.network.server import ZmtpServer
 from enliven_edge.orders import handlers_of
 from enliven_edge.settings import WireSettings
 from enliven_viewer.link.edge_client import EdgeClient
@@ -469,6 +470,36 @@ def test_an_edge_without_keys_answers_everyone_and_needs_no_pairing() -> None:
         assert isinstance(answer, Awaited) and order.id == "box"
     finally:
         house.close()
+
+
+def test_strangers_do_not_push_out_paired_viewers(locked: Locked) -> None:
+    server = ZmtpServer("127.0.0.1", 0, "--port", "ROUTER", 1000, 4, locked.access.curve)
+    context: zmq.Context[Any] = zmq.Context()
+
+    def connect(keys: ClientKeys | None) -> Any:
+        socket = make_socket(context, zmq.DEALER, 1000, 10, keys)
+        socket.connect(f"tcp://127.0.0.1:{server.port}")
+        socket.send(b"here")
+        deadline, heard = time.monotonic() + PATIENCE, False
+        while not heard:
+            assert time.monotonic() < deadline, "the server does not answer"
+            for peer, _ in server.messages(time.monotonic() + 0.01):
+                peer.introduced = heard = True
+        return socket
+
+    viewer = connect(locked.client_keys("watch"))
+    (paired,) = server.connections
+    for _ in range(12):
+        connect(None).close()
+        connect(None)
+    assert paired.is_open and len(list(server.connections)) <= 4
+    viewer.send(b"still here")
+    deadline, heard = time.monotonic() + PATIENCE, list[bytes]()
+    while b"still here" not in heard and time.monotonic() < deadline:
+        heard += [parts[0] for _, parts in server.messages(time.monotonic() + 0.01)]
+    assert b"still here" in heard
+    server.close()
+    context.destroy(linger=0)
 
 
 # Starting an edge ----------------------------------------------------------------------------------------

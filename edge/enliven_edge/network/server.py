@@ -64,7 +64,8 @@ class ZmtpServer:
     """Listens on a TCP port and speaks ZMTP with the peers that connect.
 
     The peer with the least recent cost is read first, so that a flood does not delay the others. If all
-    places are taken, a new connection replaces one without a complete handshake. If there is none, a ROUTER
+    places are taken, a new connection replaces one without a complete handshake, then, with keys, one of an
+    unpaired peer. If there is none, a ROUTER
     drops the connection that was silent longest. Otherwise one of the address with most connections is
     dropped. That may be the newcomer's own address: connections that were served for longest keep their
     places.
@@ -296,6 +297,10 @@ class ZmtpServer:
         if idle:
             crowd = Counter(c.address for c in idle)
             return max(idle, key=lambda c: (crowd[c.address], -c.opened))
+        if self._curve is not None:
+            strangers = [c for c in self._open if c.session.channel is None or not c.session.ready]
+            if strangers:
+                return min(strangers, key=lambda c: c.opened)
         if self._kind == "ROUTER":
             quietest = min(self._open, key=lambda c: c.heard)
             if time.monotonic() - quietest.heard > _QUIET_TIMEOUT_S:
