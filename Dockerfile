@@ -34,7 +34,7 @@ USER 10001:10001
 WORKDIR /var/lib/enliven
 VOLUME /var/lib/enliven
 
-# Poses, and commands. Nothing reaches them until the edge is told to listen: --host 0.0.0.0 --open.
+# Poses, and commands. Nothing reaches them until the edge is told to listen: --host 0.0.0.0.
 EXPOSE 5580 5581
 
 # Not healthy: no heartbeat, no sensor, or the edge reports something worse than a note. It may compile at first.

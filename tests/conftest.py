@@ -47,6 +47,8 @@ def pytest_configure(config):
     own = tempfile.TemporaryDirectory(prefix="enliven-tests-")
     config.add_cleanup(own.cleanup)
     os.environ["XDG_RUNTIME_DIR"] = os.environ["XDG_STATE_HOME"] = own.name
+    # Keys of the person that runs the tests would lock the edges of the tests.
+    os.environ["XDG_CONFIG_HOME"] = own.name
 
 
 def share_rewriting(config):

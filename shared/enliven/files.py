@@ -231,6 +231,12 @@ def user_data_folder() -> Path:
     return (Path(configured) if configured else Path.home() / ".local" / "state") / "enliven"
 
 
+def config_folder() -> Path:
+    """Returns the user's own folder for files that the user configures, such as keys."""
+    given = os.environ.get("XDG_CONFIG_HOME") or os.environ.get("APPDATA")
+    return (Path(given) if given else Path.home() / ".config") / "enliven"
+
+
 def open_file(path: Path) -> BinaryIO:
     """Opens a regular file for reading.
 

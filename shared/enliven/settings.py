@@ -43,12 +43,14 @@ def setting(
     unit: str = "",
     low: float = -math.inf,
     high: float = math.inf,
+    formerly: str = "",
 ) -> Any:
     """Returns a dataclass field with the description, the unit and the closed range for users.
 
+    ``formerly`` is an earlier name of the key, which files may still contain.
     Without a default the key is required. A default that is itself a settings dataclass makes a group.
     """
-    metadata = {"doc": doc, "unit": unit, "low": low, "high": high}
+    metadata = {"doc": doc, "unit": unit, "low": low, "high": high, "formerly": formerly}
     if dataclasses.is_dataclass(default) and isinstance(default, type):
         return dataclasses.field(default_factory=default, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
@@ -128,6 +130,7 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
     """Builds one settings group from a mapping. ``prefix`` is the dotted path of the group."""
     fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
     hints = typing.get_type_hints(kind)
+    values = _renamed(values, {f.metadata.get("formerly", ""): name for name, f in fields.items()})
     for key in values:
         if key not in fields:
             near = difflib.get_close_matches(key, fields, n=1)
@@ -146,6 +149,14 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
                 f"the key {prefix}{name} is missing", where=where, mend=field.metadata.get("doc", "")
             )
     return kind(**arguments)
+
+
+def _renamed(values: Mapping[str, Any], names: Mapping[str, str]) -> Mapping[str, Any]:
+    """Returns the values with earlier names of keys replaced. A key under its present name counts first."""
+    old = {key: names[key] for key in values if key and key in names}
+    if not old:
+        return values
+    return {names[k]: values[k] for k in old} | {k: v for k, v in values.items() if k not in old}
 
 
 def _check_value(hint: Any, value: Any, where: str, path: str, field: dataclasses.Field[Any]) -> Any:

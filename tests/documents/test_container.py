@@ -64,8 +64,8 @@ def test_its_ports_are_those_of_the_edge_and_its_defaults_are_not_weaker() -> No
     wire = WireSettings()
     assert dict(last_stage())["EXPOSE"] == f"{wire.port} {wire.control_port}"
     started = parse((words_of("ENTRYPOINT") + words_of("CMD"))[1:])
-    assert started.params["loop"] and not started.params["open_to_all"] and started.params["host"] is None
-    assert wire.host == "127.0.0.1" and not wire.open
+    assert started.params["loop"] and not started.params["insecure"] and started.params["host"] is None
+    assert wire.host == "127.0.0.1" and not wire.insecure
 
 
 def test_its_health_check_is_a_command_of_enliven() -> None:

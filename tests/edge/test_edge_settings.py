@@ -6,9 +6,11 @@ import contextlib
 from pathlib import Path
 
 import pytest
+import typer
 
 from enliven.errors import InputError
 from enliven.settings import load_settings
+from enliven_edge.commands.edge import edge
 from enliven_edge.fusion.live.fused_sensor import FusedSensors
 from enliven_edge.fusion.placement.space import load_space
 from enliven_edge.settings import EdgeSettings
@@ -102,3 +104,12 @@ def test_a_recordings_path_counts_from_the_file(tmp_path):
     tables = {"a": SourceSettings(options={"path": "a.mcap"})}
     assert sources_from_settings(tables, tmp_path)[0].options["path"] == str(tmp_path / "a.mcap")
     assert sources_from_settings(tables)[0].options["path"] == "a.mcap"
+
+
+def test_the_earlier_option_and_key_open_still_mean_insecure() -> None:
+    app = typer.Typer()
+    app.command()(edge)
+    command = typer.main.get_command(app)
+    for words in (["--open"], ["--insecure"]):
+        assert command.make_context("edge", words).params["insecure"]
+    assert load_settings(EdgeSettings, {"wire": {"open": True}}).wire.insecure

@@ -86,3 +86,15 @@ def test_every_shipped_file_of_the_edge_loads():
     assert {path.stem for path in files} >= {"laptop", "ceiling"}
     names = [load_settings(EdgeSettings, path).wire.name for path in files]
     assert names == [path.stem for path in files]
+
+
+def test_an_earlier_name_of_a_key_is_still_read() -> None:
+    @dataclass(frozen=True)
+    class Renamed:
+        insecure: bool = setting(False, "Uses no keys.", formerly="open")
+        other: int = setting(1, "Another.")
+
+    assert load_settings(Renamed, {"open": True}).insecure and not load_settings(Renamed, {}).insecure
+    assert not load_settings(Renamed, {"open": True, "insecure": False}).insecure
+    with pytest.raises(InputError, match="insecure is 7"):
+        load_settings(Renamed, {"open": 7})

@@ -14,11 +14,13 @@ from patience import PATIENCE
 
 from enliven.formats.project import character_bytes, project_of_mesh
 from enliven.frames import BodyFrame
+from enliven.keys import ClientKeys
 from enliven.meshes import Mesh
 from enliven.person.body import Body
 from enliven.wire import requests, topics
 from enliven.wire.envelope import pack_control, unpack_control
 from enliven_edge.character_upload import CharacterUploads
+from enliven_edge.network.access import Access
 from enliven_edge.network.outlet import Outlet
 from enliven_edge.service import Edge
 from enliven_edge.settings import EdgeSettings, WireSettings
@@ -45,10 +47,12 @@ class NoSensor:
 class House:
     """An edge that takes one step for each call of :meth:`frame`."""
 
-    def __init__(self, stage: StageSettings | None = None, rate: float = 10_000.0) -> None:
+    def __init__(
+        self, stage: StageSettings | None = None, rate: float = 10_000.0, access: Access | None = None
+    ) -> None:
         wire = WireSettings(name=uuid.uuid4().hex[:12], port=0, control_port=0, rate=rate, budget=50.0)
         self.stage = Stage([], stage)
-        self.outlet = Outlet(wire, "given")
+        self.outlet = Outlet(wire, "given", access=access)
         self.settings = EdgeSettings(nodes=8, wire=wire)
         uploads = CharacterUploads(self.stage, self.settings)
         self.edge = Edge(NoSensor(), Tracker(), self.stage, self.outlet, uploads=uploads)
@@ -62,9 +66,9 @@ class House:
         self.edge.step(BodyFrame(self.people, self.time_ns, "given"))
         self.edge._poll_requests()
 
-    def visitor(self) -> Visitor:
+    def visitor(self, keys: ClientKeys | None = None) -> Visitor:
         """Opens a new connection to the control port."""
-        self.visitors.append(Visitor(self))
+        self.visitors.append(Visitor(self, keys))
         return self.visitors[-1]
 
     def until(self, done: Callable[[], object], *polled: Callable[[], object]) -> None:
@@ -87,10 +91,12 @@ class House:
 class Visitor:
     """A DEALER socket to the edge of a house."""
 
-    def __init__(self, house: House) -> None:
+    def __init__(self, house: House, keys: ClientKeys | None = None) -> None:
         self.house, self.number = house, 0
         self.context = zmq.Context()
         self.socket = self.context.socket(zmq.DEALER)
+        if keys is not None:
+            keys.apply(self.socket)
         self.socket.connect(house.outlet.publisher.endpoint.control_address)
 
     def ask(self, body: requests.Ask) -> requests.Answer:

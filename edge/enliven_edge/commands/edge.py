@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from enliven.document import Character
     from enliven_edge.fusion.live import FusedSensors
     from enliven_edge.landmarks import ColourPoseEstimator
+    from enliven_edge.network import Access
     from enliven_edge.physics import PhysicsSettings, Playground
     from enliven_edge.sensors import Sensor
     from enliven_edge.settings import CharacterChoice, EdgeSettings
@@ -83,9 +84,13 @@ def edge(
     settings: Annotated[Path | None, typer.Option(help="A TOML file of settings.")] = None,
     name: Annotated[str | None, typer.Option(help="The edge's name on the network.")] = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on; 0.0.0.0 for all.")] = None,
-    open_to_all: Annotated[
+    insecure: Annotated[
         bool | None,
-        typer.Option("--open", help="Let other machines watch and possess characters; see --host."),
+        typer.Option(
+            "--insecure",
+            "--open",
+            help="Use no keys: everyone that reaches --host watches and possesses characters.",
+        ),
     ] = None,
     port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
     control_port: Annotated[
@@ -119,7 +124,7 @@ def edge(
     \b
       enliven edge --sensor synthetic
       enliven edge --recording TAKE.mcap --mesh HORSE.obj --possess-at 2
-      enliven edge --sensor synthetic --host 0.0.0.0 --open --settings EDGE.toml
+      enliven edge --sensor synthetic --host 0.0.0.0 --settings EDGE.toml
       enliven edge --recording TAKE.mcap --record performance.mcap --possess-at 1
       enliven edge --recording LEFT.mcap --recording RIGHT.mcap --space SPACE.toml
       enliven edge --sensor synthetic --physics boxes
@@ -130,15 +135,15 @@ def edge(
     """
     _limit_blas_threads()
     require_folder(record)
-    from enliven_edge.network import check_open, raise_descriptor_limit
+    from enliven_edge.network import open_access, raise_descriptor_limit
     from enliven_edge.outputs import outputs_of
     from enliven_edge.physics import PhysicsSettings
     from enliven_edge.settings import characters_from_options
 
     edge_settings = _load_edge_settings(
-        settings, name=name, host=host, port=port, control_port=control_port, open=open_to_all
+        settings, name=name, host=host, port=port, control_port=control_port, insecure=insecure
     )
-    check_open(edge_settings.wire.host, edge_settings.wire.open)
+    access = open_access(edge_settings.wire)
     raise_descriptor_limit()
     if up is not None:
         edge_settings = dataclasses.replace(edge_settings, up=up)
@@ -156,7 +161,7 @@ def edge(
     elif edge_settings.space and folder is not None:
         edge_settings = dataclasses.replace(edge_settings, space=str(folder / edge_settings.space))
     run_options = (characters, possess_at, record, overwrite, wait_for_viewer, seconds)
-    serve(edge_settings, source, run_options, folder, once, wait_for_sensor)
+    serve(edge_settings, source, run_options, folder, once, wait_for_sensor, access)
 
 
 def _limit_blas_threads() -> None:
@@ -177,6 +182,7 @@ def serve(
     folder: Path | None = None,
     once: bool = False,
     wait_for_sensor: bool = False,
+    access: Access | None = None,
 ) -> None:
     """Opens the sensors and the stage, runs the loop, and closes everything. Imports heavy modules only
     here."""
@@ -185,7 +191,7 @@ def serve(
     from enliven_edge.commands.progress import handle_signals
     from enliven_edge.controls import open_controls
     from enliven_edge.extras import need
-    from enliven_edge.network import Outlet, check_free
+    from enliven_edge.network import Outlet, check_free, is_local
     from enliven_edge.outputs import open_outputs
     from enliven_edge.physics import PhysicsSwitch
     from enliven_edge.scans import Scans
@@ -198,12 +204,11 @@ def serve(
     characters, possess_at, record, overwrite, viewer_timeout, seconds = run_options
     if edge_settings.physics.world != "none":
         need("mujoco", "physics", "--physics")
-    check_free(edge_settings.wire)
+    check_free(edge_settings.wire, access)
     outputs = open_outputs(edge_settings.outputs, folder)
     with outputs, handle_signals(_raise_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
-        controls = stack.enter_context(
-            open_controls(edge_settings.controls, folder, hides_talk=edge_settings.wire.open)
-        )
+        hides_talk = edge_settings.wire.insecure or not is_local(edge_settings.wire.host)
+        controls = stack.enter_context(open_controls(edge_settings.controls, folder, hides_talk=hides_talk))
         sensors = open_sources(sources, stack, wait_for_sensor)
         is_live = any(source.sensor != "replay" for source in sources)
         if not is_live:
@@ -214,7 +219,7 @@ def serve(
         actors, parts = prepare_actors(characters, edge_settings)
         playground = _create_playground(edge_settings.physics, [actor.character for actor in actors], is_live)
         outlet = stack.enter_context(
-            Outlet(edge_settings.wire, sensor.name, record=record, overwrite=overwrite)
+            Outlet(edge_settings.wire, sensor.name, record=record, overwrite=overwrite, access=access)
         )
         stage = Stage(actors, edge_settings.stage)
         outputs.check(stage)
@@ -241,6 +246,8 @@ def serve(
             log.info(
                 "%s listens on %s for %s", edge_settings.wire.name, outlet.publisher.endpoint, sensor.name
             )
+            if access is not None:
+                access.begin()
             if viewer_timeout:
                 service.wait_for_viewer(viewer_timeout)
             service.run()

@@ -1,5 +1,6 @@
 from .tcp_listener import raise_descriptor_limit as raise_descriptor_limit
 from .frame_rate import FrameRate as FrameRate
 from .handlers import Handler as Handler, Handlers as Handlers
-from .tcp_listener import check_open as check_open
+from .access import Access as Access, open_access as open_access
+from .tcp_listener import is_local as is_local
 from .outlet import Outlet as Outlet, check_free as check_free

@@ -5,14 +5,21 @@ from __future__ import annotations
 import socket
 import time
 from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cache
 from typing import Any
 
-from enliven.wire import ZmtpSession, frame_header
+from enliven.wire import ZmtpSession, frame_header, make_frame
 
 _COST_HALF_LIFE_S = 10.0
 """Half-life in seconds of a connection's recorded cost: a past flood is soon forgiven."""
 _SEND_BYTES = 1 << 18
 """Bytes that are passed to the system in one call."""
+_MAX_INLINE_SEAL_BYTES = 1 << 20
+"""Maximum bytes that are encrypted at once, which takes 2 ms. A longer message, such as a character, is
+encrypted on another thread while the edge continues."""
+_SEAL_OVERHEAD = 42
+"""Bytes that a long message grows by when it is encrypted and framed."""
 MAX_PENDING_ORDERS = 32
 """Maximum number of pending orders of one connection. At this number nothing more is read from it."""
 
@@ -30,6 +37,7 @@ class Connection:
         streaming: True if it sends a long message, so that more bytes are likely available.
         pending: number of orders that wait to be carried out.
         state: data that the user of the server keeps about it.
+        pairing: the pairing that it has begun, or None.
     """
 
     def __init__(self, own: socket.socket, address: str, session: ZmtpSession) -> None:
@@ -38,8 +46,9 @@ class Connection:
         self.introduced = self.buffered = self.streaming = False
         self.pending = 0
         self.state: Any = None
+        self.pairing: Any = None
         self._socket: socket.socket | None = own
-        self._outbox: deque[memoryview] = deque()
+        self._outbox: deque[memoryview | Future[bytes]] = deque()
         self.unsent_bytes = 0
         self._cost, self._weighed = 0.0, self.opened
 
@@ -94,8 +103,22 @@ class Connection:
             self.unsent_bytes += len(piece)
 
     def queue_message(self, first: bytes, rest: bytes = b"") -> None:
-        """Queues a message of one part with its data in two pieces. A long piece is shared, not copied."""
-        self.queue(frame_header(len(first) + len(rest)) + first, rest)
+        """Queues a message of one part with its data in two pieces, encrypted if the peer has keys.
+
+        Without keys, a long piece is shared, not copied.
+        """
+        channel = self.session.channel
+        if channel is None:
+            self.queue(frame_header(len(first) + len(rest)) + first, rest)
+        elif len(first) + len(rest) <= _MAX_INLINE_SEAL_BYTES:
+            self.queue(make_frame(channel.seal(first + rest)))
+        else:
+            if not self.unsent_bytes:
+                self.last_progress_at = time.monotonic()
+            # Reserve the message's count now, since counts must rise in the order of sending.
+            count = channel.reserve()
+            self._outbox.append(_sealer().submit(lambda: make_frame(channel.seal(first + rest, 0, count))))
+            self.unsent_bytes += len(first) + len(rest) + _SEAL_OVERHEAD
 
     def flush(self, until: float) -> None:
         """Sends as much as the system accepts now.
@@ -107,6 +130,10 @@ class Connection:
         """
         while self._outbox and self._socket is not None:
             piece = self._outbox[0]
+            if isinstance(piece, Future):
+                if not piece.done():
+                    return
+                piece = self._outbox[0] = memoryview(piece.result())
             try:
                 sent = self._socket.send(piece[:_SEND_BYTES]) if piece else 0
             except BlockingIOError:
@@ -129,3 +156,9 @@ class Connection:
             self._socket = None
         self._outbox.clear()
         self.unsent_bytes = 0
+
+
+@cache
+def _sealer() -> ThreadPoolExecutor:
+    """Returns the thread that encrypts long messages of all connections."""
+    return ThreadPoolExecutor(1, "sealer")

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 
+from enliven.keys import Role
 from enliven.wire import (
     REQUEST,
     Answer,
@@ -24,6 +25,7 @@ from enliven.wire import (
     unpack_control,
 )
 from enliven_edge.network.connection import Connection
+from enliven_edge.network.permissions import refusal_of
 from enliven_edge.network.server import ZmtpServer
 
 log = logging.getLogger(__name__)
@@ -74,16 +76,22 @@ class ControlSocket:
     """Answers the requests at a server.
 
     Args:
-        answer: returns the reply to a request that is not a command: a message, or a packed one.
+        answer: returns the reply to a peer's request that is not a command: a message, or a packed one.
+        role_of: returns the role of a peer. None: it is not paired.
         rate: rate limit, answered requests per second of one viewer, and the size of a burst. More are
             refused.
         budget: seconds per poll for reading and answering. Further requests wait with their senders.
     """
 
     def __init__(
-        self, server: ZmtpServer, answer: Callable[[Ask], Answer | bytes], rate: float, budget: float
+        self,
+        server: ZmtpServer,
+        answer: Callable[[Ask, Connection], Answer | bytes],
+        role_of: Callable[[Connection], Role | None],
+        rate: float,
+        budget: float,
     ) -> None:
-        self._server, self._answer = server, answer
+        self._server, self._answer, self._role_of = server, answer, role_of
         self._rate, self._budget = rate, budget
         self.rejects = RejectCounter("edge, requests")
         self.refused = 0
@@ -121,10 +129,14 @@ class ControlSocket:
             self._refuse(peer, request.id)
             return None
         body = request.body
+        reason = refusal_of(type(body), self._role_of(peer), peer.address)
+        if reason:
+            self._send(peer, request.id, Refused(reason))
+            return None
         if isinstance(body, Hello | Ping):
             viewer.name, viewer.listening, viewer.last_message_at = body.viewer, body.listening, now
         if not isinstance(body, Order):
-            self._send(peer, request.id, self._answer(body))
+            self._send(peer, request.id, self._answer(body, peer))
             return None
         peer.pending += 1
         return Command(body, viewer.name, peer, lambda answer: self._reply(peer, request.id, answer))

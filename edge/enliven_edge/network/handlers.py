@@ -1,11 +1,10 @@
-"""The table of handlers: the action of the edge for each kind of order, its rate, and the allowed viewers."""
+"""The table of handlers: the edge's action for each kind of order, and which orders replace each other."""
 
 from __future__ import annotations
 
-import ipaddress
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from enliven.errors import EnlivenError
 from enliven.wire import Answer, Done, Order, Refused
@@ -26,12 +25,13 @@ class Handler:
         takes_peer: True if ``do`` also gets the viewer.
         newest: returns the order's subject. Of a viewer's waiting orders on one subject only the newest is
             carried out. None: every order counts.
-        who: the viewers that may send it, all of them or only those of this machine.
+
+    Which viewers may send an order is in the table of requests, see
+    :func:`~enliven_edge.network.permissions.refusal_of`.
     """
 
     do: Callable[..., Answer | None]
     newest: Callable[[Any], Hashable] = _no_subject
-    who: Literal["anyone", "this machine"] = "anyone"
     takes_peer: bool = False
 
     def apply(self, order: Any, peer: Peer | None = None) -> Answer:
@@ -46,18 +46,15 @@ class Handler:
 Handlers = Mapping[type[Order], Handler]
 
 
-def execute(handlers: Handlers, order: Order, address: str, peer: Peer | None = None) -> Answer:
+def execute(handlers: Handlers, order: Order, peer: Peer | None = None) -> Answer:
     """Carries out an order and returns the answer, which contains the reason if the order is refused.
 
     Args:
-        address: the viewer's address, without the port.
         peer: the viewer, for handlers that need it.
     """
     handler = handlers.get(type(order))
     if handler is None:
         return Refused("this edge cannot do that" if handlers else "the stream has ended")
-    if handler.who == "this machine" and not ipaddress.ip_address(address.partition("%")[0]).is_loopback:
-        return Refused("only a viewer on the edge's own machine may ask for that")
     try:
         return handler.apply(order, peer)
     except EnlivenError as error:

@@ -23,6 +23,7 @@ from enliven.wire import (
     props_to_message,
 )
 from enliven_edge.closeable import Closeable
+from enliven_edge.network.access import Access
 from enliven_edge.network.command_queue import CommandQueue
 from enliven_edge.network.frame_rate import FrameRate
 from enliven_edge.network.handlers import Handlers, execute, find_subject
@@ -35,14 +36,14 @@ _FINAL_HEARTBEATS = 5
 """Number of heartbeats that report the end of the stream: one may be lost in transit."""
 
 
-def check_free(wire: WireSettings) -> None:
+def check_free(wire: WireSettings, access: Access | None = None) -> None:
     """Checks that the name and the ports are free, before any slow step.
 
     Raises:
         ResourceError: for a port in use, or a name in use on this machine.
-        InputError: for an address that other machines reach without ``open``.
+        InputError: for an address that other machines reach, without keys and ``insecure``.
     """
-    with _publisher(wire):
+    with _publisher(wire, access):
         pass
 
 
@@ -54,19 +55,27 @@ class Outlet(Closeable):
         sensor: the sensor's identity, for the heartbeat.
         record: the file of the take, or None.
         overwrite: True allows replacing an existing take.
+        access: the keys and the paired viewers. None: everyone that reaches the ports may do everything.
 
     Attributes:
         tells_picture: True if viewers get the camera's pose and preview image.
 
     Raises:
         ResourceError: for a port in use, or a name in use on this machine.
-        InputError: for a take that already exists, or an address that other machines reach without ``open``.
+        InputError: for a take that already exists, or an address that other machines reach, without keys and
+            ``insecure``.
     """
 
     def __init__(
-        self, wire: WireSettings, sensor: str, *, record: Path | None = None, overwrite: bool = False
+        self,
+        wire: WireSettings,
+        sensor: str,
+        *,
+        record: Path | None = None,
+        overwrite: bool = False,
+        access: Access | None = None,
     ) -> None:
-        self._publisher = _publisher(wire)
+        self._publisher = _publisher(wire, access)
         self._commands = CommandQueue(0.5e-3 * wire.budget)
         try:
             self._take = Take(record, overwrite=overwrite) if record else None
@@ -175,11 +184,7 @@ class Outlet(Closeable):
         for command in self._publisher.poll():
             command.subject = find_subject(handlers, command.request)
             self._commands.add(command)
-        self._commands.work(
-            lambda command: command.reply(
-                execute(handlers, command.request, command.peer.address, command.peer)
-            )
-        )
+        self._commands.work(lambda command: command.reply(execute(handlers, command.request, command.peer)))
 
     def end(self, pace: FrameRate) -> None:
         """Reports the end of the stream several times, since a heartbeat may be lost in transit."""
@@ -216,13 +221,14 @@ def _messages(tick: Tick, revision_of: Callable[[str], int]) -> Iterator[Any]:
         yield msgspec.structs.replace(change, revision=revision_of(change.character))
 
 
-def _publisher(wire: WireSettings) -> Publisher:
+def _publisher(wire: WireSettings, access: Access | None = None) -> Publisher:
     return Publisher(
         name=wire.name,
         host=wire.host,
         pose_port=wire.port,
         control_port=wire.control_port,
-        open_to_all=wire.open,
+        access=access,
+        open_to_all=wire.insecure,
         rate=wire.rate,
         budget_ms=0.5 * wire.budget,
     )

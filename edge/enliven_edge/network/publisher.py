@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from enliven.document import Character, Pose
+from enliven.keys import Role
 from enliven.logs import escape_records
 from enliven.wire import (
     BY_TYPE,
@@ -26,6 +27,7 @@ from enliven.wire import (
     Answer,
     Ask,
     Endpoint,
+    FinishPairing,
     GetState,
     Hello,
     MalformedMessageError,
@@ -36,6 +38,8 @@ from enliven.wire import (
     Refused,
     RejectCounter,
     Revision,
+    ShowCode,
+    StartPairing,
     StatusMessage,
     Welcome,
     character_to_message,
@@ -43,6 +47,8 @@ from enliven.wire import (
     pack_payload,
 )
 from enliven_edge.closeable import Closeable
+from enliven_edge.network.access import Access
+from enliven_edge.network.connection import Connection
 from enliven_edge.network.control_socket import Command, ControlSocket
 from enliven_edge.network.name_lock import NameLock
 from enliven_edge.network.server import ZmtpServer
@@ -68,7 +74,8 @@ class Publisher(Closeable):
         host: the address to listen on, "0.0.0.0" for all.
         pose_port: port of the streams. 0 picks a free one.
         control_port: port of the requests. 0 picks a free one.
-        open_to_all: True allows an address that other machines reach. There are no keys yet.
+        access: the keys and the paired viewers. None: everyone that reaches the ports may do everything.
+        open_to_all: True allows an address that other machines reach without keys.
         rate: rate limit, answered requests per second of one viewer.
         budget_ms: milliseconds per poll for reading and answering.
 
@@ -80,7 +87,7 @@ class Publisher(Closeable):
 
     Raises:
         ResourceError: for a port in use, an address that does not belong to this machine, or a name in use.
-        InputError: for an address that other machines reach, unless ``open_to_all`` is set.
+        InputError: for an address that other machines reach without keys, unless ``open_to_all`` is set.
     """
 
     def __init__(
@@ -90,24 +97,28 @@ class Publisher(Closeable):
         host: str = "127.0.0.1",
         pose_port: int = POSE_PORT,
         control_port: int = CONTROL_PORT,
+        access: Access | None = None,
         open_to_all: bool = False,
         rate: float = 100.0,
         budget_ms: float = 1.0,
     ) -> None:
         escape_records()
-        check_open(host, open_to_all)
+        check_open(host, open_to_all or access is not None)
         self.name, self.instance = name[:64] or "edge", secrets.randbits(32)
         self.clamped = 0
+        self._access = access
+        curve = None if access is None else access.curve
         self._lock = NameLock(self.name)
         with contextlib.ExitStack() as stack:
             stack.callback(self._lock.close)
-            self._streams = Subscribers(host, pose_port, "--port")
+            self._streams = Subscribers(host, pose_port, "--port", curve)
             stack.callback(self._streams.close)
-            self._server = ZmtpServer(host, control_port, "--control-port", "ROUTER", REQUEST.max_bytes + 64)
+            most = REQUEST.max_bytes + 64
+            self._server = ZmtpServer(host, control_port, "--control-port", "ROUTER", most, curve=curve)
             stack.pop_all()
         shown = "127.0.0.1" if host in ("0.0.0.0", "*", "") else "::1" if host == "::" else host
         self.endpoint = Endpoint(shown, self._streams.port, self._server.port)
-        self._control = ControlSocket(self._server, self._answer, rate, budget_ms * 1e-3)
+        self._control = ControlSocket(self._server, self._answer, self._role_of, rate, budget_ms * 1e-3)
         self._characters: dict[str, tuple[int, PoseCodec]] = {}
         self._last_removed_revision = 0
         self._packed: dict[str, bytes] = {}
@@ -249,6 +260,8 @@ class Publisher(Closeable):
 
     def poll(self) -> list[Command]:
         """Answers viewers and sends a heartbeat that is due. Returns the commands for the caller."""
+        if self._access is not None:
+            self._keep_access(self._access)
         if time.monotonic() - self._last_heartbeat_at >= 1 / STATUS.rate_hz:
             self.send_heartbeat()
         self._streams.poll()
@@ -258,7 +271,8 @@ class Publisher(Closeable):
         """Sends the heartbeat now."""
         self._last_heartbeat_at = time.monotonic()
         self._streams.poll()
-        self._status = msgspec.structs.replace(self._status, published_ns=time.time_ns())
+        pairing_s = 0 if self._access is None else self._access.desk.seconds_left
+        self._status = msgspec.structs.replace(self._status, published_ns=time.time_ns(), pairing_s=pairing_s)
         self.publish(self._status)
 
     def close(self, linger: float = 1.0) -> None:
@@ -279,7 +293,25 @@ class Publisher(Closeable):
         if not listening and time.monotonic() - self._last_heartbeat_at >= _MIN_HEARTBEAT_INTERVAL_S:
             self.send_heartbeat()
 
-    def _answer(self, request: Ask) -> Answer | bytes:
+    def _role_of(self, peer: Connection) -> Role | None:
+        """Returns the role of a peer. None: it is not paired."""
+        if self._access is None:
+            return "operate"
+        channel = peer.session.channel
+        return None if channel is None else self._access.role_of(channel.client)
+
+    def _keep_access(self, access: Access) -> None:
+        """Renews the pairing code, and disconnects viewers that are not paired any more."""
+        access.desk.poll()
+        if not access.refresh():
+            return
+        for server in (self._server, self._streams.server):
+            for peer in list(server.connections):
+                channel = peer.session.channel
+                if channel is not None and channel.ready and access.role_of(channel.client) is None:
+                    server.drop(peer)
+
+    def _answer(self, request: Ask, peer: Connection) -> Answer | bytes:
         """Returns the reply to a request that is not a command."""
         match request:
             case Hello():
@@ -289,6 +321,7 @@ class Publisher(Closeable):
                     self._status,
                     revisions[-MAX_CHARACTERS:],
                     list(self._latest.values())[-MAX_LATCHED_MESSAGES:],
+                    self._role_of(peer) or "",
                 )
             case GetState():
                 missing = Refused(f"there is no character {request.character!r}")
@@ -296,6 +329,10 @@ class Publisher(Closeable):
             case Ping():
                 self._send_first_heartbeat(request.listening)
                 return Pong(request.sent_ns, time.time_ns())
+            case StartPairing() | FinishPairing() | ShowCode() if self._access is not None:
+                return self._access.answer(request, peer)
+            case StartPairing() | FinishPairing() | ShowCode():
+                return Refused("this edge uses no keys, so it needs no pairing")
             case _:
                 return Refused("this is not a request for the edge")
 

@@ -14,11 +14,14 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from enliven.wire import ZmtpError, ZmtpSession
 from enliven_edge.network.connection import Connection
 from enliven_edge.network.tcp_listener import configure_socket, limit_connections, listen
+
+if TYPE_CHECKING:
+    from enliven.keys import CurveServer
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +64,8 @@ class ZmtpServer:
     """Listens on a TCP port and speaks ZMTP with the peers that connect.
 
     The peer with the least recent cost is read first, so that a flood does not delay the others. If all
-    places are taken, a new connection replaces one without a complete handshake. If there is none, a ROUTER
+    places are taken, a new connection replaces one without a complete handshake, then, with keys, one of an
+    unpaired peer. If there is none, a ROUTER
     drops the connection that was silent longest. Otherwise one of the address with most connections is
     dropped. That may be the newcomer's own address: connections that were served for longest keep their
     places.
@@ -71,6 +75,7 @@ class ZmtpServer:
         kind: "ROUTER" answers requests, "PUB" sends to subscribers.
         most_bytes: maximum bytes of a frame from a peer.
         most: maximum number of connections. Fewer if the process may not open that number.
+        curve: the edge's keys, and the peers that it admits. None: without keys.
 
     Attributes:
         port: the port that it listens on.
@@ -87,7 +92,9 @@ class ZmtpServer:
         kind: Literal["ROUTER", "PUB"],
         most_bytes: int,
         most: int = MAX_CONNECTIONS,
+        curve: CurveServer | None = None,
     ) -> None:
+        self._curve = curve
         self._listener = listen(host, port, option)
         self.port: int = self._listener.getsockname()[1]
         self._kind: Literal["ROUTER", "PUB"] = kind
@@ -195,7 +202,12 @@ class ZmtpServer:
                     break
             self._queue_answers(connection)
             self._push(connection, until)
-        except (OSError, ZmtpError):
+        except ZmtpError:
+            # The session may have queued the reason.
+            self._queue_answers(connection)
+            self._push(connection, until)
+            self.drop(connection)
+        except OSError:
             self.drop(connection)
         finally:
             connection.charge(time.monotonic() - start)
@@ -268,7 +280,7 @@ class ZmtpServer:
                 accepted.close()
                 return
             self.drop(dropped)
-        connection = Connection(accepted, address, ZmtpSession(self._kind, self._most_bytes))
+        connection = Connection(accepted, address, ZmtpSession(self._kind, self._most_bytes, self._curve))
         try:
             configure_socket(accepted)
             self._selector.register(connection, selectors.EVENT_READ)
@@ -285,6 +297,10 @@ class ZmtpServer:
         if idle:
             crowd = Counter(c.address for c in idle)
             return max(idle, key=lambda c: (crowd[c.address], -c.opened))
+        if self._curve is not None:
+            strangers = [c for c in self._open if c.session.channel is None or not c.session.ready]
+            if strangers:
+                return min(strangers, key=lambda c: c.opened)
         if self._kind == "ROUTER":
             quietest = min(self._open, key=lambda c: c.last_message_at)
             if time.monotonic() - quietest.last_message_at > _QUIET_TIMEOUT_S:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
 from enliven.wire import MAX_STREAM_BYTES, STREAMS, make_frame
 from enliven_edge.network.server import ZmtpServer
+
+if TYPE_CHECKING:
+    from enliven.keys import CurveServer
 
 _MAX_SUBSCRIPTION_BYTES = 64
 """Maximum bytes of a subscriber's frame: "SUBSCRIBE" and the name of a topic have 23."""
@@ -22,9 +26,14 @@ class Subscribers:
     Args and errors as for :class:`~enliven_edge.network.ZmtpServer`.
     """
 
-    def __init__(self, host: str, port: int, option: str) -> None:
-        self._server = ZmtpServer(host, port, option, "PUB", _MAX_SUBSCRIPTION_BYTES)
-        self.port, self.drain, self.close = self._server.port, self._server.drain, self._server.close
+    def __init__(self, host: str, port: int, option: str, curve: CurveServer | None = None) -> None:
+        self._server = server = ZmtpServer(host, port, option, "PUB", _MAX_SUBSCRIPTION_BYTES, curve=curve)
+        self.port, self.drain, self.close = server.port, server.drain, server.close
+
+    @property
+    def server(self) -> ZmtpServer:
+        """The server with the connections."""
+        return self._server
 
     def poll(self) -> None:
         """Accepts connections, reads subscriptions and sends queued bytes."""
@@ -48,4 +57,7 @@ class Subscribers:
                 and data.startswith(tuple(wanted))
                 and peer.unsent_bytes + len(frame) <= _MAX_PENDING_BYTES
             ):
-                self._server.send_raw(peer, frame)
+                if peer.session.channel is None:
+                    self._server.send_raw(peer, frame)
+                else:
+                    self._server.send(peer, data)

@@ -68,7 +68,7 @@ _PROBES: dict[str, int] = {
 probes, or if data stays unacknowledged for 10,000 ms."""
 
 
-def _is_loopback(host: str) -> bool:
+def is_local(host: str) -> bool:
     """Returns True if only programs of this machine reach an address. A name is resolved."""
     try:
         return ipaddress.ip_address(host).is_loopback
@@ -84,14 +84,15 @@ def _is_loopback(host: str) -> bool:
 
 
 def check_open(host: str, open_to_all: bool) -> None:
-    """Refuses an address that other machines reach, unless ``open_to_all`` is set."""
-    if open_to_all or _is_loopback(host):
+    """Refuses an address that other machines reach, unless ``open_to_all`` is set or there are keys."""
+    if open_to_all or is_local(host):
         return
     raise InputError(
-        "everyone that reaches this address could possess characters and watch the performers",
+        "everyone that reaches this address could possess characters and watch the performers, because the "
+        "edge has no keys",
         where=f"host {host or '*'}",
-        mend="On a network that you trust, give --open too (open = true under [wire]). "
-        "Otherwise give --host 127.0.0.1.",
+        mend="Make keys with enliven keys make, start again, and pair each viewer with the code that is "
+        "shown. Without keys, give --insecure (insecure = true under [wire]), or --host 127.0.0.1.",
     )
 
 
@@ -149,5 +150,5 @@ def _listen_error(error: Exception, host: str, port: int, option: str) -> Resour
     return ResourceError(
         f"cannot listen there ({getattr(error, 'strerror', None) or error})",
         where=where,
-        mend="Give an address of this machine with --host, 0.0.0.0 with --open for all of them.",
+        mend="Give an address of this machine with --host, 0.0.0.0 for all of them.",
     )

@@ -33,6 +33,8 @@ _COMMAND_ORDER = (
     "examples",
     "possess",
     "export",
+    "keys",
+    "pair",
     "doctor",
 )
 

@@ -45,23 +45,29 @@ from .fields import (
 )
 from .heartbeat import receive_heartbeat as receive_heartbeat
 from .matches import board_to_message as board_to_message, message_to_board as message_to_board
+from .pairing_client import pair_with_edge as pair_with_edge, show_pairing_code as show_pairing_code
 from .ports import free_ports as free_ports
 from .posecode import PoseCodec as PoseCodec, warm_up as warm_up
 from .requests import (
+    NEEDED_ROLES as NEEDED_ROLES,
     REQUESTS as REQUESTS,
     SUPERSEDED as SUPERSEDED,
+    THIS_MACHINE_ONLY as THIS_MACHINE_ONLY,
     Answer as Answer,
     Ask as Ask,
     Awaited as Awaited,
     Browse as Browse,
     CharacterPart as CharacterPart,
     Done as Done,
+    FinishPairing as FinishPairing,
     GetState as GetState,
     Hello as Hello,
     Lock as Lock,
     Look as Look,
     Mode as Mode,
     Order as Order,
+    Paired as Paired,
+    PairingStarted as PairingStarted,
     Ping as Ping,
     Pong as Pong,
     Possess as Possess,
@@ -75,7 +81,10 @@ from .requests import (
     Reply as Reply,
     Request as Request,
     Scan as Scan,
+    ShowCode as ShowCode,
+    ShownCode as ShownCode,
     Smooth as Smooth,
+    StartPairing as StartPairing,
     Welcome as Welcome,
 )
 from .scans import (

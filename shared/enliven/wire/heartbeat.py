@@ -8,10 +8,14 @@ from typing import Any
 import zmq
 
 from enliven.errors import ResourceError
+from enliven.keys import HandshakeWatch, handshake_advice
 from enliven.wire.envelope import MalformedMessageError, OtherVersionError, unpack_stream
 from enliven.wire.sockets import MAX_UNREAD_STREAMS, Endpoint, make_socket
 from enliven.wire.streams import StatusMessage
 from enliven.wire.topics import MAX_STREAM_BYTES, STATUS
+
+_LOOK_INTERVAL_MS = 100
+"""Longest wait for a message before the state of the connection is looked at, in milliseconds."""
 
 
 def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
@@ -21,17 +25,23 @@ def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
         seconds: maximum time to wait. An edge sends two per second.
 
     Raises:
-        ResourceError: if none arrives in time, or the edge has another version of the wire.
+        ResourceError: if none arrives in time, or the edge has another version of the wire or another key.
+        InputError: if a key file is damaged, or others may read it.
     """
     context: zmq.Context[Any] = zmq.Context.instance()
-    socket, other = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS), ""
+    keys = endpoint.find_keys()
+    socket, other = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS, keys), ""
+    watch = HandshakeWatch(socket, keys is not None)
     try:
         socket.setsockopt(zmq.SUBSCRIBE, b"")
         socket.connect(endpoint.stream_address)
         end = time.monotonic() + seconds
         while (remaining := end - time.monotonic()) > 0:
-            if not socket.poll(max(round(1000 * remaining), 1)):
+            watch.poll()
+            if watch.problem:
                 break
+            if not socket.poll(min(max(round(1000 * remaining), 1), _LOOK_INTERVAL_MS)):
+                continue
             try:
                 topic, message = unpack_stream(b"".join(socket.recv_multipart(zmq.DONTWAIT)))
             except OtherVersionError as error:
@@ -42,11 +52,13 @@ def receive_heartbeat(endpoint: Endpoint, seconds: float) -> StatusMessage:
                 if topic is STATUS and isinstance(message, StatusMessage):
                     return message
     finally:
+        watch.close()
         socket.close(linger=0)
     where = str(endpoint)
+    if watch.problem:
+        problem, _, mend = handshake_advice(watch.problem, endpoint.host).partition(". ")
+        raise ResourceError(f"the edge {problem}", where=where, mend=f"{mend}.")
     if other:
         raise ResourceError(other, where=where, mend="Install the same version of enliven on both machines.")
-    mend = (
-        "Start it there: enliven edge, with --host and --open for other machines. Check address and firewall."
-    )
+    mend = "Start it there: enliven edge, with --host for other machines. Check address and firewall."
     raise ResourceError(f"no edge was heard for {seconds:g} s", where=where, mend=mend)

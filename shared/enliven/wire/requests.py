@@ -6,6 +6,7 @@ from typing import Annotated, Generic, Literal, TypeVar
 
 from msgspec import Meta, Struct, field
 
+from enliven.keys import Role
 from enliven.wire.characters import CharacterMessage
 from enliven.wire.fields import (
     MAX_CHARACTERS,
@@ -25,6 +26,11 @@ from enliven.wire.fields import (
     Text,
 )
 from enliven.wire.streams import Revision, StatusMessage
+
+PAIRING_MESSAGE_BYTES = 33
+"""Bytes of a SPAKE2 message."""
+MAX_BOX_BYTES = 512
+"""Maximum bytes of a box with a key, a name and a role: 150 are usual."""
 
 
 class Ask(Struct, tag=True, frozen=True):
@@ -246,15 +252,35 @@ class Ping(Ask, frozen=True):
     listening: bool = False
 
 
+class StartPairing(Ask, frozen=True):
+    """Begins to pair a viewer by the code that the edge shows, see :mod:`enliven.keys.pairing`.
+
+    ``message`` is the viewer's SPAKE2 message. A viewer without keys may send it.
+    """
+
+    message: Annotated[bytes, Meta(max_length=PAIRING_MESSAGE_BYTES)]
+
+
+class FinishPairing(Ask, frozen=True):
+    """Sends the viewer's public key, name and requested role, in a box that only the edge can open."""
+
+    box: Annotated[bytes, Meta(max_length=MAX_BOX_BYTES)]
+
+
+class ShowCode(Ask, frozen=True):
+    """Asks for the pairing code, and accepts pairings for some minutes."""
+
+
 class Welcome(Struct, tag=True, frozen=True):
     """The answer to :class:`Hello`: the heartbeat, the characters, and the newest message of each latched
-    topic and key."""
+    topic and key. ``role`` is the viewer's role, empty from an edge that does not know roles."""
 
     status: StatusMessage
     characters: Annotated[list[Revision], Meta(max_length=MAX_CHARACTERS)]
     latest: Annotated[
         list[Annotated[bytes, Meta(max_length=MAX_MESSAGE_BYTES)]], Meta(max_length=MAX_LATCHED_MESSAGES)
     ] = field(default_factory=list)
+    role: Annotated[str, Meta(max_length=64)] = ""
 
 
 class Done(Struct, tag=True, frozen=True):
@@ -283,15 +309,60 @@ class Pong(Struct, tag=True, frozen=True):
     edge_ns: Nanoseconds
 
 
+class PairingStarted(Struct, tag=True, frozen=True):
+    """The answer to :class:`StartPairing`: the edge's SPAKE2 message."""
+
+    message: Annotated[bytes, Meta(max_length=PAIRING_MESSAGE_BYTES)]
+
+
+class Paired(Struct, tag=True, frozen=True):
+    """The answer to :class:`FinishPairing`: the edge's public key, name and the granted role, in a box."""
+
+    box: Annotated[bytes, Meta(max_length=MAX_BOX_BYTES)]
+
+
+class ShownCode(Struct, tag=True, frozen=True):
+    """The answer to :class:`ShowCode`. An empty code: too many tries, a new one follows after ``seconds``."""
+
+    code: Annotated[str, Meta(max_length=16)]
+    seconds: Count
+
+
 SUPERSEDED = "superseded by a newer one"
 """The reason for refusing an order that a newer one of the same viewer replaced."""
 REQUESTS: list[type[Ask]] = [
     *(Hello, GetState, Possess, Release, Smooth, Lock, Look, Browse, Ping),
     *(PutCharacter, CharacterPart, RemoveCharacter, Scan, Resize),
     *(Listen, PlayPhysics),
+    *(StartPairing, FinishPairing, ShowCode),
 ]
 """All requests that this program reads. A program with another request appends its class."""
-Answer = Welcome | CharacterMessage | Done | Awaited | Refused | Pong
+NEEDED_ROLES: dict[type[Ask], Role | None] = {
+    StartPairing: None,
+    FinishPairing: None,
+    Hello: "watch",
+    GetState: "watch",
+    Ping: "watch",
+    Possess: "perform",
+    Release: "perform",
+    Smooth: "perform",
+    Look: "perform",
+    Browse: "perform",
+    PutCharacter: "edit",
+    CharacterPart: "edit",
+    RemoveCharacter: "edit",
+    Resize: "edit",
+    Scan: "edit",
+    PlayPhysics: "edit",
+    Lock: "operate",
+    Listen: "operate",
+    ShowCode: "operate",
+}
+"""The lowest role that may send a request. None: also viewers that are not paired. A request that is not
+listed needs the highest role."""
+THIS_MACHINE_ONLY: frozenset[type[Ask]] = frozenset({Listen})
+"""Requests that only viewers on the edge's own machine may send: others must not open a microphone."""
+Answer = Welcome | CharacterMessage | Done | Awaited | Refused | Pong | PairingStarted | Paired | ShownCode
 Body = TypeVar("Body")
 
 

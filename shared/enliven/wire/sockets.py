@@ -8,6 +8,7 @@ from typing import Any
 import zmq
 
 from enliven.errors import InputError
+from enliven.keys import ClientKeys, find_client_keys
 
 POSE_PORT = 5580
 """Default TCP port of the streams: above 1023, so that no privilege is needed."""
@@ -43,6 +44,14 @@ class Endpoint:
         """The address for a viewer's DEALER socket."""
         return f"tcp://{_bracketed_host(self.host)}:{self.control_port}"
 
+    def find_keys(self) -> ClientKeys | None:
+        """Returns the keys for the edge at this address. None: it is not paired, and needs no keys.
+
+        Raises:
+            InputError: if a key file is missing or damaged, or others may read it.
+        """
+        return find_client_keys(self.host, self.control_port)
+
 
 def parse_endpoint(text: str) -> Endpoint:
     """Parses ``host``, ``host:port`` or ``host:port:control_port``, with IPv6 in brackets.
@@ -71,7 +80,9 @@ def parse_endpoint(text: str) -> Endpoint:
     return Endpoint(host, pose, control)
 
 
-def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int, unread: int) -> zmq.Socket[bytes]:
+def make_socket(
+    context: zmq.Context[Any], kind: int, max_bytes: int, unread: int, keys: ClientKeys | None = None
+) -> zmq.Socket[bytes]:
     """Returns a viewer's socket: non-blocking, without lingering.
 
     It disconnects an edge that sends too much at once.
@@ -83,6 +94,7 @@ def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int, unread: in
         kind: kind of the socket, such as ``zmq.SUB``.
         max_bytes: maximum size of a message.
         unread: maximum messages that wait to be read.
+        keys: the keys for the edge that it will connect to. None: without keys.
     """
     socket: zmq.Socket[bytes] = context.socket(kind)
     socket.setsockopt(zmq.LINGER, 0)
@@ -98,6 +110,8 @@ def make_socket(context: zmq.Context[Any], kind: int, max_bytes: int, unread: in
     socket.setsockopt(zmq.TCP_KEEPALIVE_INTVL, 2)
     socket.setsockopt(zmq.TCP_KEEPALIVE_CNT, 2)
     socket.setsockopt(zmq.TCP_MAXRT, 6000)
+    if keys is not None:
+        keys.apply(socket)
     return socket
 
 

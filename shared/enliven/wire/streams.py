@@ -395,6 +395,8 @@ class StatusMessage(Struct, array_like=True, frozen=True):
         performers: number of people in view.
         dropped: number of frames that came too fast and were dropped, since the start.
         health: the current problems, the most severe first.
+        pairing_s: seconds until the shown pairing code expires. 0: pairing is closed. The code itself is not
+            in the heartbeat, because viewers that may only watch receive it, too.
     """
 
     edge: Name
@@ -410,3 +412,4 @@ class StatusMessage(Struct, array_like=True, frozen=True):
     performers: Count = 0
     dropped: Count = 0
     health: Annotated[list[HealthMessage], Meta(max_length=MAX_HEALTH)] = field(default_factory=list)
+    pairing_s: Count = 0

@@ -1,5 +1,5 @@
-"""The listening side of ZMTP 3.1 without encryption. It converts bytes to messages and answers, and opens no
-socket.
+"""The listening side of ZMTP 3.1, with or without encryption. It converts bytes to messages and answers, and
+opens no socket.
 
 Viewers use libzmq for ZMTP. The listener does not use it. libzmq 4.3.5 aborts its program (``!_io_error`` in
 stream_engine_base.cpp) if a connection mixes PINGs into a flood and is then reset, with heartbeats or
@@ -9,10 +9,21 @@ without.
 from __future__ import annotations
 
 import struct
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from enliven.keys import CurveChannel, CurveServer
 
 GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32)
 """The first 64 bytes of both sides: signature, version 3.1, no encryption."""
+CURVE_GREETING = GREETING[:12] + b"CURVE".ljust(20, b"\0") + b"\1" + bytes(31)
+"""The first 64 bytes of a server with keys: signature, version 3.1, CURVE, as server."""
+_VERSION_BYTES = 12
+"""Bytes of a greeting up to its version. A peer waits for them before it sends the rest of its own."""
+_MAX_HANDSHAKE_BYTES = 1024
+"""Maximum bytes of a command of the CURVE handshake: 300, and the properties of the peer's socket."""
+_SEALED_BYTES = 33
+"""Bytes that CURVE adds to a message."""
 
 _MORE_FLAG = 1
 """Flag of a frame that is followed by another frame of the same message."""
@@ -20,6 +31,8 @@ _LONG_FLAG = 2
 """Flag of a frame with a length of 8 bytes instead of 1."""
 _COMMAND_FLAG = 4
 """Flag of a frame that is a command of the protocol, not a message."""
+_CURVE_COMMAND_FLAG = 2
+"""Flag inside a sealed message that is a command of the protocol."""
 _MAX_PARTS = 8
 """Maximum parts of one message: a viewer sends one, libzmq's REQ sockets two."""
 _MAX_CONTEXT_BYTES = 16
@@ -48,16 +61,25 @@ class ZmtpSession:
     Args:
         kind: kind of the listening socket. "ROUTER" accepts DEALER and REQ, "PUB" accepts SUB.
         most: maximum bytes of an accepted frame.
+        curve: the keys of the listener, and the peers that it admits. None: without keys. A "ROUTER" with
+            keys also accepts peers without, so that they can pair. They have no ``channel``.
 
     Attributes:
         ready: True after the handshake.
+        channel: the encrypted channel of a peer with keys. None: a peer without.
         answers: bytes to send to the other side now. The caller empties it.
         missing: number of bytes that are missing to the end of the current frame, or of its header.
     """
 
-    def __init__(self, kind: Literal["ROUTER", "PUB"], most: int) -> None:
+    def __init__(self, kind: Literal["ROUTER", "PUB"], most: int, curve: CurveServer | None = None) -> None:
         self.ready, self.missing = False, 0
-        self.answers = bytearray(GREETING)
+        self.channel: CurveChannel | None = None
+        self._curve = curve
+        # A peer without keys is recognised by its greeting. So a ROUTER with keys sends the second part of
+        # its own greeting, which names the mechanism, only after the peer's.
+        self._greeting = GREETING if curve is None else CURVE_GREETING
+        early = len(GREETING) if curve is None or kind == "PUB" else _VERSION_BYTES
+        self.answers, self._unsent_from = bytearray(self._greeting[:early]), early
         self._kind, self._most = kind, most
         self._bytes, self._at, self._greeted = bytearray(), 0, False
         self._parts: list[bytes] = []
@@ -83,6 +105,10 @@ class ZmtpSession:
         if frame is None:
             return None
         flags, data = frame
+        if self.channel is not None:
+            if not self.ready:
+                return self._handle_curve(self.channel, data)
+            flags, data = self._opened(self.channel, data)
         if flags & _COMMAND_FLAG:
             return self._handle_command(data)
         if not self.ready:
@@ -104,12 +130,51 @@ class ZmtpSession:
             raise ZmtpError("this is not ZMTP 3")
         if len(greeting) < len(GREETING):
             return None
-        if greeting[12:32] != GREETING[12:32]:
+        without_keys = greeting[12:32] == GREETING[12:32]
+        if without_keys and self._kind == "ROUTER":
+            self._greeting = GREETING
+        if greeting[12:32] != self._greeting[12:32]:
             raise ZmtpError("another mechanism of keys")
+        self.answers += self._greeting[self._unsent_from :]
         self._at, self._greeted = len(GREETING), True
-        kind = struct.pack(">I", len(self._kind)) + self._kind.encode()
-        self.answers += make_frame(b"\x05READY\x0bSocket-Type" + kind, _COMMAND_FLAG)
+        if self._curve is not None and not without_keys:
+            from enliven.keys import CurveChannel
+
+            self.channel = CurveChannel(self._curve)
+        else:
+            self.answers += make_frame(b"\x05READY" + self._metadata, _COMMAND_FLAG)
         return []
+
+    @property
+    def _metadata(self) -> bytes:
+        """The properties of this side: the kind of its socket."""
+        return b"\x0bSocket-Type" + struct.pack(">I", len(self._kind)) + self._kind.encode()
+
+    def _handle_curve(self, channel: CurveChannel, data: bytes) -> list[bytes]:
+        """Handles a command of the CURVE handshake."""
+        from enliven.keys import CurveError
+
+        try:
+            answer = channel.answer(data, self._metadata)
+        except CurveError as error:
+            if error.status:
+                self.answers += make_frame(
+                    b"\x05ERROR" + bytes([len(error.status)]) + error.status, _COMMAND_FLAG
+                )
+            raise ZmtpError(str(error)) from None
+        self.answers += make_frame(answer, _COMMAND_FLAG)
+        self.ready = channel.ready
+        return []
+
+    def _opened(self, channel: CurveChannel, data: bytes) -> tuple[int, bytes]:
+        """Returns the flags and the content of a sealed frame, flags as of a frame without keys."""
+        from enliven.keys import CurveError
+
+        try:
+            flags, plain = channel.open(data)
+        except CurveError as error:
+            raise ZmtpError(str(error)) from None
+        return (flags & _MORE_FLAG) | (_COMMAND_FLAG if flags & _CURVE_COMMAND_FLAG else 0), plain
 
     def _next_frame(self) -> tuple[int, bytes] | None:
         """Returns (flags, data) of the next complete frame, or None."""
@@ -123,8 +188,11 @@ class ZmtpSession:
             if have < 9:
                 return None
             (length,), start = struct.unpack_from(">Q", self._bytes, self._at + 1), self._at + 9
-        if length > self._most:
-            raise ZmtpError(f"a frame of {length} bytes, {self._most} are taken")
+        most = self._most
+        if self.channel is not None:
+            most = most + _SEALED_BYTES if self.ready else _MAX_HANDSHAKE_BYTES
+        if length > most:
+            raise ZmtpError(f"a frame of {length} bytes, {most} are taken")
         self.missing = max(start + length - len(self._bytes), 0)
         if self.missing:
             return None
@@ -140,7 +208,13 @@ class ZmtpSession:
             raise ZmtpError("no introduction")
         elif name == b"PING":
             context = rest[_TTL_BYTES : _TTL_BYTES + _MAX_CONTEXT_BYTES]
-            self.answers += make_frame(b"\x04PONG" + context, _COMMAND_FLAG)
+            pong = b"\x04PONG" + context
+            channel = self.channel
+            self.answers += (
+                make_frame(pong, _COMMAND_FLAG)
+                if channel is None
+                else make_frame(channel.seal(pong, _CURVE_COMMAND_FLAG))
+            )
         elif name == b"SUBSCRIBE":
             return [b"\x01" + rest]
         elif name == b"CANCEL":

@@ -316,7 +316,7 @@ def test_a_subscriber_gets_what_it_subscribed_to(publisher: Publisher) -> None:
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "*", "192.0.2.1"])
 def test_other_machines_are_admitted_only_if_enabled(host: str) -> None:
-    with pytest.raises(InputError, match=r"possess characters.*--open.*open = true"):
+    with pytest.raises(InputError, match=r"possess characters.*keys make.*--insecure.*insecure = true"):
         Publisher(name=unique(), host=host, pose_port=0, control_port=0)
 
 
@@ -331,7 +331,7 @@ def test_the_command_line_refuses_other_machines_in_a_sentence(tmp_path: Path) -
     asked = [sys.executable, "-m", "enliven", "edge", "--host", "0.0.0.0"]
     done = subprocess.run(asked, capture_output=True, text=True, timeout=2 * PATIENCE, cwd=tmp_path)
     assert done.returncode == 3 and "Traceback" not in done.stderr
-    assert "--open" in done.stderr and "0.0.0.0" in done.stderr
+    assert "--insecure" in done.stderr and "0.0.0.0" in done.stderr
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there are no such limits here")

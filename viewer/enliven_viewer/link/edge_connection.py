@@ -13,6 +13,7 @@ from msgspec.structs import astuple
 
 from enliven.document import Character
 from enliven.errors import EnlivenError, InputError
+from enliven.keys import ClientKeys, HandshakeWatch, handshake_advice
 from enliven.wire import (
     MAX_STREAM_BYTES,
     MAX_UNREAD_STREAMS,
@@ -90,6 +91,8 @@ _FULL_RETRY_INTERVAL_S = 30.0
 """Seconds until a character that exceeds the memory limit is requested again."""
 NO_ANSWER_TEXT = "does not answer"
 """End of the refusal text of a command that timed out. A busy edge may still carry it out."""
+_REOPEN_INTERVAL_S = 2.0
+"""Seconds after a failed handshake until the connection is opened again. By then the user may have paired."""
 _COMMAND_TIMEOUT_S = 3.0
 """Timeout of a command, in seconds. After it, the user gets a message that the edge does not answer."""
 
@@ -115,6 +118,10 @@ class EdgeConnection:
         inbox: by topic, the values that the caller has not taken yet.
         latest: by topic and key, the newest value.
         stage: puts characters onto the edge's stage.
+        role: this viewer's role on the edge, empty before its first answer.
+
+    Raises:
+        InputError: if a key file is damaged, or others may read it.
     """
 
     def __init__(
@@ -127,10 +134,11 @@ class EdgeConnection:
     ) -> None:
         self.endpoint, self.clock = endpoint, ClockEstimate()
         self._viewer, self._label, self._notify = viewer, label, notify
-        self._stream = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS)
-        self._stream.setsockopt(zmq.SUBSCRIBE, b"")
-        self._stream.connect(endpoint.stream_address)
-        self._requests = Requests(context, endpoint)
+        self._context, self.role = context, ""
+        self._access_problem, self._reopen_at = "", math.inf
+        keys = endpoint.find_keys()
+        self._open_stream(keys)
+        self._requests = Requests(context, endpoint, keys)
         self._rejects = RejectCounter(f"edge at {endpoint}")
         self.status: StatusMessage | None = None
         self.held: dict[str, _HeldCharacter] = {}
@@ -151,6 +159,7 @@ class EdgeConnection:
 
     def poll(self) -> None:
         """Processes received messages and requests missing data; does not block."""
+        self._watch_handshake()
         self._requests.poll(self._reject)
         until = time.monotonic() + _POLL_BUDGET_S
         while time.monotonic() < until:
@@ -219,7 +228,44 @@ class EdgeConnection:
         """Closes the sockets."""
         self.stage.close()
         self._requests.close()
+        self._close_stream()
+
+    def _open_stream(self, keys: ClientKeys | None) -> None:
+        """Connects to the streams."""
+        self._stream = make_socket(self._context, zmq.SUB, MAX_STREAM_BYTES, MAX_UNREAD_STREAMS, keys)
+        self._handshake = HandshakeWatch(self._stream, keys is not None)
+        self._stream.setsockopt(zmq.SUBSCRIBE, b"")
+        self._stream.connect(self.endpoint.stream_address)
+
+    def _close_stream(self) -> None:
+        self._handshake.close()
         self._stream.close(linger=0)
+
+    def _watch_handshake(self) -> None:
+        """Reports keys that do not match, and connects again later: libzmq gives up after such a failure."""
+        self._handshake.poll()
+        problem, now = self._handshake.problem, time.monotonic()
+        if problem and self._reopen_at == math.inf:
+            self._reopen_at = now + _REOPEN_INTERVAL_S
+            advice = handshake_advice(problem, self.endpoint.host)
+            self._report_access(f"the edge at {self.endpoint} {advice}")
+        elif now >= self._reopen_at:
+            self._reopen_at = math.inf
+            try:
+                keys = self.endpoint.find_keys()
+            except EnlivenError as error:
+                self._reopen_at = now + _REOPEN_INTERVAL_S
+                self._report_access(str(error))
+                return
+            self._close_stream()
+            self._open_stream(keys)
+            self._requests.reopen(keys)
+
+    def _report_access(self, text: str) -> None:
+        """Notifies the user once of each problem with the keys."""
+        if text != self._access_problem:
+            self._access_problem = text
+            self._notify(Notice("error", text))
 
     def _state(self, now: float, poses: TopicHealth) -> tuple[Any, str]:
         """Returns the state and the text of :class:`Health`."""
@@ -228,6 +274,8 @@ class EdgeConnection:
                 f"the edge at {self.endpoint} uses version {self._other_version} of the network protocol, "
                 "and this viewer another: install the same release of enliven on both"
             )
+        if self._access_problem:
+            return "no access", self._access_problem
         if self.status is None:
             return "waiting", f"waiting for an edge at {self.endpoint}"
         if self.clash:
@@ -305,7 +353,7 @@ class EdgeConnection:
         """
         now = time.monotonic()
         self._after_silence |= now - self.last_heard > SILENCE_TIMEOUT_S
-        self.last_heard, self._other_version = now, None
+        self.last_heard, self._other_version, self._access_problem = now, None, ""
 
     def _process_held_back(self) -> None:
         """Processes the messages held back after a silence until the sending process was known."""
@@ -422,6 +470,7 @@ class EdgeConnection:
         """Stores the edge's list of characters, and removes those that are no longer listed."""
         if not isinstance(answer, Welcome):
             return
+        self.role = answer.role
         self._handle_status(answer.status)
         self._known_revision = answer.status.revision
         listed_revisions = {each.character: each.revision for each in answer.characters}

@@ -13,7 +13,9 @@ from enliven.document import Character, Pose
 from enliven.logs import escape_text
 from enliven.person import Body
 
-State = Literal["waiting", "connected", "on rate", "stale", "ended", "version mismatch", "name clash"]
+State = Literal[
+    "waiting", "connected", "on rate", "stale", "ended", "version mismatch", "name clash", "no access"
+]
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,7 @@ class Health:
         state: "waiting": no message so far. "connected": heartbeats arrive. "on rate": poses also arrive at
             the announced rate. "stale": no messages recently. "ended": the edge has announced the end of its
             stream. "version mismatch": it uses another version. "name clash": another edge has the same name.
+            "no access": the keys of the edge and of this viewer do not match, or they are not paired.
         text: one sentence for the user.
         pose_hz: recent poses per second, of all its characters.
         malformed: number of messages dropped because they could not be read.

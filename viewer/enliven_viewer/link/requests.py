@@ -11,6 +11,7 @@ from typing import Any
 
 import zmq
 
+from enliven.keys import ClientKeys
 from enliven.wire import (
     MAX_UNREAD_REPLIES,
     REPLY,
@@ -46,8 +47,8 @@ class _PendingRequest:
 class Requests:
     """A DEALER socket and its unanswered requests. Only replies to these are decoded."""
 
-    def __init__(self, context: zmq.Context[Any], endpoint: Endpoint) -> None:
-        self._context, self._endpoint = context, endpoint
+    def __init__(self, context: zmq.Context[Any], endpoint: Endpoint, keys: ClientKeys | None = None) -> None:
+        self._context, self._endpoint, self._keys = context, endpoint, keys
         self._socket: zmq.Socket[bytes] | None = None
         self._pending: dict[int, _PendingRequest] = {}
         self._late: deque[int] = deque(maxlen=_MAX_LATE_REQUESTS)
@@ -104,6 +105,13 @@ class Requests:
         for each in pending.values():
             each.on_reply(None)
 
+    def reopen(self, keys: ClientKeys | None) -> None:
+        """Connects again, with other keys. Unanswered requests are dropped."""
+        self.close()
+        self.forget()
+        self._keys = keys
+        self._open()
+
     def close(self) -> None:
         """Closes the socket."""
         if self._socket is not None:
@@ -115,7 +123,7 @@ class Requests:
         """Connects to the edge."""
         self._unrequested_bytes = 0
         most = REPLY.max_bytes + 64
-        self._socket = make_socket(self._context, zmq.DEALER, most, MAX_UNREAD_REPLIES)
+        self._socket = make_socket(self._context, zmq.DEALER, most, MAX_UNREAD_REPLIES, self._keys)
         # Send only over an existing connection (IMMEDIATE). Otherwise a request would wait in a queue for an
         # edge that may start an hour later.
         self._socket.setsockopt(zmq.IMMEDIATE, 1)

@@ -1,0 +1,32 @@
+"""Decides whether a viewer may send a request, by its role and its address: the only place that does."""
+
+from __future__ import annotations
+
+import ipaddress
+
+from enliven.keys import ROLES, Role, includes
+from enliven.wire import NEEDED_ROLES, THIS_MACHINE_ONLY, Ask
+
+HOW_TO_PAIR = "Pair with it: enliven pair HOST CODE, with the code that the edge shows."
+"""Advice for a viewer that is not paired."""
+
+
+def refusal_of(kind: type[Ask], role: Role | None, address: str) -> str:
+    """Returns why a viewer may not send a request. Empty: it may.
+
+    Args:
+        kind: the class of the request.
+        role: the viewer's role. None: it is not paired.
+        address: the viewer's address, without the port.
+    """
+    needed = NEEDED_ROLES.get(kind, ROLES[-1])
+    if not includes(role, needed):
+        if role is None:
+            return f"this edge answers paired viewers only. {HOW_TO_PAIR}"
+        return (
+            f"this viewer has the role {role!r}, and that needs the role {needed!r}. "
+            f"Pair it again with --role {needed}."
+        )
+    if kind in THIS_MACHINE_ONLY and not ipaddress.ip_address(address.partition("%")[0]).is_loopback:
+        return "only a viewer on the edge's own machine may ask for that"
+    return ""

@@ -1,0 +1,90 @@
+"""enliven keys: makes and lists the keys of this user, and forgets paired viewers and edges."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from enliven.commands.terminal import say
+from enliven.errors import InputError
+
+keys = typer.Typer(add_completion=False, rich_markup_mode=None, no_args_is_help=True)
+
+
+@keys.callback()
+def _keys() -> None:
+    """Makes and lists the keys that lock an edge to its paired viewers.
+
+    With keys, an edge encrypts its connections and accepts only viewers that were paired with enliven pair.
+    One pair of keys serves the edges and the viewers of a user on a computer.
+
+    \b
+      enliven keys make
+      enliven keys list
+      enliven keys show
+      enliven keys forget NAME
+    """
+
+
+@keys.command()
+def make(
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace existing keys. Every peer must then pair again.")
+    ] = False,
+) -> None:
+    """Makes the keys of this user on this computer."""
+    from enliven.keys import KeyStore, fingerprint
+
+    store = KeyStore()
+    pair = store.make(overwrite=overwrite)
+    say(f"{store.own_path}: {fingerprint(pair.public)}")
+
+
+@keys.command()
+def show() -> None:
+    """Prints the fingerprint of the own keys, to compare it with the one that a peer lists."""
+    from enliven.keys import KeyStore, fingerprint
+
+    store = KeyStore()
+    own = store.own()
+    if own is None:
+        raise InputError(
+            "the keys are missing", where=str(store.own_path), mend="Make them: enliven keys make."
+        )
+    say(fingerprint(own.public))
+
+
+@keys.command(name="list")
+def list_keys() -> None:
+    """Lists the own keys, the paired viewers and the paired edges."""
+    from enliven.keys import KeyStore, fingerprint
+
+    store, problems = KeyStore(), list[str]()
+    try:
+        own = store.own()
+        shown = "none: enliven keys make" if own is None else fingerprint(own.public)
+    except InputError as error:
+        shown = "damaged"
+        problems.append(str(error))
+    say(f"own keys  {shown}")
+    for viewer in store.viewers(problems).values():
+        say(f"viewer    {fingerprint(viewer.public)}  {viewer.role:7}  {viewer.paired:10}  {viewer.name}")
+    for edge in store.edges(problems):
+        at = f"{edge.name} at {edge.host}:{edge.control_port}"
+        say(f"edge      {fingerprint(edge.public)}  {edge.role:7}  {edge.paired:10}  {at}")
+    for problem in problems:
+        say(f"enliven: {problem}", err=True)
+    if problems:
+        raise typer.Exit(InputError.exit_code)
+
+
+@keys.command()
+def forget(
+    peer: Annotated[str, typer.Argument(help="A name, an address, or the start of a fingerprint.")],
+) -> None:
+    """Forgets a paired viewer or edge. A running edge disconnects such a viewer within seconds."""
+    from enliven.keys import KeyStore, fingerprint
+
+    for each in KeyStore().forget(peer):
+        say(f"forgotten: {each.name}, {fingerprint(each.public)}")

@@ -1,0 +1,130 @@
+"""The viewer's side of an encrypted connection: its keys, and the reason why a connection fails."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import zmq
+from zmq.utils import z85
+from zmq.utils.monitor import recv_monitor_message
+
+from enliven.errors import InputError
+from enliven.keys.key_files import KeyPair, KeyStore
+
+HandshakeProblem = Literal["", "not paired", "other key", "needs keys", "has no keys"]
+"""Why an edge rejects a viewer. "not paired": it does not know the viewer's key. "other key": the edge's key
+is another than the stored one. "needs keys": it accepts paired viewers only, and this viewer is not paired.
+"has no keys": the viewer expects keys, and the edge uses none. Empty: no problem is known."""
+_EVENTS = (
+    zmq.EVENT_HANDSHAKE_SUCCEEDED
+    | zmq.EVENT_HANDSHAKE_FAILED_AUTH
+    | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
+    | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
+)
+_MAX_EVENTS_PER_POLL = 32
+"""Maximum events that one call reads."""
+
+
+@dataclass(frozen=True)
+class ClientKeys:
+    """The keys of a viewer for one edge.
+
+    Attributes:
+        server: the edge's public key. Another edge at the same address cannot answer.
+        own: the viewer's key pair.
+    """
+
+    server: bytes
+    own: KeyPair
+
+    def apply(self, socket: zmq.Socket[Any]) -> None:
+        """Makes a socket encrypt, and accept only the edge with the expected key. Call before it connects."""
+        socket.curve_serverkey = z85.encode(self.server)
+        socket.curve_publickey = z85.encode(self.own.public)
+        socket.curve_secretkey = z85.encode(self.own.secret)
+
+
+def find_client_keys(host: str, control_port: int, folder: Path | None = None) -> ClientKeys | None:
+    """Returns the keys for the edge at an address. None: it is not paired, and needs no keys.
+
+    Args:
+        folder: the folder of the key files. None: the user's.
+
+    Raises:
+        InputError: if a key file is missing or damaged, or others may read it.
+    """
+    store = KeyStore(folder)
+    server = store.server_key(host, control_port)
+    if server is None:
+        return None
+    own = store.own()
+    if own is None:
+        raise InputError(
+            f"the edge at {host} is paired, but the own keys are missing",
+            where=str(store.own_path),
+            mend="Restore the file, or pair again: enliven pair HOST CODE.",
+        )
+    return ClientKeys(server, own)
+
+
+class HandshakeWatch:
+    """Reports why the connections of a viewer's socket fail. Create it before the socket connects.
+
+    Args:
+        uses_keys: True if the socket has keys.
+
+    Attributes:
+        problem: the latest problem. Empty after a successful handshake.
+    """
+
+    def __init__(self, socket: zmq.Socket[Any], uses_keys: bool) -> None:
+        self._socket, self._uses_keys = socket, uses_keys
+        self._monitor = socket.get_monitor_socket(_EVENTS)
+        self.problem: HandshakeProblem = ""
+
+    def poll(self) -> None:
+        """Reads the events since the last call; does not block."""
+        for _ in range(_MAX_EVENTS_PER_POLL):
+            try:
+                event = recv_monitor_message(self._monitor, zmq.DONTWAIT)
+            except zmq.ZMQError:
+                return
+            self.problem = self._problem_of(int(event["event"]), int(event["value"]))
+
+    def close(self) -> None:
+        """Stops watching. Call before the socket is closed."""
+        with contextlib.suppress(zmq.ZMQError):
+            self._socket.disable_monitor()
+        self._monitor.close(linger=0)
+
+    def _problem_of(self, event: int, value: int) -> HandshakeProblem:
+        """Returns the problem that an event of libzmq means."""
+        if event == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
+            return _STATUS_PROBLEMS.get(value, "not paired")
+        if event == zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL:
+            if value == zmq.PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH:
+                return "has no keys" if self._uses_keys else "needs keys"
+            # The edge's answer was not made with the key that this viewer expects.
+            return "other key" if self._uses_keys else ""
+        return "" if event == zmq.EVENT_HANDSHAKE_SUCCEEDED else self.problem
+
+
+def handshake_advice(problem: HandshakeProblem, host: str) -> str:
+    """Returns a sentence for the user about a problem, after the words "the edge at ADDRESS"."""
+    return _ADVICE[problem].format(host=host) if problem else ""
+
+
+_STATUS_PROBLEMS: dict[int, HandshakeProblem] = {400: "not paired", 500: "other key"}
+"""The problem by the status that the edge sends, see :mod:`enliven.keys.curve`."""
+_ADVICE: dict[str, str] = {
+    "not paired": "does not know this viewer's key. Pair it: enliven pair {host} CODE",
+    "other key": "has another key than the one that this viewer expects. If enliven was installed again "
+    "there, pair again: enliven pair {host} CODE. Otherwise another program may answer at its address",
+    "needs keys": "answers paired viewers only. Pair this one with the code that the edge shows: "
+    "enliven pair {host} CODE",
+    "has no keys": "uses no keys, and this viewer has a key for it. Start the edge again without "
+    "--insecure, or remove its key here: enliven keys forget {host}",
+}

@@ -1,0 +1,189 @@
+"""The server's side of CurveZMQ (https://rfc.zeromq.org/spec/26): bytes in, bytes out, no socket.
+
+Viewers use libzmq for it. The edge cannot, since its sockets do not (see :mod:`enliven.wire.zmtp`). All
+cryptography is libsodium's, by PyNaCl: X25519 for the keys of a connection, XSalsa20-Poly1305 for its
+messages.
+"""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from nacl import bindings as sodium
+from nacl.exceptions import CryptoError
+
+from enliven.keys.key_files import KEY_BYTES, KeyPair
+
+COMMAND_FLAG = 2
+"""Flag inside a sealed message: it is a command of the protocol. The flag 1 means that more parts follow."""
+OVERHEAD = 33
+"""Bytes that sealing adds to a message: its name, nonce, authenticator and flags."""
+UNKNOWN_VIEWER = b"400"
+"""Status in the ERROR command for a viewer that is not paired. libzmq reports it to the viewer."""
+OTHER_EDGE_KEY = b"500"
+"""Status for a viewer that expects another key of this edge."""
+
+_HELLO, _INITIATE, _MESSAGE = b"\x05HELLO", b"\x08INITIATE", b"\x07MESSAGE"
+_HELLO_BYTES = 200
+"""Bytes of HELLO. It is padded, so that no answer of the edge is longer than the question."""
+_COOKIE_BYTES = 96
+"""Bytes of the cookie that WELCOME sends and INITIATE returns."""
+_SHORT_NONCE = 8
+"""Bytes of a nonce that counts up. A prefix of 16 bytes, which differs by command and side, precedes it."""
+_LONG_NONCE = 16
+"""Bytes of a random nonce, after a prefix of 8 bytes."""
+_VOUCH_BYTES = _LONG_NONCE + 80
+_MIN_INITIATE_BYTES = 9 + _COOKIE_BYTES + _SHORT_NONCE + 16 + KEY_BYTES + _VOUCH_BYTES
+_MAX_COUNT = 2**64 - 1
+"""Count of a message at which a connection ends: counts must not start again."""
+
+
+class CurveError(Exception):
+    """A handshake or message that is wrong. ``status`` is sent to the viewer, if there is one."""
+
+    def __init__(self, why: str, status: bytes = b"") -> None:
+        super().__init__(why)
+        self.status = status
+
+
+@dataclass(frozen=True)
+class CurveServer:
+    """The long-term keys of an edge, and the viewers that it admits.
+
+    Attributes:
+        keys: the edge's key pair.
+        admits: returns True if a viewer's public key may connect.
+    """
+
+    keys: KeyPair
+    admits: Callable[[bytes], bool]
+
+
+class CurveChannel:
+    """The encrypted channel of one connection: first its handshake, then its messages.
+
+    Each connection has its own keys, which both sides forget at its end. So stored traffic stays unreadable,
+    even if a long-term key is stolen later.
+
+    Attributes:
+        client: the viewer's public key, once it has proven that it has the secret one. None before.
+    """
+
+    def __init__(self, server: CurveServer) -> None:
+        self._server = server
+        self.client: bytes | None = None
+        self._shared = self._cookie = self._client_once = b""
+        self._secret_once = self._public_once = b""
+        self._received = self._sent = 0
+
+    @property
+    def ready(self) -> bool:
+        """True after the handshake."""
+        return self.client is not None
+
+    def answer(self, data: bytes, metadata: bytes) -> bytes:
+        """Handles a command of the handshake and returns the command to send back.
+
+        Args:
+            metadata: the properties of this side, as in READY.
+
+        Raises:
+            CurveError: if the command is wrong, or the viewer is not admitted.
+        """
+        try:
+            if not self._cookie and data.startswith(_HELLO):
+                return self._welcome(data)
+            if self._cookie and data.startswith(_INITIATE):
+                return self._ready(data, metadata)
+        except CryptoError:
+            raise CurveError("a box of the handshake cannot be opened") from None
+        raise CurveError("not the expected command of the handshake")
+
+    def _welcome(self, data: bytes) -> bytes:
+        """Answers HELLO, which contains the viewer's key for this connection, with the edge's."""
+        if len(data) != _HELLO_BYTES or data[6:8] != b"\x01\x00":
+            raise CurveError("HELLO has another form")
+        client_once, count = data[80:112], data[112:120]
+        self._count(count)
+        secret = self._server.keys.secret
+        try:
+            zeros = sodium.crypto_box_open(data[120:], b"CurveZMQHELLO---" + count, client_once, secret)
+        except CryptoError:
+            raise CurveError("the viewer expects another key of this edge", OTHER_EDGE_KEY) from None
+        if zeros != bytes(64):
+            raise CurveError("HELLO has another form")
+        self._client_once = client_once
+        self._public_once, self._secret_once = sodium.crypto_box_keypair()
+        # The specification encrypts its state into the cookie, so that a server need not store it. Here the
+        # connection stores it, so a random cookie is enough.
+        self._cookie, nonce = secrets.token_bytes(_COOKIE_BYTES), secrets.token_bytes(_LONG_NONCE)
+        plain = self._public_once + self._cookie
+        return b"\x07WELCOME" + nonce + sodium.crypto_box(plain, b"WELCOME-" + nonce, client_once, secret)
+
+    def _ready(self, data: bytes, metadata: bytes) -> bytes:
+        """Answers INITIATE, which proves that the viewer has the secret key of its public key."""
+        if len(data) < _MIN_INITIATE_BYTES:
+            raise CurveError("INITIATE has another form")
+        if not hmac.compare_digest(data[9 : 9 + _COOKIE_BYTES], self._cookie):
+            raise CurveError("the cookie is another one")
+        rest = data[9 + _COOKIE_BYTES :]
+        count, box = rest[:_SHORT_NONCE], rest[_SHORT_NONCE:]
+        self._count(count)
+        shared = sodium.crypto_box_beforenm(self._client_once, self._secret_once)
+        plain = sodium.crypto_box_open_afternm(box, b"CurveZMQINITIATE" + count, shared)
+        client, nonce = plain[:KEY_BYTES], plain[KEY_BYTES : KEY_BYTES + _LONG_NONCE]
+        vouch = plain[KEY_BYTES + _LONG_NONCE : KEY_BYTES + _VOUCH_BYTES]
+        proof = sodium.crypto_box_open(vouch, b"VOUCH---" + nonce, client, self._secret_once)
+        if not hmac.compare_digest(proof, self._client_once + self._server.keys.public):
+            raise CurveError("the viewer vouches for another connection")
+        if not self._server.admits(client):
+            raise CurveError("the viewer is not paired", UNKNOWN_VIEWER)
+        self.client, self._shared = client, shared
+        count = struct.pack(">Q", self.reserve())
+        return b"\x05READY" + count + self._sealed(metadata, b"CurveZMQREADY---" + count)
+
+    def reserve(self) -> int:
+        """Returns the count of the next message to send. Messages must be sent in the order of counts."""
+        self._sent += 1
+        return self._sent
+
+    def seal(self, data: bytes, flags: int = 0, count: int = 0) -> bytes:
+        """Returns an encrypted message. May be called on another thread if ``count`` is given.
+
+        Args:
+            flags: 1 if more parts follow, :data:`COMMAND_FLAG` for a command.
+            count: its count from :meth:`reserve`. 0: the next one.
+        """
+        number = struct.pack(">Q", count or self.reserve())
+        plain = b"".join((bytes([flags]), data))
+        return b"".join((_MESSAGE, number, self._sealed(plain, b"CurveZMQMESSAGES" + number)))
+
+    def open(self, data: bytes) -> tuple[int, bytes]:
+        """Returns the flags and the content of a received message.
+
+        Raises:
+            CurveError: if it was changed, repeated, reordered, or is not a message.
+        """
+        if not data.startswith(_MESSAGE) or len(data) < OVERHEAD:
+            raise CurveError("this is not a sealed message")
+        count = data[8:16]
+        self._count(count)
+        try:
+            plain = sodium.crypto_box_open_afternm(data[16:], b"CurveZMQMESSAGEC" + count, self._shared)
+        except CryptoError:
+            raise CurveError("a message was changed on its way") from None
+        return plain[0], plain[1:]
+
+    def _sealed(self, plain: bytes, nonce: bytes) -> bytes:
+        return sodium.crypto_box_afternm(plain, nonce, self._shared)
+
+    def _count(self, count: bytes) -> None:
+        """Raises unless a received count is higher than all before: a repeated message is an attack."""
+        (number,) = struct.unpack(">Q", count)
+        if not self._received < number < _MAX_COUNT:
+            raise CurveError("a message was repeated")
+        self._received = number

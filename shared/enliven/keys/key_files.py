@@ -1,0 +1,422 @@
+"""Reads and writes the key files of this user: the own key pair, paired viewers and paired edges.
+
+The folder ``enliven/keys`` in the user's configuration folder contains:
+
+- ``own.toml``: the key pair of this user on this computer, for the edge and for viewers
+- ``viewers/FINGERPRINT.toml``: a viewer that may connect to edges of this user, with its role
+- ``edges/FINGERPRINT.toml``: an edge that this user has paired with, with its address
+
+Each file is for its owner only (mode 0600), and is created completely or not at all.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import ipaddress
+import os
+import re
+import secrets
+import stat
+import struct
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from enliven.errors import EnlivenError, InputError
+from enliven.files import config_folder, file_fault
+from enliven.keys.roles import ROLES, Role
+from enliven.settings import read_toml
+
+KEY_BYTES = 32
+"""Bytes of a public or secret key of Curve25519."""
+_Z85_KEY_LENGTH = 40
+"""Length of a key as text in Z85, the encoding that ZeroMQ uses for keys."""
+_FINGERPRINT_DIGITS = 32
+"""Hexadecimal digits of a fingerprint: 128 bits are enough to tell keys apart, also made ones."""
+_MAX_PEERS = 1000
+"""Maximum number of paired viewers, and of paired edges, that are read."""
+_MAX_NAME_LENGTH = 64
+"""Maximum length of a peer's name."""
+_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+"""Permission bits of the group and of all others."""
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
+"""Flags that create a file, and never open an existing one or one behind a link."""
+_NEW_KEYS = "Make new keys with: enliven keys make --overwrite. Then pair again with each peer."
+
+
+@dataclass(frozen=True)
+class KeyPair:
+    """A public and a secret key of Curve25519, 32 bytes each."""
+
+    public: bytes
+    secret: bytes = field(repr=False)
+
+
+@dataclass(frozen=True)
+class PairedViewer:
+    """A viewer that may connect. ``paired`` is the date of the pairing, such as "2026-11-29"."""
+
+    public: bytes
+    name: str
+    role: Role
+    paired: str = ""
+
+
+@dataclass(frozen=True)
+class PairedEdge:
+    """An edge that this user has paired with, and the address that was used for it.
+
+    Attributes:
+        public: the edge's public key.
+        name: the edge's name.
+        host: the typed address.
+        control_port: its port of the commands.
+        role: the granted role.
+        paired: date of the pairing.
+    """
+
+    public: bytes
+    name: str
+    host: str
+    control_port: int
+    role: Role
+    paired: str = ""
+
+
+def fingerprint(public: bytes) -> str:
+    """Returns the fingerprint of a public key: eight groups of four hexadecimal digits of its SHA-256."""
+    digits = hashlib.sha256(public).hexdigest()[:_FINGERPRINT_DIGITS]
+    return "-".join(digits[k : k + 4] for k in range(0, _FINGERPRINT_DIGITS, 4))
+
+
+def is_loopback(host: str) -> bool:
+    """Returns True if an address or name is loopback without a look-up: 127.0.0.1, ::1 or localhost."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
+
+
+class KeyStore:
+    """The key files of a folder. Files with wrong permissions or damaged content are refused.
+
+    Args:
+        folder: None: ``enliven/keys`` in the user's configuration folder.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self.folder = folder or config_folder() / "keys"
+
+    @property
+    def own_path(self) -> Path:
+        """The file of the own key pair."""
+        return self.folder / "own.toml"
+
+    def own(self) -> KeyPair | None:
+        """Returns the own key pair, or None if there is none.
+
+        Raises:
+            InputError: if the file is damaged, belongs to another user, or others may read it.
+        """
+        import zmq
+
+        table = _read_private(self.own_path, _NEW_KEYS)
+        if table is None:
+            return None
+        keys = KeyPair(_key(table, "public", self.own_path), _key(table, "secret", self.own_path))
+        if zmq.curve_public(_z85(keys.secret)) != _z85(keys.public):
+            raise InputError(
+                "its secret key does not belong to its public key", where=str(self.own_path), mend=_NEW_KEYS
+            )
+        return keys
+
+    def make(self, *, overwrite: bool = False) -> KeyPair:
+        """Makes a new key pair and stores it.
+
+        Raises:
+            InputError: if there is one already, unless ``overwrite`` is set.
+            ResourceError: if the file cannot be written.
+        """
+        import zmq
+
+        public, secret = zmq.curve_keypair()
+        lines: dict[str, str | int] = {"public": public.decode(), "secret": secret.decode()}
+        _write_private(self.own_path, _toml(lines), overwrite=overwrite)
+        return KeyPair(_from_z85(public), _from_z85(secret))
+
+    def viewers(self, problems: list[str] | None = None) -> dict[bytes, PairedViewer]:
+        """Returns the paired viewers by public key.
+
+        Args:
+            problems: gets a sentence about each file that cannot be used. None: such a file raises.
+
+        Raises:
+            InputError: if a file is damaged, belongs to another user, or others may read it.
+        """
+        tables = self._tables("viewers", problems)
+        viewers = [_checked(path, problems, lambda p=path, t=table: _viewer(t, p)) for path, table in tables]
+        return {viewer.public: viewer for viewer in viewers if viewer is not None}
+
+    def edges(self, problems: list[str] | None = None) -> list[PairedEdge]:
+        """Returns the paired edges. Args and errors as for :meth:`viewers`."""
+        tables = self._tables("edges", problems)
+        edges = [_checked(path, problems, lambda p=path, t=table: _edge(t, p)) for path, table in tables]
+        return [edge for edge in edges if edge is not None]
+
+    def edge_at(self, host: str, control_port: int) -> PairedEdge | None:
+        """Returns the edge that was paired at an address, or None.
+
+        Raises:
+            InputError: as :meth:`edges`.
+        """
+        place = (host.lower(), control_port)
+        return next((e for e in self.edges() if (e.host.lower(), e.control_port) == place), None)
+
+    def server_key(self, host: str, control_port: int) -> bytes | None:
+        """Returns the public key to expect of the edge at an address, or None if it needs none.
+
+        An edge on this computer uses the own key pair, if there is one.
+
+        Raises:
+            InputError: as :meth:`own` and :meth:`edges`.
+        """
+        edge = self.edge_at(host, control_port)
+        if edge is not None:
+            return edge.public
+        own = self.own() if is_loopback(host) else None
+        return None if own is None else own.public
+
+    def add_viewer(self, viewer: PairedViewer) -> None:
+        """Stores a paired viewer, or replaces the one with its key.
+
+        Raises:
+            ResourceError: if the file cannot be written.
+        """
+        lines: dict[str, str | int] = {"public": _z85(viewer.public).decode(), "name": viewer.name}
+        lines |= {"role": viewer.role, "paired": viewer.paired or _today()}
+        path = self.folder / "viewers" / f"{fingerprint(viewer.public)}.toml"
+        _write_private(path, _toml(lines), overwrite=True)
+
+    def add_edge(self, edge: PairedEdge) -> None:
+        """Stores a paired edge. It replaces edges with the same address.
+
+        Raises:
+            ResourceError: if the file cannot be written.
+        """
+        place = (edge.host.lower(), edge.control_port)
+        for other in self.edges([]):
+            if (other.host.lower(), other.control_port) == place and other.public != edge.public:
+                self._remove("edges", other.public)
+        lines: dict[str, str | int] = {"public": _z85(edge.public).decode(), "name": edge.name}
+        lines |= {"host": edge.host, "control_port": edge.control_port}
+        lines |= {"role": edge.role, "paired": edge.paired or _today()}
+        path = self.folder / "edges" / f"{fingerprint(edge.public)}.toml"
+        _write_private(path, _toml(lines), overwrite=True)
+
+    def forget(self, which: str) -> list[PairedViewer | PairedEdge]:
+        """Removes the peers with a name, an address, or the start of a fingerprint. Returns them.
+
+        Raises:
+            InputError: if there is none, or if several peers match.
+        """
+        peers: list[PairedViewer | PairedEdge] = [*self.viewers([]).values(), *self.edges([])]
+        start = which.lower().replace("-", "")
+        matches = [
+            peer
+            for peer in peers
+            if which in (peer.name, getattr(peer, "host", ""))
+            or (start and fingerprint(peer.public).replace("-", "").startswith(start))
+        ]
+        if len({peer.public for peer in matches}) != 1:
+            problem = "several peers match" if matches else "no paired viewer or edge matches"
+            raise InputError(
+                problem, where=repr(which), mend="Give a fingerprint that enliven keys list shows."
+            )
+        for peer in matches:
+            self._remove("viewers" if isinstance(peer, PairedViewer) else "edges", peer.public)
+        return matches
+
+    def stamp(self) -> int:
+        """Returns a number that changes when a viewer is added or removed."""
+        try:
+            return (self.folder / "viewers").stat().st_mtime_ns
+        except OSError:
+            return 0
+
+    def _remove(self, folder: str, public: bytes) -> None:
+        path = self.folder / folder / f"{fingerprint(public)}.toml"
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise file_fault(error, path, "written") from None
+
+    def _tables(self, folder: str, problems: list[str] | None) -> list[tuple[Path, dict[str, Any]]]:
+        """Returns the path and the content of each file of a folder."""
+        tables = []
+        for path in sorted((self.folder / folder).glob("*.toml"))[:_MAX_PEERS]:
+            mend = f"Remove it with: rm {path}. Then pair again."
+            table = _checked(path, problems, lambda p=path, m=mend: _read_private(p, m))
+            if table is not None:
+                tables.append((path, table))
+        return tables
+
+
+def _checked(path: Path, problems: list[str] | None, read: Any) -> Any:
+    """Returns the result of ``read``. An error is added to ``problems``, if there is such a list."""
+    try:
+        return read()
+    except EnlivenError as error:
+        if problems is None:
+            raise
+        problems.append(str(error))
+        return None
+
+
+def _viewer(table: dict[str, Any], path: Path) -> PairedViewer:
+    public = _key(table, "public", path)
+    return PairedViewer(public, _name(table, path), _role(table, path), str(table.get("paired", "")))
+
+
+def _edge(table: dict[str, Any], path: Path) -> PairedEdge:
+    host, port = table.get("host"), table.get("control_port")
+    if not isinstance(host, str) or not isinstance(port, int) or not 0 < port < 65536:
+        raise _damaged(path, "its address is missing or is not one")
+    peer = _viewer(table, path)
+    return PairedEdge(peer.public, peer.name, host, port, peer.role, peer.paired)
+
+
+def _name(table: dict[str, Any], path: Path) -> str:
+    name = table.get("name")
+    if not isinstance(name, str) or not 0 < len(name) <= _MAX_NAME_LENGTH:
+        raise _damaged(path, "its name is missing or too long")
+    return name
+
+
+def _role(table: dict[str, Any], path: Path) -> Role:
+    role = table.get("role")
+    if role not in ROLES:
+        raise _damaged(path, f"its role is {role!r:.40}, expected one of {', '.join(ROLES)}")
+    return role
+
+
+def _key(table: dict[str, Any], name: str, path: Path) -> bytes:
+    """Returns a key of a file, decoded."""
+    text = table.get(name)
+    if isinstance(text, str) and len(text) == _Z85_KEY_LENGTH and text.isascii():
+        with contextlib.suppress(KeyError, ValueError, struct.error):
+            key = _from_z85(text.encode())
+            if len(key) == KEY_BYTES:
+                return key
+    raise _damaged(path, f"its {name} key is missing or is not one")
+
+
+def _damaged(path: Path, what: str) -> InputError:
+    is_own = path.name == "own.toml"
+    return InputError(
+        f"this is not a key file, or it is damaged ({what})",
+        where=str(path),
+        mend=_NEW_KEYS if is_own else f"Remove it with: rm {path}. Then pair again.",
+    )
+
+
+def _read_private(path: Path, mend: str) -> dict[str, Any] | None:
+    """Returns the content of a file that only this user may read. None: it does not exist.
+
+    Raises:
+        InputError: if it is not a TOML file, or it belongs to another user, or others may read or change it.
+    """
+    try:
+        state = path.lstat()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise file_fault(error, path) from None
+    if not stat.S_ISREG(state.st_mode):
+        raise InputError("it is not a regular file", where=str(path), mend=mend)
+    if sys.platform != "win32":
+        if state.st_uid != os.getuid():
+            raise InputError("it belongs to another user", where=str(path), mend=mend)
+        if state.st_mode & _OTHERS:
+            raise InputError(
+                f"other users may read or change this key file (mode {stat.S_IMODE(state.st_mode):04o})",
+                where=str(path),
+                mend=f"If only you have read it: chmod 600 {path}. Otherwise others may know the key. {mend}",
+            )
+    try:
+        return read_toml(path)
+    except InputError as error:
+        raise type(error)(error.what, where=str(path), mend=error.mend or mend) from None
+
+
+def _write_private(path: Path, text: str, *, overwrite: bool) -> None:
+    """Writes a file that only this user may read, completely or not at all.
+
+    Raises:
+        InputError: if it exists, unless ``overwrite`` is set.
+        ResourceError: if it cannot be written.
+    """
+    part = path.with_name(f".{path.name}.{secrets.token_hex(8)}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        # The file is private from its first byte: it is created with its mode, not changed afterwards.
+        descriptor = os.open(part, _NEW, 0o600)
+        try:
+            with os.fdopen(descriptor, "w", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            if overwrite:
+                os.replace(part, path)
+            else:
+                # A link fails if the name exists. A rename would replace a file that appeared meanwhile.
+                os.link(part, path)
+        finally:
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
+    except FileExistsError:
+        raise InputError(
+            "there are keys already",
+            where=str(path),
+            mend="They stay unchanged. To replace them: enliven keys make --overwrite. All paired peers "
+            "must then pair again.",
+        ) from None
+    except OSError as error:
+        raise file_fault(error, path, "written") from None
+
+
+def _toml(lines: dict[str, str | int]) -> str:
+    """Returns a TOML file with its version and one line for each value."""
+    written = [f"{key} = {_toml_value(value)}" for key, value in lines.items()]
+    return "\n".join(["version = 1", *written, ""])
+
+
+def _toml_value(value: str | int) -> str:
+    if isinstance(value, int):
+        return str(value)
+    escapes = {'"': '\\"', "\\": "\\\\"}
+    text = "".join(escapes.get(c, c if c.isprintable() else "?") for c in value)
+    return f'"{text}"'
+
+
+def clean_name(name: str) -> str:
+    """Returns a peer's name without unprintable characters, at most 64 characters and never empty."""
+    return re.sub(r"\s+", " ", "".join(c for c in name if c.isprintable())).strip()[:_MAX_NAME_LENGTH] or "?"
+
+
+def _today() -> str:
+    return time.strftime("%Y-%m-%d")
+
+
+def _z85(key: bytes) -> bytes:
+    from zmq.utils import z85
+
+    return z85.encode(key)
+
+
+def _from_z85(text: bytes) -> bytes:
+    from zmq.utils import z85
+
+    return z85.decode(text)

@@ -1,0 +1,246 @@
+"""Pairs a viewer with an edge by a six-digit code: SPAKE2, then the public keys in boxes of the agreed key.
+
+The code is far too short for a key: an attacker could record an exchange that is encrypted by the code
+itself, and then try all codes. SPAKE2 (RFC 9382, by the package of Magic Wormhole) turns the code into a
+strong key of 256 bits. Each run lets an attacker test exactly one code, and a recorded run tests none:
+
+1. viewer -> edge: its SPAKE2 message
+2. edge -> viewer: the edge's SPAKE2 message
+3. viewer -> edge: its public key, name and role, in a box of the agreed key
+4. edge -> viewer: the edge's public key, name and the granted role, in a box of the agreed key
+
+A box can be opened only by a side that knew the code. The edge sends its box only after it has opened the
+viewer's, and allows few runs for each code.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import secrets
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from enliven.keys.key_files import KEY_BYTES, clean_name
+from enliven.keys.roles import ROLES, Role, includes
+
+CODE_DIGITS = 6
+"""Number of digits of a code."""
+CODE_LIFETIME_S = 300.0
+"""Seconds until a code expires: enough to walk to the viewer's computer and type it."""
+MAX_TRIES_PER_CODE = 3
+"""Number of runs with one code. People mistype once or twice."""
+FIRST_PAUSE_S = 30.0
+"""Seconds without a code after too many tries. The pause doubles with each further code that is used up."""
+LONGEST_PAUSE_S = 900.0
+"""Maximum pause after too many tries: an attacker gets 288 guesses a day, 1 in 3,500 to be right."""
+MESSAGE_BYTES = 33
+"""Bytes of a SPAKE2 message: its side, and a point of Ed25519."""
+
+_VIEWER, _EDGE = b"enliven viewer", b"enliven edge"
+_WRONG_CODE = {
+    _VIEWER: "the code is wrong",
+    _EDGE: "the code is wrong, or another program answers in place of the edge",
+}
+"""The reason why a box cannot be opened, by the sender of the box."""
+_KEY_LABELS = {_VIEWER: b"enliven pairing: viewer to edge", _EDGE: b"enliven pairing: edge to viewer"}
+
+
+class PairingError(Exception):
+    """A pairing that was refused. The text contains the reason, for the user."""
+
+
+@dataclass(frozen=True)
+class Introduction:
+    """The content of a box: a public key, the name of its owner, and the requested or granted role."""
+
+    public: bytes
+    name: str
+    role: Role
+
+
+class ViewerExchange:
+    """The viewer's side of one pairing.
+
+    Args:
+        code: the code that the edge shows. Spaces and dashes in it are ignored.
+
+    Attributes:
+        message: the SPAKE2 message for the edge.
+
+    Raises:
+        PairingError: if the code does not have six digits.
+    """
+
+    def __init__(self, code: str) -> None:
+        from spake2 import SPAKE2_A
+
+        digits = "".join(c for c in code if c not in " -")
+        if len(digits) != CODE_DIGITS or not (digits.isascii() and digits.isdecimal()):
+            raise PairingError(f"a code has {CODE_DIGITS} digits")
+        self._spake = SPAKE2_A(digits.encode(), idA=_VIEWER, idB=_EDGE)
+        self.message: bytes = self._spake.start()
+        self._key = b""
+
+    def introduce(self, answer: bytes, own: Introduction) -> bytes:
+        """Returns the box with the viewer's introduction, after the edge's SPAKE2 message.
+
+        Raises:
+            PairingError: if the edge's message is not one.
+        """
+        self._key = _agree(self._spake, answer)
+        return _seal(self._key, _VIEWER, own)
+
+    def read(self, box: bytes) -> Introduction:
+        """Returns the edge's introduction.
+
+        Raises:
+            PairingError: if the box was not made by a side that knew the code.
+        """
+        return _open(self._key, _EDGE, box)
+
+
+class EdgeExchange:
+    """The edge's side of one pairing, made by :meth:`PairingDesk.start`."""
+
+    def __init__(self, code: str, message: bytes) -> None:
+        from spake2 import SPAKE2_B
+
+        spake = SPAKE2_B(code.encode(), idA=_VIEWER, idB=_EDGE)
+        self.message: bytes = spake.start()
+        self._key = _agree(spake, message)
+
+    def read(self, box: bytes) -> Introduction:
+        """Returns the viewer's introduction.
+
+        Raises:
+            PairingError: if the viewer did not know the code.
+        """
+        return _open(self._key, _VIEWER, box)
+
+    def introduce(self, own: Introduction) -> bytes:
+        """Returns the box with the edge's introduction."""
+        return _seal(self._key, _EDGE, own)
+
+
+class PairingDesk:
+    """The code of an edge: it expires, allows few tries, and is followed by a new one after a pause.
+
+    Args:
+        show: called with each new code.
+        clock: returns seconds, for tests.
+    """
+
+    def __init__(
+        self, show: Callable[[str], None] = lambda code: None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._show, self._clock = show, clock
+        self._code = ""
+        self._tries = self._used_up = 0
+        self._until = self._expires = self._paused_until = 0.0
+
+    def open_for(self, seconds: float) -> None:
+        """Accepts pairings for some seconds from now. A pause after too many tries is not shortened."""
+        self._until = max(self._until, self._clock() + seconds)
+        self.poll()
+
+    @property
+    def code(self) -> str:
+        """The code to show, or empty while pairing is closed or paused."""
+        self.poll()
+        return self._code
+
+    @property
+    def seconds_left(self) -> int:
+        """Seconds until the shown code expires. 0: no code is shown."""
+        return max(0, round(self._expires - self._clock())) if self.code else 0
+
+    @property
+    def pause_s(self) -> float:
+        """Seconds until a new code is shown after too many tries. 0: a code may be shown now."""
+        return max(0.0, self._paused_until - self._clock())
+
+    def poll(self) -> None:
+        """Removes a code that has expired, and shows a new one while pairing is open."""
+        now = self._clock()
+        if self._code and now >= self._expires:
+            self._code = ""
+        if not self._code and now < self._until and now >= self._paused_until:
+            self._code = "".join(str(secrets.randbelow(10)) for _ in range(CODE_DIGITS))
+            self._tries, self._expires = 0, min(now + CODE_LIFETIME_S, self._until)
+            self._show(self._code)
+
+    def start(self, message: bytes) -> EdgeExchange:
+        """Begins a run with the current code. Each run counts as a try, also one that is not finished.
+
+        Raises:
+            PairingError: if no code is shown now, or the message is not valid.
+        """
+        code = self.code
+        if not code:
+            raise PairingError(self._closed_reason())
+        self._tries += 1
+        if self._tries >= MAX_TRIES_PER_CODE:
+            # The run that begins now may still succeed. Later ones need a new code.
+            self._code = ""
+            pause = min(FIRST_PAUSE_S * 2**self._used_up, LONGEST_PAUSE_S)
+            self._used_up = min(self._used_up + 1, 16)
+            self._paused_until = self._clock() + pause
+        return EdgeExchange(code, message)
+
+    def succeed(self) -> None:
+        """Ends the code after a successful pairing. The next code is shown at once."""
+        self._code, self._used_up, self._paused_until = "", 0, 0.0
+        self.poll()
+
+    def _closed_reason(self) -> str:
+        if self.pause_s and self._clock() < self._until:
+            return f"too many tries: the edge shows a new code in {self.pause_s:.0f} s"
+        return (
+            "pairing is closed. Start the edge again, or open it on the edge's computer: "
+            "enliven pair 127.0.0.1 --show-code"
+        )
+
+
+def limit_role(role: Role, highest: Role) -> Role:
+    """Returns the lower of two roles."""
+    return role if includes(highest, role) else highest
+
+
+def _agree(spake: Any, message: bytes) -> bytes:
+    """Returns the key that both sides agree on. A wrong code gives another key, without an error."""
+    try:
+        key: bytes = spake.finish(message)
+    except Exception:  # The library raises plain Exceptions for invalid bytes.
+        raise PairingError("the pairing message is not valid") from None
+    return key
+
+
+def _seal(key: bytes, sender: bytes, own: Introduction) -> bytes:
+    from nacl.secret import SecretBox
+
+    data = msgspec.msgpack.encode((own.public, clean_name(own.name), own.role))
+    return bytes(SecretBox(_side_key(key, sender)).encrypt(data))
+
+
+def _open(key: bytes, sender: bytes, box: bytes) -> Introduction:
+    from nacl.exceptions import CryptoError
+    from nacl.secret import SecretBox
+
+    try:
+        data = SecretBox(_side_key(key, sender)).decrypt(box)
+        public, name, role = msgspec.msgpack.decode(data, type=tuple[bytes, str, str])
+    except (CryptoError, ValueError, TypeError, msgspec.MsgspecError):
+        raise PairingError(_WRONG_CODE[sender]) from None
+    if len(public) != KEY_BYTES or role not in ROLES:
+        raise PairingError("the introduction is not valid")
+    return Introduction(public, clean_name(name), role)  # type: ignore[arg-type]
+
+
+def _side_key(key: bytes, sender: bytes) -> bytes:
+    """Returns the box key of one direction, so that no box can be sent back to its sender."""
+    return hmac.new(key, _KEY_LABELS[sender], hashlib.sha256).digest()

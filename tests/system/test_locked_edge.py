@@ -1,0 +1,562 @@
+"""Tests of an edge with keys over real sockets: strangers read and change nothing, watchers change nothing.
+
+The tests go through the whole table of messages, so they also hold for messages that will be added.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import socket as sockets
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import hypothesis
+import pytest
+import zmq
+from message_values import message
+from msgspec import inspect
+from patience import PATIENCE
+from real_edge import RealEdge
+
+from enliven import cli
+from enliven.errors import InputError, ResourceError
+from enliven.keys import (
+    ROLES,
+    ClientKeys,
+    Introduction,
+    KeyPair,
+    KeyStore,
+    PairedViewer,
+    Role,
+    ViewerExchange,
+    fingerprint,
+    includes,
+)
+from enliven.keys.pairing import CODE_LIFETIME_S, MAX_TRIES_PER_CODE
+from enliven.wire import (
+    MAX_STREAM_BYTES,
+    NEEDED_ROLES,
+    REPLY,
+    REQUESTS,
+    STREAMS,
+    Ask,
+    Awaited,
+    Done,
+    Endpoint,
+    FinishPairing,
+    GetState,
+    Hello,
+    Listen,
+    Order,
+    Paired,
+    PairingStarted,
+    Ping,
+    Possess,
+    Refused,
+    RemoveCharacter,
+    Request,
+    ShowCode,
+    ShownCode,
+    StartPairing,
+    Welcome,
+    make_socket,
+    pack_control,
+    pack_stream,
+    pair_with_edge,
+    receive_heartbeat,
+    unpack_control,
+)
+from enliven_edge.network.access import Access, open_access
+from enliven_edge.network.permissions import refusal_of
+from enliven_edge.network.publisher import Publisher
+from enliven_edge.network.server import ZmtpServer
+from enliven_edge.orders import create_handlers
+from enliven_edge.settings import WireSettings
+from enliven_viewer.link.edge_client import EdgeClient
+
+from .hostile_house import BOX_DATA, House, Visitor
+
+HEARD_S = 0.25
+"""Seconds in which a stranger would have received something: each round of the test sends it in 0.05 s."""
+SECRET = "secretchair"
+"""Name of the character on the stage, which a stranger must not read."""
+
+
+class Locked:
+    """A house with keys, and the keys of viewers with each role."""
+
+    def __init__(self, folder: Path) -> None:
+        self.store = KeyStore(folder / "edge")
+        self.own = self.store.make()
+        self.keys: dict[str, KeyPair] = {}
+        for role in (*ROLES, "unpaired"):
+            self.keys[role] = KeyStore(folder / role).make()
+            if role in ROLES:
+                self.store.add_viewer(PairedViewer(self.keys[role].public, role, role))  # type: ignore[arg-type]
+        self.access = Access("stage", self.own, self.store, open_s=600.0)
+        self.house = House(access=self.access)
+        self.done: list[Order] = []
+        for kind, handler in list(self.house.edge.handlers.items()):
+            self.house.edge.handlers[kind] = handler.__class__(self.note)
+
+    def note(self, order: Order) -> None:
+        self.done.append(order)
+
+    def client_keys(self, role: str) -> ClientKeys | None:
+        """Returns the keys of a viewer with a role. "without keys": None."""
+        return ClientKeys(self.own.public, self.keys[role]) if role in self.keys else None
+
+    @property
+    def endpoint(self) -> Endpoint:
+        return self.house.outlet.publisher.endpoint
+
+
+@pytest.fixture
+def locked(tmp_path: Path) -> Iterator[Locked]:
+    started = Locked(tmp_path)
+    started.house.until(lambda: True)
+    yield started
+    started.house.close()
+
+
+def value(kind: type[Any]) -> Any:
+    """Returns a message of a class with simple valid fields."""
+    info = inspect.type_info(kind)
+    assert isinstance(info, inspect.StructType)
+    steady = hypothesis.settings(database=None, max_examples=20, phases=[hypothesis.Phase.generate])
+    return hypothesis.find(message(info), lambda each: True, settings=steady)
+
+
+def exchange(locked: Locked, keys: ClientKeys | None, body: Ask, seconds: float = PATIENCE) -> Any:
+    """Returns the answer to a request, or None if there is none for some seconds."""
+    visitor = locked.house.visitor(keys)
+    try:
+        visitor.number += 1
+        visitor.socket.send(pack_control(Request(visitor.number, body)))
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            locked.house.frame()
+            if visitor.socket.poll(0):
+                return unpack_control(visitor.socket.recv(), REPLY).body
+            time.sleep(0.001)
+        return None
+    finally:
+        locked.house.visitors.remove(visitor)
+        visitor.close()
+
+
+def test_every_request_has_a_role_in_the_table() -> None:
+    assert set(NEEDED_ROLES) == set(REQUESTS)
+    without_role = {kind for kind, role in NEEDED_ROLES.items() if role is None}
+    assert without_role == {StartPairing, FinishPairing}
+
+
+def test_a_request_that_the_table_lacks_needs_the_highest_role() -> None:
+    class Explode(Order, frozen=True):
+        pass
+
+    assert refusal_of(Explode, "edit", "127.0.0.1") and not refusal_of(Explode, "operate", "127.0.0.1")
+
+
+@pytest.mark.parametrize("kind", REQUESTS, ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("peer", ["without keys", "unpaired"])
+def test_strangers_read_and_change_nothing_by_any_request(locked: Locked, kind: type[Ask], peer: str) -> None:
+    seconds = HEARD_S if peer == "unpaired" else PATIENCE
+    answer = exchange(locked, locked.client_keys(peer), value(kind), seconds)
+    assert locked.done == [] and locked.house.outlet.viewers == 0
+    if peer == "unpaired":
+        assert answer is None
+    else:
+        assert isinstance(answer, Refused) and (
+            "paired viewers only" in answer.reason if NEEDED_ROLES[kind] else "pairing" in answer.reason
+        )
+
+
+@pytest.mark.parametrize("kind", REQUESTS, ids=lambda kind: kind.__name__)
+def test_watchers_change_nothing_by_any_request(locked: Locked, kind: type[Ask]) -> None:
+    answer = exchange(locked, locked.client_keys("watch"), value(kind))
+    assert locked.done == [] and answer is not None
+    if NEEDED_ROLES[kind] not in (None, "watch"):
+        assert isinstance(answer, Refused) and "role 'watch'" in answer.reason
+
+
+@pytest.mark.parametrize("kind", REQUESTS, ids=lambda kind: kind.__name__)
+@pytest.mark.parametrize("role", ROLES)
+def test_each_role_may_send_its_requests_and_no_others(role: Role, kind: type[Ask]) -> None:
+    may = includes(role, NEEDED_ROLES[kind])
+    assert bool(refusal_of(kind, role, "127.0.0.1")) == (not may)
+    assert bool(refusal_of(kind, None, "127.0.0.1")) == (NEEDED_ROLES[kind] is not None)
+
+
+def test_roles_have_the_rights_that_the_page_states() -> None:
+    assert includes(NEEDED_ROLES[Possess], "perform") and includes(NEEDED_ROLES[RemoveCharacter], "edit")
+    assert NEEDED_ROLES[Listen] == "operate" and NEEDED_ROLES[Hello] == "watch"
+
+
+@pytest.mark.parametrize("peer", ["without keys", "unpaired", "watch"])
+def test_only_paired_viewers_receive_any_stream(locked: Locked, peer: str) -> None:
+    context: zmq.Context[Any] = zmq.Context()
+    socket = make_socket(context, zmq.SUB, MAX_STREAM_BYTES, 100, locked.client_keys(peer))
+    for topic in STREAMS.values():
+        socket.setsockopt(zmq.SUBSCRIBE, topic.name.encode() + b"\0")
+    socket.connect(locked.endpoint.stream_address)
+    packed = {topic.name: pack_stream(value(topic.type)) for topic in STREAMS.values()}
+    heard: set[bytes] = set()
+    deadline = time.monotonic() + (PATIENCE if peer == "watch" else HEARD_S)
+    while time.monotonic() < deadline and len(heard) < len(packed):
+        locked.house.frame()
+        for data in packed.values():
+            locked.house.outlet.publisher._streams.send(data)
+        with contextlib.suppress(zmq.Again):
+            while True:
+                heard.add(socket.recv(zmq.DONTWAIT).split(b"\0")[0])
+    context.destroy(linger=0)
+    assert heard == ({name.encode() for name in packed} if peer == "watch" else set())
+
+
+def test_bytes_on_the_wire_are_not_readable(locked: Locked) -> None:
+    """A relay between a viewer and the edge sees neither names nor messages."""
+    listener = sockets.create_server(("127.0.0.1", 0))
+    listener.setblocking(False)
+    keys = locked.client_keys("operate")
+    context: zmq.Context[Any] = zmq.Context()
+    viewer = context.socket(zmq.DEALER)
+    assert keys is not None
+    keys.apply(viewer)
+    viewer.connect(f"tcp://127.0.0.1:{listener.getsockname()[1]}")
+    viewer.send(pack_control(Request(1, Hello("a telling name"))))
+    inner: sockets.socket | None = None
+    outer = sockets.create_connection(("127.0.0.1", locked.endpoint.control_port))
+    outer.setblocking(False)
+    seen = bytearray()
+
+    def relay() -> None:
+        nonlocal inner
+        with contextlib.suppress(BlockingIOError):
+            if inner is None:
+                inner, _ = listener.accept()
+                inner.setblocking(False)
+        for source, target in ((inner, outer), (outer, inner)):
+            if source is not None and target is not None:
+                with contextlib.suppress(BlockingIOError):
+                    data = source.recv(65536)
+                    seen.extend(data)
+                    target.sendall(data)
+
+    locked.house.until(lambda: viewer.poll(0), relay)
+    reply = viewer.recv()
+    assert b"Welcome" in reply and b"Welcome" not in seen and b"telling" not in seen
+    context.destroy(linger=0)
+    for each in (listener, outer, inner):
+        if each is not None:
+            each.close()
+
+
+def test_a_long_character_arrives_although_another_thread_encrypts_it(locked: Locked) -> None:
+    house = locked.house
+    house.edge.handlers.update(create_handlers(house.edge))
+    editor = house.visitor(locked.client_keys("edit"))
+    assert editor.put(SECRET) == Done()
+    house.until(lambda: SECRET in house.stage.characters)
+    publisher = house.outlet.publisher
+    watcher = house.visitor(locked.client_keys("watch"))
+    usual = publisher._packed[SECRET]
+    publisher._packed[SECRET] = usual + bytes(3_000_000)
+    for number in (1, 2, 3):
+        watcher.socket.send(pack_control(Request(number, GetState(SECRET) if number != 2 else Ping("x", 0))))
+    replies: list[bytes] = []
+
+    def hear() -> None:
+        if watcher.socket.poll(0):
+            replies.append(watcher.socket.recv())
+
+    house.until(lambda: len(replies) == 3, hear)
+    assert [len(reply) > 3_000_000 for reply in replies] == [True, False, True]
+    assert replies[0][-3_000_000 - len(usual) :] == usual + bytes(3_000_000)
+    assert REPLY.max_bytes > 3_000_000
+
+
+# The viewer, and pairing ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def viewer_config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> KeyStore:
+    """Makes the configuration folder of this process that of a viewer's user."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "viewer"))
+    monkeypatch.setattr("enliven_viewer.link.edge_connection._REOPEN_INTERVAL_S", 0.05)
+    return KeyStore()
+
+
+def visit(locked: Locked, until: Any) -> EdgeClient:
+    """Starts a viewer and polls it until a condition holds."""
+    client = EdgeClient([locked.endpoint])
+    locked.house.until(lambda: until(client), client.poll)
+    return client
+
+
+def state_of(client: EdgeClient) -> str:
+    return next(iter(client.health.values())).state
+
+
+def text_of(client: EdgeClient) -> str:
+    return next(iter(client.health.values())).text
+
+
+def run_beside(locked: Locked, function: Any) -> Any:
+    """Runs a blocking function on another thread while the edge answers. Returns its result."""
+    with ThreadPoolExecutor(1) as pool:
+        future = pool.submit(function)
+        locked.house.until(future.done)
+        return future.result()
+
+
+def test_a_viewer_pairs_and_is_connected_without_a_restart(
+    locked: Locked, viewer_config: KeyStore, capsys: pytest.CaptureFixture[str]
+) -> None:
+    client = visit(locked, lambda client: state_of(client) == "no access")
+    assert "paired viewers only" in text_of(client) and "enliven pair 127.0.0.1" in text_of(client)
+    assert any("paired viewers only" in notice.text for notice in client.take_notices())
+    locked.access.begin()
+    code = locked.access.desk.code
+    words = ["pair", str(locked.endpoint), code[:3], code[3:], "--role", "watch", "--name", "lap\ntop"]
+    assert run_beside(locked, lambda: cli.run(words)) == 0
+    output = capsys.readouterr().out
+    assert "paired with stage as watch" in output and fingerprint(locked.own.public) in output
+    locked.house.until(lambda: state_of(client) == "connected", client.poll)
+    locked.house.until(lambda: client.edges[0].role == "watch", client.poll)
+    own = viewer_config.own()
+    assert own is not None and locked.store.viewers()[own.public].role == "watch"
+    answers: list[Any] = []
+    client.ask(RemoveCharacter(SECRET))
+    client.ask(Possess(), answers.append)
+    locked.house.until(lambda: answers, client.poll)
+    assert isinstance(answers[0], Refused) and "role 'perform'" in answers[0].reason and locked.done == []
+    client.close()
+
+
+def test_a_forgotten_viewer_is_disconnected_and_told(
+    locked: Locked, viewer_config: KeyStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("enliven_edge.network.access._REFRESH_INTERVAL_S", 0.05)
+    locked.access.begin()
+    code = locked.access.desk.code
+    run_beside(locked, lambda: pair_with_edge(locked.endpoint, code, "edit", "laptop", viewer_config))
+    client = visit(locked, lambda client: state_of(client) == "connected")
+    locked.store.forget("laptop")
+    locked.house.until(lambda: state_of(client) == "no access", client.poll)
+    assert "does not know this viewer's key" in text_of(client)
+    client.close()
+
+
+def test_the_viewer_says_that_the_edges_key_is_another(locked: Locked, viewer_config: KeyStore) -> None:
+    viewer_config.make()
+    client = visit(locked, lambda client: state_of(client) == "no access")
+    assert "has another key" in text_of(client) and "pair again" in text_of(client)
+    client.close()
+    with pytest.raises(ResourceError, match="has another key"):
+        run_beside(locked, lambda: receive_heartbeat(locked.endpoint, 5.0))
+
+
+def test_the_viewer_says_that_the_edge_has_no_keys(viewer_config: KeyStore) -> None:
+    viewer_config.make()
+    with Publisher(name=f"plain-{time.time_ns()}", pose_port=0, control_port=0) as publisher:
+        client, deadline = EdgeClient([publisher.endpoint]), time.monotonic() + PATIENCE
+        while state_of(client) != "no access" and time.monotonic() < deadline:
+            publisher.poll()
+            client.poll()
+        assert "uses no keys" in text_of(client)
+        client.close()
+
+
+def test_viewers_of_the_edges_own_user_operate_it(locked: Locked, viewer_config: KeyStore) -> None:
+    viewer_config.folder.parent.mkdir(parents=True)
+    locked.store.folder.rename(viewer_config.folder)
+    client = visit(locked, lambda client: client.edges[0].role == "operate")
+    answers: list[Any] = []
+    client.ask(Listen(False), answers.append)
+    locked.house.until(lambda: answers, client.poll)
+    assert answers == [Done()] and locked.done == [Listen(False)]
+    client.close()
+
+
+def test_damaged_keys_stop_a_viewer_with_a_sentence(viewer_config: KeyStore) -> None:
+    viewer_config.make()
+    viewer_config.own_path.chmod(0o644)
+    with pytest.raises(InputError, match="chmod 600"):
+        EdgeClient()
+
+
+def wrong(code: str) -> str:
+    return f"{(int(code) + 1) % 1_000_000:06}"
+
+
+def try_code(visitor: Visitor, code: str, public: bytes = b"x" * 32) -> Any:
+    """Tries a code over the network. Returns the last answer."""
+    viewer = ViewerExchange(code)
+    answer = visitor.ask(StartPairing(viewer.message))
+    if not isinstance(answer, PairingStarted):
+        return answer
+    box = viewer.introduce(answer.message, Introduction(public, "thief", "operate"))
+    return visitor.ask(FinishPairing(box))
+
+
+def test_a_code_tried_ten_times_over_the_network_pairs_nobody(locked: Locked) -> None:
+    locked.access.begin()
+    code, before = locked.access.desk.code, locked.store.viewers()
+    reasons = [try_code(locked.house.visitor(), wrong(code)).reason for _ in range(9)]
+    assert reasons[:MAX_TRIES_PER_CODE] == ["the code is wrong"] * MAX_TRIES_PER_CODE
+    assert all("too many tries" in reason for reason in reasons[MAX_TRIES_PER_CODE:])
+    assert "too many tries" in try_code(locked.house.visitor(), code).reason, "also the right one, the tenth"
+    assert locked.store.viewers() == before
+
+
+def test_an_expired_code_and_a_closed_edge_pair_nobody(locked: Locked) -> None:
+    assert "pairing is closed" in try_code(locked.house.visitor(), "123456").reason
+    locked.access.begin()
+    code, desk = locked.access.desk.code, locked.access.desk
+    desk._clock = lambda: time.monotonic() + CODE_LIFETIME_S
+    assert desk.code != code or desk.seconds_left
+    if desk.code != code:
+        assert "wrong" in try_code(locked.house.visitor(), code).reason
+    desk._clock = lambda: time.monotonic() + 10 * CODE_LIFETIME_S
+    assert "pairing is closed" in try_code(locked.house.visitor(), code).reason
+
+
+def test_a_box_needs_an_exchange_of_its_own_connection(locked: Locked) -> None:
+    locked.access.begin()
+    viewer = ViewerExchange(locked.access.desk.code)
+    started = locked.house.visitor().ask(StartPairing(viewer.message))
+    box = viewer.introduce(started.message, Introduction(b"x" * 32, "me", "watch"))
+    answer = locked.house.visitor().ask(FinishPairing(box))
+    assert isinstance(answer, Refused) and "not started on this connection" in answer.reason
+
+
+def test_the_edge_grants_at_most_its_highest_role(tmp_path: Path) -> None:
+    store = KeyStore(tmp_path / "keys")
+    access = Access("stage", store.make(), store, highest="perform", open_s=600)
+    house = House(access=access)
+    try:
+        access.begin()
+        assert isinstance(try_code(house.visitor(), access.desk.code), Paired)
+        assert [viewer.role for viewer in store.viewers().values()] == ["perform"]
+    finally:
+        house.close()
+
+
+def test_only_operators_see_the_code_and_the_heartbeat_does_not_tell_it(locked: Locked) -> None:
+    operator = locked.house.visitor(locked.client_keys("operate"))
+    shown = operator.ask(ShowCode())
+    assert isinstance(shown, ShownCode) and shown.code == locked.access.desk.code and shown.seconds > 0
+    publisher = locked.house.outlet.publisher
+    publisher.send_heartbeat()
+    assert publisher.status.pairing_s > 0 and shown.code.encode() not in pack_stream(publisher.status)
+    welcome = locked.house.visitor(locked.client_keys("watch")).ask(Hello("me"))
+    assert isinstance(welcome, Welcome) and welcome.role == "watch"
+    assert shown.code not in repr(welcome)
+
+
+def test_an_edge_without_keys_answers_everyone_and_needs_no_pairing() -> None:
+    house = House()
+    try:
+        visitor = house.visitor()
+        welcome = visitor.ask(Hello("me"))
+        assert isinstance(welcome, Welcome) and welcome.role == "operate"
+        assert "no pairing" in visitor.ask(StartPairing(b"x")).reason
+        order, answer = visitor.announce("box", data=BOX_DATA)
+        assert isinstance(answer, Awaited) and order.id == "box"
+    finally:
+        house.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has all addresses of 127.0.0.0/8")
+def test_strangers_at_many_addresses_keep_no_paired_viewer_out(locked: Locked) -> None:
+    server = ZmtpServer("127.0.0.1", 0, "--port", "ROUTER", 1000, 4, locked.access.curve)
+    context: zmq.Context[Any] = zmq.Context()
+
+    def connect(keys: ClientKeys | None, address: str) -> Any:
+        socket = make_socket(context, zmq.DEALER, 1000, 10, keys)
+        socket.connect(f"tcp://{address}:0;127.0.0.1:{server.port}")
+        socket.send(b"here")
+        # A place of a silent stranger would be free after 10 s in any case.
+        deadline, heard = time.monotonic() + 8.0, False
+        while not heard:
+            assert time.monotonic() < deadline, "the server does not answer"
+            for peer, _ in server.messages(time.monotonic() + 0.01):
+                peer.introduced = heard = True
+        return socket
+
+    strangers = [connect(None, f"127.0.0.{10 + number}") for number in range(4)]
+    assert len(list(server.connections)) == 4
+    viewer = connect(locked.client_keys("watch"), "127.0.0.1")
+    (paired,) = (peer for peer in server.connections if peer.session.channel is not None)
+    strangers += [connect(None, f"127.0.0.{20 + number}") for number in range(12)]
+    assert paired.is_open and len(list(server.connections)) <= 4
+    viewer.send(b"still here")
+    deadline, heard = time.monotonic() + PATIENCE, list[bytes]()
+    while b"still here" not in heard and time.monotonic() < deadline:
+        heard += [parts[0] for _, parts in server.messages(time.monotonic() + 0.01)]
+    assert b"still here" in heard
+    server.close()
+    context.destroy(linger=0)
+
+
+# Starting an edge ----------------------------------------------------------------------------------------
+
+
+def test_other_machines_need_keys_or_insecure(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    store = KeyStore(tmp_path / "keys")
+    with pytest.raises(InputError, match=r"has no keys.*enliven keys make.*--insecure"):
+        open_access(WireSettings(host="0.0.0.0"), store)
+    assert open_access(WireSettings(), store) is None, "a laptop needs no keys"
+    assert open_access(WireSettings(host="0.0.0.0", insecure=True), store) is None
+    for word in ("everyone", "watch", "possess", "remove", "scan", "encrypted"):
+        assert word in caplog.text
+    keys = store.make()
+    for host, is_open in (("127.0.0.1", False), ("0.0.0.0", True)):
+        access = open_access(WireSettings(host=host), store)
+        assert access is not None and access.curve.keys == keys and bool(access.open_s) == is_open
+    store.own_path.chmod(0o666)
+    with pytest.raises(InputError, match="chmod 600"):
+        open_access(WireSettings(), store)
+
+
+def test_a_damaged_file_of_a_viewer_locks_out_that_viewer_only(
+    locked: Locked, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = locked.store.folder / "viewers" / f"{fingerprint(locked.keys['edit'].public)}.toml"
+    path.write_text(path.read_text().replace("edit", "king"))
+    locked.access.refresh(now=True)
+    assert locked.access.role_of(locked.keys["edit"].public) is None and "not admitted" in caplog.text
+    assert locked.access.role_of(locked.keys["watch"].public) == "watch"
+
+
+@pytest.mark.slow
+@pytest.mark.system
+def test_real_programs_pair_by_the_code_in_the_edges_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "edge"))
+    assert cli.run(["keys", "make"]) == 0
+    edge = RealEdge("--sensor", "synthetic", "--host", "0.0.0.0")
+    try:
+        code, deadline = None, time.monotonic() + 300.0
+        while code is None and time.monotonic() < deadline:
+            code = re.search(r"enliven pair HOST (\d{3}) (\d{3})", Path(edge.log.name).read_text())
+            time.sleep(0.1)
+        assert code is not None, Path(edge.log.name).read_text()
+        monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "viewer"))
+        assert cli.run(["doctor", "--remote", edge.address]) == 4
+        assert "paired viewers only" in " ".join(capsys.readouterr().out.split())
+        assert cli.run(["pair", edge.address, *code.groups(), "--role", "watch"]) == 0
+        edge.wait()
+        assert cli.run(["doctor", "--remote", edge.address]) in (0, 4)
+        assert "performer" in capsys.readouterr().out
+        assert cli.run(["pair", edge.address, "--show-code"]) == 3
+        assert "role 'operate'" in capsys.readouterr().err
+    finally:
+        edge.close()
