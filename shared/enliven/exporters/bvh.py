@@ -22,12 +22,11 @@ from enliven.arrays import Float
 from enliven.document import Skeleton, unused
 from enliven.errors import InputError
 from enliven.exporters.performance import Performance
+from enliven.exporters.placement import PLACEMENTS, units_per_metre
 from enliven.exporters.registry import Exporter
 from enliven.files import write_file
 from enliven.rotation import nearest_rotation
 
-_UNITS_PER_METRE = {"m": 1.0, "cm": 100.0}
-"""Units of a file per metre."""
 _SAME_ROTATION_DIFFERENCE = 1e-9
 """Maximum difference of two bones' rotation matrices that count as equal: rounding of the last digits."""
 _MIN_BONE_MOTION_FRACTION = 1e-6
@@ -83,20 +82,9 @@ def write_bvh(
     write_file(Path(path), bvh_text(performances[0], unit), "Choose another place.")
 
 
-def units_in_metre(unit: str = "m") -> float:
-    """Returns the number of units per metre.
-
-    Raises:
-        InputError: for an unknown unit.
-    """
-    if unit not in _UNITS_PER_METRE:
-        raise InputError(
-            f"the unit {unit!r} does not exist", where="--unit", mend=f"Known: {', '.join(_UNITS_PER_METRE)}."
-        )
-    return _UNITS_PER_METRE[unit]
-
-
-BVH = Exporter(write_bvh, jointed=True, single=True, check=units_in_metre)
+BVH = Exporter(
+    write_bvh, jointed=True, solid=False, single=True, placements=PLACEMENTS, check=units_per_metre
+)
 
 
 def bvh_text(performance: Performance, unit: str = "m") -> str:
@@ -105,7 +93,7 @@ def bvh_text(performance: Performance, unit: str = "m") -> str:
     if skeleton is None:
         mend = "Write a .glb instead: its joints carry any surface."
         raise InputError("it has no skeleton, and a BVH file holds nothing else", where=where, mend=mend)
-    scale, times = units_in_metre(unit), performance.times
+    scale, times = units_per_metre(unit), performance.times
     turns = nearest_rotation(performance.linear)
     places = _joint_places(skeleton, turns, performance) if performance.stretches else None
     joints = _file_joints(skeleton, turns, places)

@@ -144,7 +144,7 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (("no.mcap", "-o", "out.fbx"), 3, ".fbx cannot be written. Known: .bvh, .glb"),
+        (("no.mcap", "-o", "out.fbx"), 3, ".fbx cannot be written. Known: .bvh, .csv, .glb"),
         (("no.mcap", "-o", "moveis/out.glb"), 4, "there is no folder"),
         (("no.mcap", "-o", "out.glb", "--unit", "cm"), 3, ".glb has no 'unit' to choose"),
         (("no.mcap", "-o", "out.bvh", "--unit", "inch"), 3, "the unit 'inch' does not exist. Known: m, cm."),
