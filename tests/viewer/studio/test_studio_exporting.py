@@ -16,8 +16,8 @@ from enliven.errors import InputError
 from enliven.exporters import suffixes
 from enliven.formats.project import write_project
 from enliven_viewer.studio.background import Cancelled, WorkProgress
-from enliven_viewer.studio.workspace import workspace as workspace_module
 from enliven_viewer.studio.workspace import EXPORTS
+from enliven_viewer.studio.workspace import workspace as workspace_module
 from enliven_viewer.studio.workspace.exporting import ExportOptions, export, write_export
 from enliven_viewer.studio.workspace.files import FILM
 from enliven_viewer.studio.workspace.workspace import Workspace
