@@ -24,7 +24,7 @@ def export(
         typer.Option(
             "--output",
             "-o",
-            help="Output file: .glb, .bvh, .csv, .mp4, or .obj-sequence for a folder of .obj files.",
+            help="Output file: .glb, .bvh, .usda, .usdc, .usdz, .csv, .mp4, or a folder .obj-sequence.",
         ),
     ],
     character: Annotated[
@@ -58,6 +58,7 @@ def export(
 
     Characters are written with their surface and transforms. If a recording has none, its people are
     written, drawn as sticks. A .bvh holds one skeleton: of a person, a rigged model, or a motion file.
+    A .usdz or .usdc holds skeletons, and exact points of other characters.
     A .csv is a table of positions and rotations. An .obj-sequence is a folder with one .obj per frame.
 
     \b

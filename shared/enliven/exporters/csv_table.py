@@ -8,7 +8,7 @@ The columns are:
 - ``x_m``, ``y_m``, ``z_m``: position in the world in metres (with the unit cm: ``x_cm``, ...)
 - ``qw``, ``qx``, ``qy``, ``qz``: rotation in the world since the rest pose, as a unit quaternion without sign
   jumps. A joint has the rotation of the bone that ends there, and the root that of the whole skeleton
-- ``stretch_x``, ``stretch_y``, ``stretch_z``: factors by which the axes of the rest pose are stretched
+- ``stretch_x``, ``stretch_y``, ``stretch_z``: stretch factors along the axes of the rest pose
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ def write_obj_sequence(
         progress: called with the finished fraction. An exception that it raises ends the export.
 
     Raises:
-        InputError: if there is no character, one has no mesh, the unit is unknown, or an existing folder
+        InputError: if no character is given, one has no mesh, the unit is unknown, or an existing folder
             contains other files.
         ResourceError: if the folder cannot be written. An existing one is then untouched.
     """
@@ -166,7 +166,7 @@ class _MaterialFile:
     """The material file of a sequence, with the images that it names.
 
     Attributes:
-        lines: the text so far.
+        lines: the text of the file.
     """
 
     def __init__(self, stem: str) -> None:
@@ -217,8 +217,8 @@ class _MaterialFile:
         return name
 
     def _image_name(self, data: bytes, kind: str) -> str:
-        for name, known in self._images.items():
-            if known == data:
+        for name, image in self._images.items():
+            if image == data:
                 return name
         name = f"{self._stem}_texture_{len(self._images) + 1}{image_suffix(kind)}"
         self._images[name] = data

@@ -9,6 +9,8 @@ from typing import Any
 from enliven.meshes import MeshMaterials
 
 _SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
+_MAX_REPEATS = 1e4
+"""Maximum repeats of an image, and maximum offset and rotation of its coordinates."""
 _DEFAULT_CUTOFF = 0.5
 """Opacity below which a masked material is invisible, if the material does not define it."""
 
@@ -20,15 +22,25 @@ class TextureUse:
     Attributes:
         texture: its number in the textures of the mesh.
         uv_set: number of the set of texture coordinates.
+        offset, rotation, scale: the transform of the coordinates (KHR_texture_transform), in the order scale,
+            rotation in radians, offset.
     """
 
     texture: int
     uv_set: int = 0
+    offset: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0
+    scale: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def is_plain(self) -> bool:
+        """True without a transform."""
+        return self.offset == (0.0, 0.0) and self.rotation == 0.0 and self.scale == (1.0, 1.0)
 
 
 @dataclass(frozen=True)
 class PlainMaterial:
-    """A glTF material without extensions.
+    """A glTF material. Of the extensions, only the transforms of texture coordinates are kept.
 
     Attributes:
         name: its name, or an empty text.
@@ -71,9 +83,14 @@ def _plain_material(value: dict[str, Any], materials: MeshMaterials) -> PlainMat
 
     def texture(table: dict[str, Any], name: str) -> TextureUse | None:
         entry = _table(table, name)
-        index, uv_set = entry.get("index"), entry.get("texCoord", 0)
-        is_usable = isinstance(index, int) and isinstance(uv_set, int) and 0 <= uv_set < sets
-        return TextureUse(index, uv_set) if is_usable else None
+        moved = _table(_table(entry, "extensions"), "KHR_texture_transform")
+        index, uv_set = entry.get("index"), moved.get("texCoord", entry.get("texCoord", 0))
+        if not (type(index) is int and type(uv_set) is int and 0 <= uv_set < sets):
+            return None
+        x, y = _numbers(moved, "offset", (0.0, 0.0), -_MAX_REPEATS, _MAX_REPEATS)
+        across, down = _numbers(moved, "scale", (1.0, 1.0), -_MAX_REPEATS, _MAX_REPEATS)
+        (angle,) = _numbers(moved, "rotation", (0.0,), -_MAX_REPEATS, _MAX_REPEATS)
+        return TextureUse(index, uv_set, (x, y), angle, (across, down))
 
     name = value.get("name")
     base = _numbers(shading, "baseColorFactor", (1.0, 1.0, 1.0, 1.0))
@@ -102,11 +119,13 @@ def _table(value: dict[str, Any], name: str) -> dict[str, Any]:
     return inner if isinstance(inner, dict) else {}
 
 
-def _numbers(value: dict[str, Any], name: str, usual: tuple[float, ...]) -> tuple[float, ...]:
-    """Returns a number or a list of numbers from 0 to 1, as many as ``usual`` has."""
+def _numbers(
+    value: dict[str, Any], name: str, usual: tuple[float, ...], least: float = 0.0, most: float = 1.0
+) -> tuple[float, ...]:
+    """Returns a number or a list of numbers within bounds, as many as ``usual`` has."""
     given = value.get(name)
-    listed = [given] if len(usual) == 1 else given
+    listed: Any = [given] if len(usual) == 1 else given
     if not isinstance(listed, list) or len(listed) != len(usual):
         return usual
     numbers = [float(number) for number in listed if type(number) in (int, float)]
-    return tuple(min(max(number, 0.0), 1.0) for number in numbers) if len(numbers) == len(usual) else usual
+    return tuple(min(max(number, least), most) for number in numbers) if len(numbers) == len(usual) else usual

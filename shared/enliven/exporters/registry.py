@@ -30,6 +30,9 @@ _BUILT_IN = {
     "csv": "enliven.exporters.csv_table:CSV",
     "glb": "enliven.exporters.gltf:GLB",
     "obj-sequence": "enliven.exporters.obj_sequence:OBJ_SEQUENCE",
+    "usda": "enliven.exporters.usd:USD",
+    "usdc": "enliven.exporters.usd:USD",
+    "usdz": "enliven.exporters.usd:USD",
 }
 _REFUSALS = {
     "up": "Leave it out: the format fixes the vertical axis.",

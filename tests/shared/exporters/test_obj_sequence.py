@@ -81,9 +81,9 @@ def test_materials_images_and_colours_are_kept(tmp_path):
 def test_texture_coordinates_of_the_second_character_follow_those_of_the_first(tmp_path):
     made_file(tmp_path / "square.glb")
     shape = read_gltf(tmp_path / "square.glb").shape
-    one = performance_of(Project().with_characters(shape), shape.id)
+    performance = performance_of(Project().with_characters(shape), shape.id)
     folder = tmp_path / "two.obj-sequence"
-    exporter_of(folder).save(folder, [one, replace(one, name="other one")], "two")
+    exporter_of(folder).save(folder, [performance, replace(performance, name="other one")], "two")
     text = (folder / "two_0001.obj").read_text()
     coordinates, vertices = text.count("vt "), text.count("v ")
     words = [word for line in text.splitlines() if line.startswith("f ") for word in line.split()[1:]]

@@ -7,7 +7,7 @@ import pygltflib
 
 from enliven.arrays import Float, Int
 from enliven.document import CubicKeys, SkinWeights
-from enliven.exporters.gltf.joints import clean_skin, listed, unit32
+from enliven.exporters.joints import clean_skin, listed, unit32
 from enliven.meshes import Mesh
 from enliven.meshes.gltf import JUMP, MeshScene
 from enliven.rotation import IDENTITY
