@@ -24,7 +24,7 @@ def export(
         typer.Option(
             "--output",
             "-o",
-            help="Output file: .glb, .bvh, .usda, .usdc, .usdz, .csv, .mp4, or a folder .obj-sequence.",
+            help="Output file: .glb, .bvh, .usdz, .vrma, .vrm, .csv, .mp4, or a folder .obj-sequence.",
         ),
     ],
     character: Annotated[
@@ -58,7 +58,8 @@ def export(
 
     Characters are written with their surface and transforms. If a recording has none, its people are
     written, drawn as sticks. A .bvh holds one skeleton: of a person, a rigged model, or a motion file.
-    A .usdz or .usdc holds skeletons, and exact points of other characters.
+    A .usda, .usdc or .usdz holds skeletons, and exact points of other characters. A .vrma holds the motion
+    of one humanoid, and a .vrm the model of one.
     A .csv is a table of positions and rotations. An .obj-sequence is a folder with one .obj per frame.
 
     \b

@@ -33,6 +33,8 @@ _BUILT_IN = {
     "usda": "enliven.exporters.usd:USD",
     "usdc": "enliven.exporters.usd:USD",
     "usdz": "enliven.exporters.usd:USD",
+    "vrm": "enliven.exporters.vrm:VRM",
+    "vrma": "enliven.exporters.vrm:VRMA",
 }
 _REFUSALS = {
     "up": "Leave it out: the format fixes the vertical axis.",

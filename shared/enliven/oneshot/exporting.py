@@ -24,8 +24,7 @@ def export(
 
     Args:
         what: a project, or a clip, which is written completely.
-        path: the suffix determines the format: .glb, .bvh, .csv, .obj-sequence, or one that an installed
-            package adds.
+        path: the suffix determines the format: one of :func:`enliven.exporters.suffixes`, such as .glb.
         characters: ids of the project's characters; empty for all.
         start, end: seconds of the project; None for the end of all motion.
         rate: frames per second.

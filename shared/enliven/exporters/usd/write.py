@@ -64,13 +64,13 @@ def write_usd(
             stage = UsdStage(name, images, units_per_metre(unit), up)
             for number, performance in enumerate(performances):
                 stage.add(performance, _part_of_progress(progress, number, len(performances)))
-            made = stage.save(folder, kind)
+            written = stage.save(folder, kind)
         except Tf.ErrorException as error:
             problem = f"it cannot be written ({plain_reason(error)})"
             raise ResourceError(problem, where=str(path), mend=_MEND) from None
         part = outputs.enter_context(replace_file(path, _MEND))
         with explain_write_errors(path, _MEND):
-            shutil.copyfile(made, part)
+            shutil.copyfile(written, part)
         if kind != "usdz" and stage.images:
             target = path.with_name(images)
             image_folder = outputs.enter_context(replace_folder(target, _is_own_image, _MEND))
