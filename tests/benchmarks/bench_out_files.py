@@ -51,7 +51,7 @@ def _least_seconds(file: str, performance: Performance) -> float:
 
 
 def bending_chain() -> Performance:
-    """Returns an upright tube on a chain of bones, each of which swings about its own axis."""
+    """Returns an upright tube on a chain of bones that swing independently."""
     height = np.linspace(0.0, 2.0, BONES + 1)
     positions = np.stack([0 * height, height, 0 * height], 1)
     names = tuple(f"joint {j}" for j in range(BONES + 1))
