@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from made_bodies import horse, meshed, random_motion, turned_body
 from made_people import CONVENTIONS, name_in, person
+from slow_gltf import SlowGltf
 from strict_gltf import checked_glb
 from vrm_reader import chunks, human_nodes, world_matrices
 
@@ -104,6 +105,16 @@ def test_avatar_stands_in_the_t_pose_with_the_skin_of_the_model(tmp_path, angle)
             np.testing.assert_allclose(
                 along, straight(limb, side) * np.linalg.norm(along), atol=1e-5 * np.ptp(rest[:, :3, 3])
             )
+    # Each vertex follows the upper joints of its bones, as in enliven.
+    skin, upper = shape.skin, np.maximum(shape.skeleton.parents, 0)
+    expected = np.zeros_like(shape.mesh.vertices)
+    for slot in range(4):
+        joint = upper[skin.indices[:, slot]]
+        away = shape.mesh.vertices - shape.skeleton.positions[joint]
+        moved = np.einsum("vab,vb->va", rest[joint, :3, :3], away) + rest[joint, :3, 3]
+        expected += skin.weights[:, slot, None] * moved
+    seen = SlowGltf(tmp_path / "man.vrm").vertices_at(None, 0.0)
+    np.testing.assert_allclose(seen, expected, atol=1e-5)
     again = read_gltf(tmp_path / "man.vrm").shape
     assert len(again.mesh.faces) == len(shape.mesh.faces)
 
