@@ -206,9 +206,9 @@ def test_formats_without_bones_hold_every_rig_and_bake_nothing(show, capsys, nam
     if name.endswith("usdc"):
         pytest.importorskip("pxr", reason="usd-core is not installed (the extra 'usd')")
     assert export(show, "show.enliven", "-o", name, "--end", 0.2, "--rate", 10, "--scale", 2) == 0
-    said = capsys.readouterr().out
-    assert said.startswith("enliven: man, chair, bean, 0.20 s, are in")
-    assert ("bean is off by" in said) == name.endswith("csv"), "only a table needs transforms"
+    output = capsys.readouterr().out
+    assert output.startswith("enliven: man, chair, bean, 0.20 s, are in")
+    assert ("bean is off by" in output) == name.endswith("csv"), "only a table needs transforms"
 
 
 def test_the_person_of_a_performance_is_a_vrm_animation(recorded, tmp_path):
