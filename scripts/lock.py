@@ -30,7 +30,7 @@ PACKAGES = ("shared", "edge", "viewer", "synthesis")
 RUN_EXTRAS = {"shared": ("compressed",), "edge": ("bags", "outputs")}
 """Extras that `make setup` installs, by package. They decode files that a user may open."""
 DEV_EXTRAS = {
-    "shared": ("test",),
+    "shared": ("test", "usd"),
     "edge": ("physics", "controls", "voice", "oak", "realsense", "libcamera"),
 }
 """Extras that `make setup-dev` installs in addition, by package."""
