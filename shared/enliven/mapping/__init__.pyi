@@ -15,12 +15,6 @@ from .human_names import (
     human_joints as human_joints,
 )
 from .facing import facing_of as facing_of, rotate_about_y as rotate_about_y
-from .human_names import (
-    HumanJoints as HumanJoints,
-    HumanLimb as HumanLimb,
-    finger_joints as finger_joints,
-    human_joints as human_joints,
-)
 from .alternatives import NextBest as NextBest, next_best as next_best
 from .model_clips import (
     clip_to_open as clip_to_open,
