@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import zmq
+from zmq.utils import z85
 
 from enliven import cli
 from enliven.errors import InputError
@@ -107,8 +108,9 @@ def test_a_link_and_a_folder_are_not_key_files(store: KeyStore, tmp_path: Path) 
         store.own()
 
 
-KEY = zmq.curve_keypair()[0].decode()
-OTHER = zmq.curve_keypair()[1].decode()
+# Fixed keys, since the names of the tests contain them: all test processes must collect the same names.
+KEY = zmq.curve_public(z85.encode(bytes(range(32)))).decode()
+OTHER = z85.encode(bytes(range(32, 64))).decode()
 
 
 @pytest.mark.parametrize(
