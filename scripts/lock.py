@@ -27,10 +27,10 @@ Wheels = dict[tuple[str, str], dict[str, frozenset[Tag]]]
 """For each (name, version): the tags of each wheel, by the wheel's SHA-256."""
 HOUSE = Path(__file__).parents[1]
 PACKAGES = ("shared", "edge", "viewer", "synthesis")
-RUN_EXTRAS = {"shared": ("compressed",), "edge": ("bags",)}
+RUN_EXTRAS = {"shared": ("compressed",), "edge": ("bags", "outputs")}
 """Extras that `make setup` installs, by package. They decode files that a user may open."""
 DEV_EXTRAS = {
-    "shared": ("test",),
+    "shared": ("test", "usd"),
     "edge": ("physics", "controls", "voice", "oak", "realsense", "libcamera"),
 }
 """Extras that `make setup-dev` installs in addition, by package."""

@@ -17,6 +17,7 @@ from enliven_edge.character_upload import CharacterUploads
 from enliven_edge.controls import Call, Controls, Lamps, lamps_from_state
 from enliven_edge.network import FrameRate, Handler, Outlet
 from enliven_edge.orders import create_handlers
+from enliven_edge.outputs import LiveOutputs
 from enliven_edge.physics import PhysicsSwitch
 from enliven_edge.scans import Scans
 from enliven_edge.sensors import Sensor, SensorFault, condition_of, health_of, is_device
@@ -43,6 +44,7 @@ class Edge:
         controls: pedals and other hardware, in addition to the viewers. The caller closes them.
         uploads: puts the characters that clients send on the stage. None creates one.
         scans: scans that viewers request with the sensor. None creates one.
+        outputs: other programs that receive every frame. None: there are none. The caller closes them.
         once: ends at the first fault of the sensor, instead of continuing with its next good frame.
 
     Attributes:
@@ -64,6 +66,7 @@ class Edge:
         controls: Controls | None = None,
         uploads: CharacterUploads | None = None,
         scans: Scans | None = None,
+        outputs: LiveOutputs | None = None,
         once: bool = False,
     ) -> None:
         self.sensor, self.tracker, self.stage, self.outlet = sensor, tracker, stage, outlet
@@ -72,7 +75,7 @@ class Edge:
         self.controls = controls or Controls([])
         self.uploads, self.scans = uploads or CharacterUploads(stage), scans or Scans(stage)
         self.uploads.last_revision = outlet.publisher.last_revision
-        self.sizing = HandSizing(stage)
+        self.sizing, self.outputs = HandSizing(stage), outputs or LiveOutputs()
         self.camera_preview = CameraPreview()
         self.pace = FrameRate()
         self.frames = 0
@@ -131,6 +134,7 @@ class Edge:
         poses = self.stage.perform(bodies, frame.time_ns, self.tracker.surfaces)
         tick = self._add_props(self.stage.tick(frame, poses, frame.read_ns or read_ns))
         self.outlet.publish(tick)
+        self.outputs.publish(tick, self.stage)
         for change in self.sizing.changes():
             self.outlet.send(change, frame.time_ns)
         self._send_preview(frame)
@@ -211,8 +215,8 @@ class Edge:
         self.outlet.set_health(self._health_states())
 
     def _health_states(self) -> list[HealthState]:
-        """Returns the health states, including those that the sensor reports itself."""
-        return sort_by_severity([*self.health.states, *health_of(self.sensor)])
+        """Returns the health states, including those that the sensor and the live outputs report."""
+        return sort_by_severity([*self.health.states, *health_of(self.sensor), *self.outputs.health_states])
 
     def _poll_requests(self) -> None:
         """Carries out the requests of viewers and controls. One that fails is refused with its reason."""

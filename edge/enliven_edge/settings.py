@@ -13,6 +13,7 @@ from enliven.settings import load_settings, setting
 from enliven_edge.controls import ControlSettings
 from enliven_edge.fusion import CalibrationSettings, FusionSettings
 from enliven_edge.landmarks import ColourSettings
+from enliven_edge.outputs import LiveOutputSettings
 from enliven_edge.physics import PhysicsSettings
 from enliven_edge.sources import SourceSettings
 from enliven_edge.stage import StageSettings
@@ -117,6 +118,9 @@ class EdgeSettings:
     )
     controls: dict[str, ControlSettings] = field(
         default_factory=dict, metadata={"doc": "Pedals, button panels and microphones, by name."}
+    )
+    outputs: dict[str, LiveOutputSettings] = field(
+        default_factory=dict, metadata={"doc": "Other programs that receive the motion live, by name."}
     )
     sensors: dict[str, SourceSettings] = field(
         default_factory=dict, metadata={"doc": "The sensors by name, where the command line names none."}

@@ -1,10 +1,10 @@
 """Reads files of other programs: checks their size before reading, and opens only files of the same folder.
 
 :func:`read_file` reads a file completely. :func:`write_file` or :func:`replace_file` write a file of our own
-completely or not at all. Every file that a file names (buffers and images of a glTF, materials and textures
-of an OBJ) is opened by :class:`ReferencedFiles`: regular files in that file's own folder or below it, of a
-bounded size. Pipes, devices, links to other places and paths that leave the folder are refused with a
-sentence.
+completely or not at all, and :func:`replace_folder` a folder of them. Every file that a file names (buffers
+and images of a glTF, materials and textures of an OBJ) is opened by :class:`ReferencedFiles`: regular files
+in that file's own folder or below it, of a bounded size. Pipes, devices, links to other places and paths that
+leave the folder are refused with a sentence.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import stat
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 from urllib.parse import unquote, unquote_to_bytes
@@ -357,12 +357,12 @@ def write_file(path: Path, data: bytes | str, mend: str = "") -> None:
         ResourceError: if it cannot be written. The existing file is then untouched.
     """
     content = data.encode() if isinstance(data, str) else data
-    with _explain_errors(path, mend):
+    with explain_write_errors(path, mend):
         if _is_stream(path):
             path.write_bytes(content)
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-    with replace_file(path, mend) as part, _explain_errors(path, mend), part.open("r+b") as file:
+    with replace_file(path, mend) as part, explain_write_errors(path, mend), part.open("r+b") as file:
         file.write(content)
 
 
@@ -404,14 +404,14 @@ def replace_file(path: Path, mend: str = "") -> Iterator[Path]:
     """
     part = None
     try:
-        with _explain_errors(path, mend):
+        with explain_write_errors(path, mend):
             target = Path(os.path.realpath(path)) if path.is_symlink() else path
             before = _stat_regular(target)
             _remove_leftovers(target)
             require_folder(target)
             part = _create_part(target, 0o666 if before is None else 0o600)
         yield part
-        with _explain_errors(path, mend):
+        with explain_write_errors(path, mend):
             _replace_target(part, target, before)
     except BaseException:
         if part is not None:
@@ -421,7 +421,68 @@ def replace_file(path: Path, mend: str = "") -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def _explain_errors(path: Path, mend: str) -> Iterator[None]:
+def replace_folder(path: Path, is_own: Callable[[str], bool], mend: str = "") -> Iterator[Path]:
+    """Yields an empty folder to fill, which replaces ``path`` unless something is raised.
+
+    The temporary folder is next to ``path``. An existing folder is only replaced if it contains nothing but
+    regular files of an earlier call, so that no other file is ever deleted.
+
+    Args:
+        is_own: returns True for the name of a file that a call may have written.
+        mend: the remedy if it cannot be written. Empty: by the kind of failure.
+
+    Raises:
+        InputError: if the path is not a folder, or the folder contains other files.
+        ResourceError: if it cannot be written. An existing folder is then untouched.
+    """
+    require_folder(path)
+    _refuse_foreign_files(path, is_own)
+    part = old = None
+    try:
+        with explain_write_errors(path, mend):
+            _remove_leftovers(path)
+            part = _create_part_folder(path)
+        with explain_write_errors(path, mend):
+            yield part
+            if path.exists():
+                _refuse_foreign_files(path, is_own)
+                old = _create_part_folder(path)
+                os.replace(path, old)
+            os.replace(part, path)
+    except BaseException:
+        if old is not None and not path.exists():
+            with contextlib.suppress(OSError):
+                os.replace(old, path)
+        if part is not None:
+            shutil.rmtree(part, ignore_errors=True)
+        raise
+    finally:
+        if old is not None:
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def _refuse_foreign_files(path: Path, is_own: Callable[[str], bool]) -> None:
+    """Raises InputError if a path exists and is not a folder with only own files."""
+    mend = "Choose another name."
+    try:
+        if not path.is_symlink() and not path.exists():
+            return
+        if path.is_symlink() or not path.is_dir():
+            raise InputError("it exists and is not a folder", where=str(path), mend=mend)
+        foreign = [
+            each.name
+            for each in path.iterdir()
+            if each.is_symlink() or not each.is_file() or not is_own(each.name)
+        ]
+    except OSError as error:
+        raise file_fault(error, path, "used") from None
+    if foreign:
+        problem = f"the folder contains other files, such as {min(foreign)!r}, and is not replaced"
+        raise InputError(problem, where=str(path), mend=mend)
+
+
+@contextlib.contextmanager
+def explain_write_errors(path: Path, mend: str) -> Iterator[None]:
     """Converts errors of the operating system to one that names the file and the remedy."""
     try:
         yield
@@ -455,10 +516,26 @@ def _stat_regular(path: Path) -> os.stat_result | None:
     return state
 
 
-def _create_part(target: Path, mode: int) -> Path:
-    """Creates an empty file next to another. Its random name cannot be predicted by other users."""
+def _part_path(target: Path) -> Path:
+    """Returns a path next to another. Its random name cannot be predicted by other users."""
+    return target.with_name(f".{target.name[:_MAX_PART_NAME_LENGTH]}.{secrets.token_hex(8)}{PART_SUFFIX}")
+
+
+def _create_part_folder(target: Path) -> Path:
+    """Creates an empty folder next to another."""
     while True:
-        part = target.with_name(f".{target.name[:_MAX_PART_NAME_LENGTH]}.{secrets.token_hex(8)}{PART_SUFFIX}")
+        part = _part_path(target)
+        try:
+            part.mkdir()
+        except FileExistsError:
+            continue
+        return part
+
+
+def _create_part(target: Path, mode: int) -> Path:
+    """Creates an empty file next to another."""
+    while True:
+        part = _part_path(target)
         try:
             os.close(os.open(part, _CREATE_FLAGS, mode))
         except FileExistsError:
@@ -467,11 +544,14 @@ def _create_part(target: Path, mode: int) -> Path:
 
 
 def _remove_leftovers(target: Path) -> None:
-    """Removes temporary files next to a file that killed programs left more than a day ago."""
+    """Removes temporary files and folders next to a file that killed programs left more than a day ago."""
     oldest = time.time() - _MAX_WRITE_S
     for part in target.parent.glob(f".{glob.escape(target.name[:_MAX_PART_NAME_LENGTH])}.*{PART_SUFFIX}"):
         with contextlib.suppress(OSError):
-            if part.lstat().st_mtime < oldest:
+            state = part.lstat()
+            if state.st_mtime < oldest and stat.S_ISDIR(state.st_mode):
+                shutil.rmtree(part, ignore_errors=True)
+            elif state.st_mtime < oldest:
                 part.unlink()
 
 

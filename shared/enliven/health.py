@@ -46,6 +46,7 @@ class HealthKind(StrEnum):
     TAKE_ENDED = "take ended"
     TAKE_GAPS = "take incomplete"
     TAKE_RESUMED = "take resumed"
+    OUTPUT_FAILS = "output fails"
 
 
 NO_PERFORMER = -1

@@ -35,6 +35,7 @@ BOUNDS = {
 """Options that are added to a command line so that it ends soon; an edge ends only after a body is attached.
 If an option is given twice, the last value counts."""
 SLOW_PAGES = {
+    "docs/live-outputs.md",
     "docs/performing.md",
     "docs/physics.md",
     "docs/possession.md",

@@ -24,7 +24,7 @@ NAMED = re.compile(r"(enliven(?:-\w+)?|\./\w+)\[([\w, ]+)\]")
 HIDDEN = """
 import sys
 OF_EXTRAS = (
-    "DracoPy meshopt lz4 av cv2 depthai hid libusb_package mediapipe mujoco pocketsphinx pyorbbecsdk "
+    "DracoPy meshopt lz4 av cv2 depthai hid libusb_package mediapipe mujoco pocketsphinx pxr pyorbbecsdk "
     "pyrealsense2 serial sounddevice"
 )
 sys.modules.update(dict.fromkeys(OF_EXTRAS.split()))

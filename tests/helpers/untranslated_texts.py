@@ -23,10 +23,10 @@ TELLING = {
     "say",
     "complain",
     "tell",
-    "caption",
-    "fitting",
+    "draw_caption",
+    "shorten_text",
     "_draw_wrapped_text",
-    "_centred",
+    "_draw_centred",
     "_show_notes",
 }
 """Methods and functions that draw or announce all their text arguments."""

@@ -45,9 +45,7 @@ def bodies_of(clip: Clip, size: float) -> list[tuple[float, Body]]:
     return [(f * clip.step, Body(1, size * places[f], np.ones(20))) for f in frames]
 
 
-@pytest.mark.parametrize(
-    ("mesh", "take"), [("fish", "traffic"), ("humanoid", "can_walk"), ("cow", "can_walk")]
-)
+@pytest.mark.parametrize(("mesh", "take"), [("fish", "traffic"), ("humanoid", "walks"), ("cow", "walks")])
 def test_live_travel_is_that_of_the_take(mesh: str, take: str) -> None:
     """Also for a mesh without feet, and a performer of another size."""
     if not (DATA / travel.MESHES[mesh].file).is_file():

@@ -131,7 +131,7 @@ def test_a_project_that_unpacks_to_a_flood_is_refused(tmp_path):
     path = tmp_path / "bomb.enliven"
     path.write_bytes(zipped(a=bytes(300 << 20)))
     assert path.stat().st_size < 1 << 20
-    with bounded(100), pytest.raises(InputError, match="state that they unpack to") as caught:
+    with bounded(100), pytest.raises(InputError, match="would unpack to") as caught:
         read_project(path)
     assert caught.value.exit_code == 3 and str(path) in caught.value.where
 

@@ -187,7 +187,7 @@ def test_settings_with_a_misspelt_key(tmp_path, enliven):
         (("run", "--film", "--out", "moveis/out"), 4, "Did you mean movies?"),
         (("graph", "chair", "-o", "moveis/chair.png"), 4, "Did you mean movies?"),
         (("view", "--film", "moveis/out.mp4"), 4, "there is no folder 'moveis'"),
-        (("retarget", "a.bvh", "b.glb", "-o", "out.fbx"), 3, "Known: .bvh, .glb"),
+        (("retarget", "a.bvh", "b.glb", "-o", "out.fbx"), 3, "Known: .bvh, .csv, .glb"),
         (("retarget", "a.bvh", "b.glb", "-o", "out.glb", "--sheet", "moveis/out.png"), 4, "no folder"),
         (("examples", "fit", "a.toml", "-o", "moveis/out.mcap"), 4, "no folder"),
         (("view", "x.glb"), 3, "enliven studio x.glb, or make a film of it: enliven export x.glb"),

@@ -16,7 +16,10 @@ from enliven_viewer.studio.workspace.files import add_file
 SUFFIXES = (".glb", ".vrm")
 
 
-@pytest.mark.parametrize("door", DOORS)
+@pytest.mark.parametrize(
+    "door",
+    [pytest.param(door, marks=pytest.mark.slow) if door == "edge, by a graph" else door for door in DOORS],
+)
 def test_every_entry_point_shows_the_readers_mesh(tmp_path, door):
     for number, (name, build) in enumerate(TWINS.items()):
         if name == "flat_matrix":  # some entry points drop coincident faces

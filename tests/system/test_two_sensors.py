@@ -22,7 +22,7 @@ from enliven_edge.sensors.replay import ReplaySensor
 from enliven_edge.tracking.settings import TrackerSettings
 from enliven_edge.tracking.tracker import Tracker
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.slow]
 SECONDS = 8.0
 COMING = 15
 COVERED = (3.0, 5.0)
@@ -111,7 +111,6 @@ def errors(space, made):
     )
 
 
-@pytest.mark.slow
 def test_the_exact_place_is_found(space):
     """Rendered and tracked, without prior knowledge: 2.5 cm, 1 degree and 8 ms at most."""
     right_in_left = invert(space.sensors["left"].camera) @ space.sensors["right"].camera
@@ -122,7 +121,6 @@ def test_the_exact_place_is_found(space):
     assert abs(offset * 1e-9 - (CLOCKS["left"] - CLOCKS["right"])) < 0.008
 
 
-@pytest.mark.slow
 def test_two_fused_sensors_are_more_accurate_than_one(takes, space, found):
     both = performed(takes, space, {"left": "left", "right": "right"}, found)
     alone = [errors(space, performed(takes, space, {n: n}, found)) for n in ("left", "right")]

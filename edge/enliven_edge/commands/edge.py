@@ -103,6 +103,13 @@ def edge(
         ),
     ] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing take.")] = False,
+    out: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Send the motion live to another program: vmc:HOST[:PORT], vrchat:, rokoko: or osc:. "
+            "Repeat the option for several."
+        ),
+    ] = None,
     wait_for_viewer: Annotated[
         float, typer.Option(help="Seconds to wait for a viewer before starting.")
     ] = 0.0,
@@ -124,10 +131,12 @@ def edge(
       enliven edge --sensor synthetic --mesh SPIDER.glb --drive skeleton
       enliven edge --sensor synthetic --mesh CACTUS.toml
       enliven edge --sensor synthetic --mesh chair --mesh HORSE.obj
+      enliven edge --sensor synthetic --out vmc:127.0.0.1 --out osc:192.168.1.20:7000
     """
     _limit_blas_threads()
     require_folder(record)
     from enliven_edge.network import open_access, raise_descriptor_limit
+    from enliven_edge.outputs import outputs_of
     from enliven_edge.physics import PhysicsSettings
     from enliven_edge.settings import characters_from_options
 
@@ -143,6 +152,7 @@ def edge(
         edge_settings = dataclasses.replace(
             edge_settings, physics=dataclasses.replace(edge_settings.physics, world=world)
         )
+    edge_settings = dataclasses.replace(edge_settings, outputs=outputs_of(out or [], edge_settings.outputs))
     characters = characters_from_options(mesh or [], drive or [], parts or [], edge_settings.characters)
     folder = settings.parent if settings else None
     source = _select_sources(sensor or [], recording or [], option or [], speed, loop, edge_settings, folder)
@@ -182,6 +192,7 @@ def serve(
     from enliven_edge.controls import open_controls
     from enliven_edge.extras import need
     from enliven_edge.network import Outlet, check_free, is_local
+    from enliven_edge.outputs import open_outputs
     from enliven_edge.physics import PhysicsSwitch
     from enliven_edge.scans import Scans
     from enliven_edge.service import Edge
@@ -194,7 +205,8 @@ def serve(
     if edge_settings.physics.world != "none":
         need("mujoco", "physics", "--physics")
     check_free(edge_settings.wire, access)
-    with handle_signals(_raise_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
+    outputs = open_outputs(edge_settings.outputs, folder)
+    with outputs, handle_signals(_raise_interrupt, signal.SIGTERM), contextlib.ExitStack() as stack:
         hides_talk = edge_settings.wire.insecure or not is_local(edge_settings.wire.host)
         controls = stack.enter_context(open_controls(edge_settings.controls, folder, hides_talk=hides_talk))
         sensors = open_sources(sources, stack, wait_for_sensor)
@@ -210,6 +222,7 @@ def serve(
             Outlet(edge_settings.wire, sensor.name, record=record, overwrite=overwrite, access=access)
         )
         stage = Stage(actors, edge_settings.stage)
+        outputs.check(stage)
         service = Edge(
             sensor,
             Tracker(edge_settings.tracker, _open_colour_estimator(edge_settings, stack)),
@@ -222,6 +235,7 @@ def serve(
             stop_after=seconds,
             physics=PhysicsSwitch(edge_settings.physics, live=is_live, playground=playground),
             controls=controls,
+            outputs=outputs,
             once=once,
             health=HealthMonitor(
                 edge_settings.health, fps=getattr(sensor, "fps", None), far=edge_settings.tracker.scene.far

@@ -24,6 +24,10 @@ def replay(
     ] = "all",
     record: Annotated[Path | None, typer.Option(help="Write the take (bodies, poses) to this file.")] = None,
     overwrite: Annotated[bool, typer.Option(help="Replace an existing take.")] = False,
+    out: Annotated[
+        list[str] | None,
+        typer.Option(help="Send the motion live to another program, as enliven edge --out does."),
+    ] = None,
     port: Annotated[int | None, typer.Option(help="Port of the poses, 0 for a free one.")] = None,
     control_port: Annotated[int | None, typer.Option(help="Port of the commands.")] = None,
 ) -> None:
@@ -32,6 +36,7 @@ def replay(
     \b
       enliven replay TAKE.mcap
       enliven replay TAKE.mcap --speed 0.5 --loop
+      enliven replay TAKE.mcap --out vmc:127.0.0.1 --out rokoko:127.0.0.1
       enliven replay TAKE.mcap --fast --record performance.mcap
     """
     edge(
@@ -43,6 +48,7 @@ def replay(
         parts=[parts],
         record=record,
         overwrite=overwrite,
+        out=out,
         port=port,
         control_port=control_port,
     )

@@ -46,10 +46,12 @@ ENTRY_POINTS = "enliven.sensors"
 _BUILT_IN = {
     "libcamera": "enliven_edge.sensors.drivers.libcamera:LibcameraSensor",
     "oak": "enliven_edge.sensors.drivers.oak:OakSensor",
+    "osc-trackers": "enliven_edge.sensors.streams:TrackerSensor",
     "orbbec": "enliven_edge.sensors.drivers.orbbec:OrbbecSensor",
     "realsense": "enliven_edge.sensors.drivers.realsense:RealSenseSensor",
     "replay": "enliven_edge.sensors.replay:ReplaySensor",
     "tof": "enliven_edge.sensors.drivers.tof:TofSensor",
+    "vmc": "enliven_edge.sensors.streams:VmcSensor",
     "webcam": "enliven_edge.sensors.webcam:WebcamSensor",
 }
 _IN_PACKAGES = {"synthetic": "enliven-synthesis"}

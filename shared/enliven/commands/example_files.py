@@ -77,10 +77,10 @@ def find_writer(output: Path) -> Callable[[Job], str]:
 def _write_export(exporter: Exporter, job: Job) -> str:
     from enliven.exporters import performance_of
 
-    how = "morphs" if job.morphs else "skin"
+    how = exporter.representation(job.morphs)
     performance = performance_of(job.project, job.puppet, *job.span, job.rate, how=how)
-    exporter.write(job.output, [performance], job.puppet.id)
-    return f"; {performance.error}"
+    exporter.save(job.output, [performance], job.puppet.id)
+    return "" if performance.error is None else f"; {performance.error}"
 
 
 def _write_take(job: Job) -> str:

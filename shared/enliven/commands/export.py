@@ -4,15 +4,15 @@ programs."""
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from enliven.commands.terminal import say
+from enliven.commands.terminal import progress_lines, say
 from enliven.errors import InputError
 
 if TYPE_CHECKING:
-    from enliven.exporters import Exporter
+    from enliven.exporters import Exporter, Performance
     from enliven.takes import Exportable
 
 
@@ -20,7 +20,14 @@ def export(
     source: Annotated[
         Path, typer.Argument(help="A recording (.mcap), a project (.enliven), or a .bvh, .txt or .glb.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Output file: .glb, .bvh or .mp4.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Output file: .glb, .bvh, .usdz, .vrma, .vrm, .csv, .mp4, or a folder .obj-sequence.",
+        ),
+    ],
     character: Annotated[
         list[str] | None,
         typer.Option("--character", "-c", help="Only this character, person or animation; may be repeated."),
@@ -32,27 +39,48 @@ def export(
     rate: Annotated[
         float | None, typer.Option(min=1, max=240, help="Frames per second; by default as recorded, or 30.")
     ] = None,
-    unit: Annotated[str | None, typer.Option(help="Unit of a .bvh: m (default) or cm.")] = None,
+    unit: Annotated[
+        str | None, typer.Option(help="Unit of lengths: m (default) or cm. Not for formats in metres.")
+    ] = None,
+    scale: Annotated[float | None, typer.Option(help="Factor of all lengths; by default 1.")] = None,
+    up: Annotated[
+        Literal["y", "z"] | None,
+        typer.Option(help="Vertical axis; by default y. Not for formats that fix it."),
+    ] = None,
+    in_place: Annotated[
+        bool, typer.Option("--in-place", help="Remove the horizontal motion of each character's root.")
+    ] = False,
     size: Annotated[str | None, typer.Option(help="Pixels of an .mp4, such as 1920x1080.")] = None,
     morphs: Annotated[
         bool, typer.Option("--morphs", help="Write puppets as morph targets instead of transforms to a .glb.")
     ] = False,
 ) -> None:
-    """Write the motion of a recording or a project for other programs: as .glb, .bvh or film.
+    """Write the motion of a recording or a project for other programs: as .glb, .bvh, table, points or film.
 
     Characters are written with their surface and transforms. If a recording has none, its people are
     written, drawn as sticks. A .bvh holds one skeleton: of a person, a rigged model, or a motion file.
+    A .usda, .usdc or .usdz holds skeletons, and exact points of other characters. A .vrma holds the motion
+    of one humanoid, and a .vrm the model of one.
+    A .csv is a table of positions and rotations. An .obj-sequence is a folder with one .obj per frame.
 
     \b
       enliven export TAKE.mcap -o take.glb                 the performance, for any program
       enliven export TAKE.mcap -o body.bvh --start 2 --end 8
       enliven export SHOW.enliven -o horse.bvh --character horse --unit cm
+      enliven export SHOW.enliven -o walk.csv --in-place --up z
       enliven export SHOW.enliven -o show.mp4 --size 1920x1080
     """
     # Heavy modules are imported only here, so that `--help` is quick.
     from enliven.exporters import exporter_of
 
-    all_options = {"unit": unit, "size": size, "morphs": morphs or None}
+    all_options = {
+        "unit": unit,
+        "size": size,
+        "morphs": morphs or None,
+        "scale": scale,
+        "up": up,
+        "in_place": in_place or None,
+    }
     options = {name: value for name, value in all_options.items() if value is not None}
     exporter = exporter_of(output, (), **options)
     from enliven.sounds import mix_from
@@ -61,12 +89,12 @@ def export(
     exportables, notes, sounds = find_exportables(source)
     for note in notes:
         say(f"enliven: {note}", err=True)
-    performances = []
+    performances, how = [], exporter.representation(morphs)
     for exportable in _chosen_characters(exportables, exporter, character or [], source):
         say(f"enliven: sampling {exportable.name}", err=True)
-        performances.append(exportable.sample(start, end, rate, morphs, exporter.keyed))
+        performances.append(exportable.sample(start, end, rate, how, exporter.keyed))
     heard = {"sound": mix_from(sounds, start)} if exporter.heard and sounds else {}
-    exporter.write(output, performances, source.stem, **options, **heard)
+    _write_with_progress(exporter, output, performances, source.stem, options | heard)
     lasts = max(performance.times[-1] for performance in performances)
     names = ", ".join(performance.name for performance in performances)
     baked = "".join(
@@ -75,6 +103,22 @@ def export(
         if performance.error is not None
     )
     say(f"enliven: {names}, {lasts:.2f} s, are in {output}{baked}")
+
+
+def _write_with_progress(
+    exporter: Exporter, output: Path, performances: list[Performance], title: str, options: dict[str, Any]
+) -> None:
+    """Writes the output file, and shows the finished fraction if the exporter reports it."""
+    if "progress" not in exporter.options:
+        exporter.save(output, performances, title, **options)
+        return
+    with progress_lines("{task.description}", "{task.percentage:>3.0f} %", bar=True) as display:
+        task = display.add_task(f"writing {output.name}", total=1.0)
+
+        def show(share: float) -> None:
+            display.update(task, completed=share)
+
+        exporter.save(output, performances, title, progress=show, **options)
 
 
 def _chosen_characters(
@@ -91,16 +135,15 @@ def _chosen_characters(
         if name not in by_name:
             mend = f"Known: {', '.join(by_name)}."
             raise InputError(f"there is no character {name!r}", where=str(source), mend=mend)
-    fitting = [
-        exportable
-        for exportable in exportables
-        if (exportable.jointed if exporter.jointed else exportable.solid)
-    ]
-    unsuitable = [name for name in names if by_name[name] not in fitting] if names else list(by_name)
+    lacks = {exportable.name: _missing_part(exportable, exporter) for exportable in exportables}
+    fitting = [exportable for exportable in exportables if not lacks[exportable.name]]
+    unsuitable = [name for name in names or by_name if lacks[name]]
     if unsuitable and (names or not fitting):
-        lacks = "skeleton" if exporter.jointed else "surface"
-        mend = "Write a .glb instead: it holds any surface." if exporter.jointed else "Write a .bvh instead."
-        raise InputError(f"{', '.join(unsuitable)} has no {lacks}", where=str(source), mend=mend)
+        lack = lacks[unsuitable[0]]
+        mend = (
+            "Write a .glb instead: it holds any surface." if lack == "skeleton" else "Write a .bvh instead."
+        )
+        raise InputError(f"{', '.join(unsuitable)} has no {lack}", where=str(source), mend=mend)
     best = min(exportable.rank for exportable in fitting)
     chosen = [by_name[name] for name in names] or [
         exportable for exportable in fitting if exportable.rank == best
@@ -109,3 +152,10 @@ def _chosen_characters(
         mend = f"Choose one with --character: {', '.join(exportable.name for exportable in chosen)}."
         raise InputError("the output file can hold one character only", where=str(source), mend=mend)
     return chosen
+
+
+def _missing_part(exportable: Exportable, exporter: Exporter) -> str:
+    """Returns what a character lacks for a kind of file: "skeleton" or "surface". Empty if nothing."""
+    if exporter.jointed and not exportable.jointed:
+        return "skeleton"
+    return "surface" if exporter.solid and not exportable.solid else ""

@@ -74,7 +74,7 @@ def possess(
     if exporter is None:
         write_project(output, project)
     else:
-        exporter.write(output, [performance_of(project, name)], take.stem)
+        exporter.save(output, [performance_of(project, name)], take.stem)
     say(f"enliven: {name}, {project.end_of(project.graph(name)):.2f} s, is in {output}")
 
 

@@ -139,7 +139,7 @@ def retarget(
     performance = performance_of(
         retargeted.project, retargeted.shape_id, 0.0, retargeted.duration, rate, keyed=keyed
     )
-    exporter.write(output, [performance], f"{take.stem} on {model.stem}")
+    exporter.save(output, [performance], f"{take.stem} on {model.stem}")
     if write_map:
         write_plan(retargeted.plan, write_map)
     if sheet and draw:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Any, Literal
@@ -19,6 +20,8 @@ from enliven.wire import free_ports
 
 _FILM_SECONDS = 10.0
 """Default length of a film, in seconds. The shipped recording has nine seconds, so its end is included."""
+_OUTPUT = re.compile(r"[A-Za-z]{2,}:")
+"""The beginning of a live output's address. A folder with such a name can be written as ./NAME."""
 _COMPILE_TIMEOUT_S = 3600.0
 """Maximum wait for an edge to compile all kernels, in seconds. On a small machine with a load of 10, more
 than 600 s were measured. An edge that fails ends the run at once."""
@@ -38,7 +41,11 @@ def run(
         help="Body parts that possess it: 'legs', 'upper body', ...; by default all.",
         callback=check_parts,
     ),
-    out: Path = typer.Option(Path("out"), help="Folder for the film and the contact sheet."),
+    out: list[str] | None = typer.Option(
+        None,
+        help="Folder for the film and the contact sheet (by default out), or a program that receives the "
+        "motion live, such as vmc:127.0.0.1. Repeat the option for several.",
+    ),
     film: bool | None = typer.Option(
         None,
         "--film/--window",
@@ -75,6 +82,7 @@ def run(
       enliven run --mesh HORSE.obj --settings EDGE.toml
       enliven run --mesh SPIDER.glb --drive skeleton --parts arms
       enliven run --mesh cactus
+      enliven run --out vmc:127.0.0.1 --out osc:192.168.1.20:7000
       enliven run --mesh chair --mesh lamp
       enliven run --mesh CACTUS.toml --recording TAKE.mcap
     """
@@ -82,7 +90,8 @@ def run(
     for label, path in (("recording", recording), ("settings file", settings)):
         if path is not None and not path.exists():
             raise InputError(f"this {label} does not exist", where=str(path), mend="Check the path.")
-    require_folder(out, record)
+    folder, outputs = _folder_and_outputs(out or [])
+    require_folder(folder, record)
     as_film = not has_display() if film is None else film
     if as_film and film is None:
         say("enliven: no display was found, so this makes a film; with a display, a window opens")
@@ -91,7 +100,7 @@ def run(
         seconds = _FILM_SECONDS
         say(f"enliven: a sensor has no end, so the film is {seconds:g} s long; --seconds changes that")
     if as_film:
-        out.mkdir(exist_ok=True)
+        folder.mkdir(exist_ok=True)
     ports = free_ports()
     port_options = {"port": ports[0], "control_port": ports[1]}
     mesh_options: dict[str, Any] = {"mesh": mesh, "parts": parts, "drive": drive, "physics": physics}
@@ -109,6 +118,7 @@ def run(
         "settings": settings,
         "name": f"run-{os.getpid()}",
         "wait_for_viewer": 60,
+        "out": outputs,
     }
     edge_command = _command_line("edge", **source_options, **mesh_options, **edge_options, **port_options)
     edge_restart = _command_line(
@@ -118,7 +128,11 @@ def run(
         **{**edge_options, "record": _restart_take_path(record)},
         **port_options,
     )
-    film_to = {"film": out / "enliven.mp4", "sheet": out / "enliven.png", "wait": f"{_COMPILE_TIMEOUT_S:g}"}
+    film_to = {
+        "film": folder / "enliven.mp4",
+        "sheet": folder / "enliven.png",
+        "wait": f"{_COMPILE_TIMEOUT_S:g}",
+    }
     view_command = _command_line(
         "view", edge=["127.0.0.1"], **(film_to if as_film else {}), **port_options, size=size
     )
@@ -137,7 +151,17 @@ def run(
     if code:
         raise typer.Exit(code)
     if as_film:
-        say(f"enliven: the film is {out / 'enliven.mp4'}, the contact sheet {out / 'enliven.png'}")
+        say(f"enliven: the film is {folder / 'enliven.mp4'}, the contact sheet {folder / 'enliven.png'}")
+
+
+def _folder_and_outputs(words: list[str]) -> tuple[Path, list[str]]:
+    """Returns the folder of the film and the addresses of live outputs, from the values of ``--out``.
+
+    An address begins with the name of a protocol and a colon. A single letter is a drive of Windows.
+    """
+    outputs = [word for word in words if _OUTPUT.match(word)]
+    folders = [word for word in words if not _OUTPUT.match(word)]
+    return Path(folders[-1] if folders else "out"), outputs
 
 
 def _restart_take_path(record: Path | None) -> Path | None:

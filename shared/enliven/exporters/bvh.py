@@ -22,12 +22,11 @@ from enliven.arrays import Float
 from enliven.document import Skeleton, unused
 from enliven.errors import InputError
 from enliven.exporters.performance import Performance
+from enliven.exporters.placement import PLACEMENTS, units_per_metre
 from enliven.exporters.registry import Exporter
 from enliven.files import write_file
 from enliven.rotation import nearest_rotation
 
-_UNITS_PER_METRE = {"m": 1.0, "cm": 100.0}
-"""Units of a file per metre."""
 _SAME_ROTATION_DIFFERENCE = 1e-9
 """Maximum difference between the entries of two rotation matrices that count as equal: rounding of the last
 digits."""
@@ -85,20 +84,9 @@ def write_bvh(
     write_file(Path(path), bvh_text(performances[0], unit), "Choose another place.")
 
 
-def units_per_metre(unit: str = "m") -> float:
-    """Returns the number of units per metre.
-
-    Raises:
-        InputError: for an unknown unit.
-    """
-    if unit not in _UNITS_PER_METRE:
-        raise InputError(
-            f"the unit {unit!r} does not exist", where="--unit", mend=f"Known: {', '.join(_UNITS_PER_METRE)}."
-        )
-    return _UNITS_PER_METRE[unit]
-
-
-BVH = Exporter(write_bvh, jointed=True, single=True, check=units_per_metre)
+BVH = Exporter(
+    write_bvh, jointed=True, solid=False, single=True, placements=PLACEMENTS, check=units_per_metre
+)
 
 
 def bvh_text(performance: Performance, unit: str = "m") -> str:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from enliven.arrays import Float
+from enliven.arrays import Float, Float32
+from enliven.deformation import skin_vertices
 from enliven.document import Character, CubicKeys, Pose, Skeleton, SkinWeights
 from enliven.errors import InputError
-from enliven.examples.baking import BakedMorphs, BakeError
+from enliven.examples.baking import BakedMorphs, BakeError, Frames
 from enliven.meshes import Mesh
 from enliven.rotation import from_matrix, remove_sign_jumps, rotate, to_matrix
 
@@ -38,6 +39,7 @@ class Performance:
         turns, places: (T, 4) and (T, 3) metres, the pose of the coordinate frame of the arrays above. A point
             x of this frame is at turn x + place in the world. If None, the frame is the world.
         morphs: morph targets instead of the skin, or None.
+        solved: returns an iterator over the surfaces (V, 3) of all frames, instead of the skin; or None.
         keys: maximum additional error in metres that an exporter may cause by key reduction.
         cubic: the cubic keys of bones and of the root's position, in the seconds of ``times``. If there are
             any, nothing else moves the character.
@@ -57,6 +59,7 @@ class Performance:
     turns: Float | None = None
     places: Float | None = None
     morphs: BakedMorphs | None = None
+    solved: Frames | None = None
     keys: float = 0.0
     error: BakeError | None = None
     cubic: tuple[CubicKeys, ...] = ()
@@ -83,6 +86,28 @@ class Performance:
         for time, maps, places in zip(self.times, linear, positions, strict=True):
             stored = maps.astype(np.float32), places.astype(np.float32)
             yield Pose(self.name, round(time * 1e9), *stored)
+
+    def surfaces(self) -> Iterator[Float32]:
+        """Yields (V, 3) metres in the world, the vertices of the mesh at each time.
+
+        Raises:
+            InputError: if it has no mesh.
+        """
+        mesh, character = self.surface[0], self.character
+        if self.solved is None and self.morphs is None:
+            for pose in self.poses():
+                yield skin_vertices(character, pose)
+            return
+        if self.solved is not None:
+            frames = iter(self.solved())
+        else:
+            assert self.morphs is not None
+            targets = self.morphs.targets
+            frames = (mesh.vertices + np.tensordot(row, targets, 1) for row in self.morphs.weights)
+        for number, vertices in enumerate(frames):
+            if self.turns is not None and self.places is not None:
+                vertices = vertices @ to_matrix(self.turns[number]).T + self.places[number]
+            yield vertices.astype(np.float32)
 
     @property
     def stretches(self) -> bool:

@@ -1,6 +1,6 @@
 """The registry of exporters: the suffix of a file name selects the exporter.
 
-    exporter_of("out.glb").write(path, performances, "title")
+    exporter_of("out.glb").save(path, performances, "title")
 
 A new exporter is one file with an :class:`Exporter` and one line here. In another package it is an entry
 point of the group ``enliven.exporters``, named by the suffix without its dot.
@@ -9,7 +9,7 @@ point of the group ``enliven.exporters``, named by the suffix without its dot.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -17,6 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from enliven.errors import InputError
+from enliven.exporters.performance import Performance
+from enliven.exporters.placement import PLACEMENTS, ExportPlacement
+from enliven.exporters.sampling import Representation
 from enliven.files import require_folder
 
 ENTRY_POINTS = "enliven.exporters"
@@ -25,8 +28,19 @@ ENTRY_POINTS = "enliven.exporters"
 
 _BUILT_IN = {
     "bvh": "enliven.exporters.bvh:BVH",
+    "csv": "enliven.exporters.csv_table:CSV",
     "glb": "enliven.exporters.gltf:GLB",
+    "obj-sequence": "enliven.exporters.obj_sequence:OBJ_SEQUENCE",
+    "usda": "enliven.exporters.usd:USD",
+    "usdc": "enliven.exporters.usd:USD",
+    "usdz": "enliven.exporters.usd:USD",
+    "vrm": "enliven.exporters.vrm:VRM",
+    "vrma": "enliven.exporters.vrm:VRMA",
 }
+_REFUSALS = {
+    "up": "Leave it out: the format fixes the vertical axis.",
+}
+"""Advice for options that a format cannot support, if it is more than to leave them out."""
 _IN_PACKAGES = {"mp4": "enliven-viewer"}
 """File suffixes of exporters in packages that may not be installed, with the name of the package."""
 
@@ -36,21 +50,62 @@ class Exporter:
     """An exporter for one kind of file.
 
     Attributes:
-        write: takes the path, the performances, a title, and options as keywords.
+        write: takes the path, the performances, a title, and options as keywords. It writes completely or
+            not at all. If it takes ``progress``, it calls that with the finished fraction.
         jointed: True if it supports only characters with a skeleton.
+        solid: True if it supports only characters with a surface.
         single: True if it supports only one character.
         heard: True if it supports sound. ``write`` then takes ``sound``, the audio samples from the first
             pose on.
         keyed: True if it supports keys at uneven times, such as those of a clip's own file.
-        check: takes the options and raises for invalid ones, before any work.
+        pointwise: True if it stores the surface of each frame. Then puppets need no baking.
+        placements: options of :class:`ExportPlacement` that it supports. A format with a fixed vertical axis
+            lacks "up".
+        check: takes the options of ``write`` and raises for invalid ones, before any work.
     """
 
     write: Callable[..., None]
     jointed: bool = False
+    solid: bool = True
     single: bool = False
     heard: bool = False
     keyed: bool = False
+    pointwise: bool = False
+    placements: tuple[str, ...] = ("scale", "in_place")
     check: Callable[..., object] = lambda **_: None
+
+    @property
+    def options(self) -> frozenset[str]:
+        """The names of all options that :meth:`save` accepts."""
+        return frozenset((*list(inspect.signature(self.write).parameters)[3:], *self.placements))
+
+    def save(self, path: Path | str, performances: Sequence[Performance], name: str, **options: Any) -> None:
+        """Places the performances, and writes them.
+
+        Args:
+            name: the title.
+            options: those of ``write``, and those of :class:`ExportPlacement` that the exporter supports.
+
+        Raises:
+            InputError: if the format cannot represent the data, or an option is invalid.
+            ResourceError: if the file cannot be written.
+        """
+        placement = ExportPlacement(**{key: value for key, value in options.items() if key in PLACEMENTS})
+        placed = [placement.applied_to(performance) for performance in performances]
+        self.write(Path(path), placed, name, **self.own_options(options))
+
+    def representation(self, morphs: bool = False) -> Representation:
+        """Returns how puppets are sampled for it.
+
+        Args:
+            morphs: True if the caller requests morph targets.
+        """
+        return "morphs" if morphs else "points" if self.pointwise else "skin"
+
+    def own_options(self, options: dict[str, Any]) -> dict[str, Any]:
+        """Returns the options that ``write`` takes itself."""
+        parameters = inspect.signature(self.write).parameters
+        return {key: value for key, value in options.items() if key in parameters or key not in PLACEMENTS}
 
 
 def suffixes() -> list[str]:
@@ -63,7 +118,7 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
 
     Args:
         also: suffixes that the caller writes itself, for the list of known suffixes in an error.
-        options: options for its ``write``.
+        options: options for its :meth:`Exporter.save`.
 
     Raises:
         InputError: for a suffix without an exporter, or an unknown or invalid option.
@@ -71,13 +126,13 @@ def exporter_of(path: Path | str, also: tuple[str, ...] = (), **options: Any) ->
     """
     path = Path(path)
     exporter = _load_exporter(path.suffix.lower().removeprefix("."), str(path), also)
-    parameters = inspect.signature(exporter.write).parameters
     for option in options:
-        if option not in parameters:
-            problem = f"{path.suffix.lower()} has no {option!r} to choose"
-            raise InputError(problem, where=str(path), mend="Leave it out.")
+        if option not in exporter.options:
+            problem = f"{path.suffix.lower()} has no {option.replace('_', '-')!r} to choose"
+            raise InputError(problem, where=str(path), mend=_REFUSALS.get(option, "Leave it out."))
     require_folder(path)
-    exporter.check(**options)
+    ExportPlacement(**{key: value for key, value in options.items() if key in PLACEMENTS})
+    exporter.check(**exporter.own_options(options))
     return exporter
 
 

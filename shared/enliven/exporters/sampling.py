@@ -40,6 +40,8 @@ from enliven.modeling.puppet import frame_times
 from enliven.motion.layers import Player
 from enliven.rotation import multiply, to_matrix
 
+Representation = Literal["skin", "morphs", "points"]
+"""The surface of a puppet: transforms with skin weights, morph targets, or its exact vertices."""
 _BONE_WIDTH_RATIO = 0.08
 """Width of a drawn bone as a fraction of its length, as in animation programs."""
 _MAX_EQUAL_TIME_S = 1e-4
@@ -57,7 +59,7 @@ def performance_of(
     end: float | None = None,
     rate: float = 30.0,
     *,
-    how: Literal["skin", "morphs"] = "skin",
+    how: Representation = "skin",
     settings: BakeSettings | None = None,
     keyed: bool = False,
 ) -> Performance:
@@ -67,7 +69,8 @@ def performance_of(
         character: a rigged shape, a possessed mesh or a puppet of the project, or the id of one.
         end: end time in seconds. If None, it is the end of the character's last layer. Loops repeat until all
             characters of the project have ended, and then finish the current repetition.
-        how: bakes a puppet as transforms with skin weights, or as morph targets.
+        how: bakes a puppet as transforms with skin weights, or as morph targets. With "points", keeps its
+            solved surfaces and bakes nothing.
         settings: accuracy of baking a puppet.
         keyed: True to also sample at the key times of its clips' files, so that no jump becomes a ramp. Their
             cubic keys are kept if nothing else moves the character, instead of sampled frames.
@@ -187,23 +190,24 @@ def _performance_of_puppet(
         whole = root_motions(project, puppet, times)
         turns, places = multiply(whole.turn, turns), whole(places[:, None])[:, 0]
     frames, mesh = SurfaceFrames(puppet, states, settings.kept), puppet.mesh
-    if how == "morphs":
-        morphs, still = bake_morphs(mesh, frames, states, settings), np.zeros((len(times), 1, 3))
-        whole = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
-        skin = SkinWeights(np.zeros(whole.shape, np.uint16), whole)
-        linear = np.tile(np.eye(3), (len(times), 1, 1, 1))
-        performance = Performance(
-            puppet.id, times - times[0], still[0], linear, still, mesh, skin, morphs=morphs
-        )
-        error = morphs.error
-    else:
+    if how == "skin":
         handles = [point.vertex for point in puppet.points]
         baked = bake_surface(mesh, frames, states, handles, settings)
         linear, positions, error = baked.linear, baked.places, baked.error
         performance = Performance(
-            puppet.id, times - times[0], baked.pivots, linear, positions, mesh, baked.skin
+            puppet.id, times - times[0], baked.pivots, linear, positions, mesh, baked.skin, axes=baked.axes
         )
-        performance = replace(performance, axes=baked.axes)
+    else:
+        # The skin follows a single transform that never moves.
+        still = np.zeros((len(times), 1, 3))
+        weights = np.tile(np.array([1, 0, 0, 0], np.float32), (len(mesh.vertices), 1))
+        skin = SkinWeights(np.zeros(weights.shape, np.uint16), weights)
+        linear = np.tile(np.eye(3), (len(times), 1, 1, 1))
+        performance = Performance(puppet.id, times - times[0], still[0], linear, still, mesh, skin)
+        if how == "points":
+            return replace(performance, solved=frames, turns=turns, places=places)
+        morphs = bake_morphs(mesh, frames, states, settings)
+        performance, error = replace(performance, morphs=morphs), morphs.error
     return replace(performance, turns=turns, places=places, error=error, keys=settings.keys * error.size)
 
 

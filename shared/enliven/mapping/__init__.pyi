@@ -8,6 +8,12 @@ from .automatic_mapping import (
     retarget as retarget,
     pin_all_feet as pin_all_feet,
 )
+from .human_names import (
+    HumanJoints as HumanJoints,
+    HumanLimb as HumanLimb,
+    finger_joints as finger_joints,
+    human_joints as human_joints,
+)
 from .facing import facing_of as facing_of, rotate_about_y as rotate_about_y
 from .alternatives import NextBest as NextBest, next_best as next_best
 from .model_clips import (

@@ -3,3 +3,20 @@ from .joints import BONES as BONES, J as J, MIRROR as MIRROR, PARENTS as PARENTS
 from .limbs import Limb as Limb
 from .orientation import mirror_body as mirror_body
 from .parts import parse_parts as parse_parts
+from .human_pose import (
+    FINGER_BONES as FINGER_BONES,
+    FINGERS as FINGERS,
+    HumanPose as HumanPose,
+    body_of_human as body_of_human,
+    human_of_body as human_of_body,
+    orientations_of_joints as orientations_of_joints,
+    parent_name as parent_name,
+    standing_offset as standing_offset,
+)
+from .unity_axes import (
+    from_unity_position as from_unity_position,
+    from_unity_rotation as from_unity_rotation,
+    unity_euler as unity_euler,
+    unity_position as unity_position,
+    unity_rotation as unity_rotation,
+)

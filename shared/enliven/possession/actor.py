@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from enliven.arrays import Float
 from enliven.deformation.constraints import ObservedPoints
-from enliven.document import Character, Pose
+from enliven.document import Character, Pose, Skeleton
 from enliven.errors import InputError
 from enliven.person import Body, parse_parts
 from enliven.possession.highlights import Cues, State
@@ -44,6 +44,11 @@ class Actor:
         """True if the character follows the observed surface of its performers, and not only their
         skeletons."""
         return False
+
+    @property
+    def skeleton(self) -> Skeleton | None:
+        """The joints at rest that the transforms of a rigged character belong to, or None."""
+        return None
 
     @property
     def state(self) -> State:

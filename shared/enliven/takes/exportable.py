@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from enliven.document import Character, Clip, Pose, Project, RigBase, Shape, unused
 from enliven.errors import InputError
-from enliven.exporters import Performance, performance_of, performance_of_clip
+from enliven.exporters import Performance, Representation, performance_of, performance_of_clip
 from enliven.formats.gltf import read_gltf
 from enliven.formats.project import read_project
 from enliven.formats.rig import play_clip
@@ -25,9 +25,9 @@ from enliven.takes.possessed import add_character_motion, read_characters_and_po
 from enliven.takes.recorded import TakeSettings, clips_of_frames, read_body_frames
 from enliven.takes.rigged import shape_and_clip_from_poses
 
-Sample = Callable[[float, float | None, float | None, bool, bool], Performance]
-"""A function of start and end seconds (None: all), frames per second (None: the native rate), whether to
-use morph targets, and whether to use the clips' own keys."""
+Sample = Callable[[float, float | None, float | None, Representation, bool], Performance]
+"""A function of start and end seconds (None: all), frames per second (None: the native rate), the surface of
+puppets, and whether to use the clips' own keys."""
 _DEFAULT_FRAMES_PER_SECOND = 30.0
 """Frames per second of motion without a rate of its own: that of the sensors."""
 
@@ -150,13 +150,12 @@ def _sample_character(
     start: float,
     end: float | None,
     rate: float | None,
-    morphs: bool,
+    how: Representation,
     keyed: bool,
     own: float = _DEFAULT_FRAMES_PER_SECOND,
 ) -> Performance:
     """Samples a character of a project, at its ``own`` frames per second if no other rate is requested."""
     keyed = keyed and rate is None
-    how: Literal["skin", "morphs"] = "morphs" if morphs else "skin"
     return performance_of(project, character, start, end, rate or own, how=how, keyed=keyed)
 
 
@@ -168,7 +167,7 @@ def _sample_recorded(
     start: float,
     end: float | None,
     rate: float | None,
-    morphs: bool,
+    how: Representation,
     keyed: bool,
 ) -> Performance:
     """Samples a character of a live performance, as a rigged shape or as a possessed mesh."""
@@ -177,15 +176,15 @@ def _sample_recorded(
         project, shape = play_clip(Project(), still, clip)
         late = shape.later(offset)
         return _sample_character(
-            project.with_characters(late), late, start, end, rate, morphs, keyed, 1 / clip.step
+            project.with_characters(late), late, start, end, rate, how, keyed, 1 / clip.step
         )
     renamed = replace(character, id=name)
     project = add_character_motion(Project(), (name, 0), renamed, poses, begin, [], None)
     (graph,), (stream,) = project.graphs.values(), project.streams.values()
-    return _sample_character(project, graph, start, end, rate, morphs, keyed, 1 / stream.step)
+    return _sample_character(project, graph, start, end, rate, how, keyed, 1 / stream.step)
 
 
-def _sample_clip(clip: Clip, start: float, end: float | None, rate: float | None, *_: bool) -> Performance:
+def _sample_clip(clip: Clip, start: float, end: float | None, rate: float | None, *_: object) -> Performance:
     """Samples frames of a clip; raises an error with the clip's name if the range contains no frames."""
     stop = clip.duration if end is None else end
     if start > clip.duration or stop < start:

@@ -72,6 +72,6 @@ def as_live(solver: EmbeddedSolver) -> None:
     At 30 frames per second that thread finishes in time. Without the pause, each frame would wait for it, and
     share the caches with it.
     """
-    under_way = solver._matrix._under_way
+    under_way = solver._matrix._pending
     if under_way is not None:
         under_way.result()

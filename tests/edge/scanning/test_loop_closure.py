@@ -14,6 +14,8 @@ from enliven.scanning.rigid import invert_pose, move_pose, pose_difference
 from enliven_synthesis.sensor import HandheldPath, HandheldScan, load_profile, look_at_pose
 from enliven_synthesis.sensor.scene import Box
 
+pytestmark = pytest.mark.slow
+
 FRAMES = 90
 VOXEL = 0.02
 SETTINGS = ScanSettings(volume=VolumeSettings(voxel=VOXEL, reach=5.0))
@@ -98,7 +100,6 @@ def closed(frames):
     return scanner, scanner.close_loops(), before
 
 
-@pytest.mark.slow
 def test_a_way_that_comes_back_is_closed_and_fused_again(frames, closed):
     scanner, closing, (before, twice, keyframes) = closed
     assert before > 0.015 and twice > 0.01, "it is doubled before"

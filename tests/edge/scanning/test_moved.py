@@ -35,6 +35,8 @@ from enliven_viewer.studio.scan.scan_session import VOXEL_SIZES
 sys.path.insert(0, str(Path(__file__).parent))
 from scan_window import Begun, Window
 
+pytestmark = pytest.mark.slow
+
 CHAIR = load_sample("chair")
 BACK = lie_on_back_pose(CHAIR, (0.0, 0.15))
 MOVE = 8.0, 10.0
@@ -97,7 +99,6 @@ def scanned(tmp_path_factory):
     return Scanned(steps, truth, [index / 30.0 for index in indices], messages, scanner, stood, mesh)
 
 
-@pytest.mark.slow
 def test_object_is_lost_while_carried_and_found_at_rest(scanned):
     states = {t: step.state for t, step in zip(scanned.times, scanned.steps, strict=True)}
     assert all(state is ObjectState.RESTING for t, state in states.items() if t < MOVE[0])
@@ -190,7 +191,6 @@ def laid_onto_the_truth(mesh):
     return replace(mesh, vertices=mesh.vertices @ pose[:3, :3].T + pose[:3, 3])
 
 
-@pytest.mark.slow
 def test_both_halves_are_one_surface_with_its_undersides(scanned):
     whole = laid_onto_the_truth(placed(scanned.made))
     alone = laid_onto_the_truth(placed(scanned.scanner.rests[0].scanner.thing()))

@@ -21,7 +21,11 @@ def said(capsys, *words: str) -> tuple[int, str, str]:
 
 def test_all_are_listed(capsys):
     code, out, _ = said(capsys)
-    assert code == 0 and "oak, orbbec, realsense, replay, synthetic, tof, webcam" in out
+    assert (
+        code == 0
+        and "oak, orbbec, osc-trackers, realsense, replay, synthetic, tof, vmc, webcam"
+        in " ".join(out.split())
+    )
 
 
 def test_connected_cameras_are_listed_with_install_commands(capsys, monkeypatch):

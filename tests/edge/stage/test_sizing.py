@@ -129,11 +129,11 @@ def test_a_placement_grows_about_a_place_and_back(one, other, seed):
     rng = np.random.default_rng(seed)
     about, points = rng.normal(size=3), rng.normal(size=(5, 3))
     place = Placement(float(rng.uniform(0.5, 2)), float(rng.uniform(-3, 3)), rng.normal(size=3))
-    grown = place.larger(one, about)
+    grown = place.scale_about(one, about)
     expected = about + one * (place.to_world(points) - about)
     np.testing.assert_allclose(grown.to_world(points), expected, atol=1e-9)
-    twice = grown.larger(other, about).to_world(points)
-    np.testing.assert_allclose(twice, place.larger(one * other, about).to_world(points), atol=1e-8)
+    twice = grown.scale_about(other, about).to_world(points)
+    np.testing.assert_allclose(twice, place.scale_about(one * other, about).to_world(points), atol=1e-8)
 
 
 def test_exaggeration_is_published_kept_by_revisions_and_reset():

@@ -89,7 +89,7 @@ def test_feet_that_stand_do_not_slide_while_the_performer_sways(chair):
     for use in ("off", "stand"):
         vertices, actor = played(chair, bodies, floor=FloorSettings(use=use))
         slides[use] = np.ptp(vertices[15:, soles][..., [0, 2]], axis=0).max()
-    assert [foot.firm for foot in actor._soft._floor.feet] == [1.0] * 4
+    assert [foot.lock_strength for foot in actor._soft._floor.feet] == [1.0] * 4
     assert slides["stand"] < 0.012 and slides["stand"] < 0.4 * slides["off"]
 
 

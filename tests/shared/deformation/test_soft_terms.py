@@ -240,7 +240,7 @@ def play(floor, graph, ways, seconds=1 / 30):
     out = []
     for way in ways:
         planes = floor.planes(rest(graph)[0], graph.positions + way, seconds)
-        out.append(([foot.firm for foot in floor.feet], planes))
+        out.append(([foot.lock_strength for foot in floor.feet], planes))
     return out
 
 
@@ -269,7 +269,7 @@ def test_a_foot_that_sways_a_little_stands_on_and_one_in_the_air_does_not(trouse
     sway = 0.03 * np.sin(np.linspace(0, 12, 60))[:, None] * [1, 0, 0]
     assert min(min(firm) for firm, _ in play(floor, graph, sway)) == 1
     play(floor, graph, np.tile([0, 0.2, 0], (20, 1)))
-    assert [foot.stood for foot in floor.feet] == [None, None]
+    assert [foot.contact_points for foot in floor.feet] == [None, None]
 
 
 def test_contacts_can_be_set_from_toml_words():

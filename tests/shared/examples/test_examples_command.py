@@ -143,7 +143,10 @@ def test_coverage_is_the_farthest_pose_found_by_looking_at_each(folder):
     ("words", "said"),
     [
         (("fit", "nowhere.toml", "-o", "out.glb"), "there is no such file"),
-        (("fit", "full.toml", "-o", "out.abc"), ".abc cannot be written. Known: .bvh, .enliven, .glb, .mcap"),
+        (
+            ("fit", "full.toml", "-o", "out.abc"),
+            ".abc cannot be written. Known: .bvh, .csv, .enliven, .glb",
+        ),
         (
             ("fit", "full.toml", "-o", "out.glb", "--start", 5, "--end", 2),
             "the range from 5 s to 2 s is empty",

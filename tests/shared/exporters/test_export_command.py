@@ -144,7 +144,7 @@ def test_motion_files_are_turned_into_one_another(made, tmp_path):
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (("no.mcap", "-o", "out.fbx"), 3, ".fbx cannot be written. Known: .bvh, .glb"),
+        (("no.mcap", "-o", "out.fbx"), 3, ".fbx cannot be written. Known: .bvh, .csv, .glb"),
         (("no.mcap", "-o", "moveis/out.glb"), 4, "there is no folder"),
         (("no.mcap", "-o", "out.glb", "--unit", "cm"), 3, ".glb has no 'unit' to choose"),
         (("no.mcap", "-o", "out.bvh", "--unit", "inch"), 3, "the unit 'inch' does not exist. Known: m, cm."),
@@ -199,3 +199,30 @@ def test_stick_glb_contains_its_skeleton(made, tmp_path):
     (length,) = struct.unpack_from("<I", data, 12)
     names = [node.get("name") for node in json.loads(data[20 : 20 + length])["nodes"]]
     assert "Left_elbow" in names
+
+
+@pytest.mark.parametrize("name", ["show.csv", "show.obj-sequence", "show.usdc"])
+def test_formats_without_bones_hold_every_rig_and_bake_nothing(show, capsys, name):
+    if name.endswith("usdc"):
+        pytest.importorskip("pxr", reason="usd-core is not installed (the extra 'usd')")
+    assert export(show, "show.enliven", "-o", name, "--end", 0.2, "--rate", 10, "--scale", 2) == 0
+    output = capsys.readouterr().out
+    assert output.startswith("enliven: man, chair, bean, 0.20 s, are in")
+    assert ("bean is off by" in output) == name.endswith("csv"), "only a table needs transforms"
+
+
+def test_the_person_of_a_performance_is_a_vrm_animation(recorded, tmp_path):
+    assert export(tmp_path, "live.mcap", "-o", "person.vrma", "-c", "live") == 0
+    document = checked_glb((tmp_path / "person.vrma").read_bytes())
+    bones = document["extensions"]["VRMC_vrm_animation"]["humanoid"]["humanBones"]
+    assert {"hips", "spine", "head", "leftLowerArm", "rightFoot"} <= set(bones)
+
+
+def test_interrupted_command_ends_with_its_code_and_leaves_nothing(show, monkeypatch, capsys):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("enliven.exporters.obj_sequence._vertex_lines", interrupt)
+    before = set(show.rglob("*"))
+    assert export(show, "show.enliven", "-o", "show.obj-sequence", "--end", 0.2) == 130
+    assert set(show.rglob("*")) == before

@@ -13,13 +13,13 @@ from enliven.exporters.bvh import BVH
 ONE_FILE = """
 from enliven.exporters import Exporter
 
-def write_csv(path, performances, name, digits=3):
+def write_dat(path, performances, name, digits=3):
     with open(path, "w") as file:
         for performance in performances:
             for time, places in zip(performance.times, performance.positions):
                 print(performance.name, time, *places.round(digits).ravel(), sep=",", file=file)
 
-CSV = Exporter(write_csv)
+DAT = Exporter(write_dat)
 """
 
 
@@ -30,37 +30,43 @@ def clip():
     return Clip("still", skeleton, still, np.array([[0.0, 0, 0], [1, 0, 0]]), 0.5)
 
 
-def check_csv(tmp_path, clip):
-    path = tmp_path / "out.csv"
-    exporter_of(path, digits=1).write(path, [performance_of_clip(clip)], "title", digits=1)
-    assert path.read_text().splitlines()[1] == "still,0.5,1.0,0.0,0.0,1.0,0.0,0.0"
+def check_dat(tmp_path, clip):
+    path = tmp_path / "out.dat"
+    options = {"digits": 1, "scale": 2.0}
+    exporter_of(path, **options).save(path, [performance_of_clip(clip)], "title", **options)
+    assert path.read_text().splitlines()[1] == "still,0.5,2.0,0.0,0.0,2.0,0.0,0.0"
 
 
 def test_exporter_needs_one_file_and_one_line(tmp_path, monkeypatch, clip):
-    (tmp_path / "made_csv_exporter.py").write_text(ONE_FILE)
+    (tmp_path / "made_dat_exporter.py").write_text(ONE_FILE)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setitem(registry._BUILT_IN, "csv", "made_csv_exporter:CSV")
-    check_csv(tmp_path, clip)
+    monkeypatch.setitem(registry._BUILT_IN, "dat", "made_dat_exporter:DAT")
+    check_dat(tmp_path, clip)
 
 
 def test_exporter_can_be_a_package_entry_point(tmp_path, monkeypatch, clip):
-    (tmp_path / "packaged_csv_exporter.py").write_text(ONE_FILE)
-    about = tmp_path / "packaged_csv_exporter-1.0.dist-info"
+    (tmp_path / "packaged_dat_exporter.py").write_text(ONE_FILE)
+    about = tmp_path / "packaged_dat_exporter-1.0.dist-info"
     about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: packaged-csv-exporter\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text("[enliven.exporters]\ncsv = packaged_csv_exporter:CSV\n")
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: packaged-dat-exporter\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[enliven.exporters]\ndat = packaged_dat_exporter:DAT\n")
     monkeypatch.syspath_prepend(tmp_path)
-    assert ".csv" in suffixes()
-    check_csv(tmp_path, clip)
+    assert ".dat" in suffixes()
+    check_dat(tmp_path, clip)
 
 
 @pytest.mark.parametrize(
     ("name", "options", "error", "words"),
     [
-        ("out.fbx", {}, InputError, r"\.fbx cannot be written.*Known: \.bvh, \.glb"),
+        ("out.fbx", {}, InputError, r"\.fbx cannot be written.*Known: \.bvh, \.csv, \.glb"),
         ("out.gltf", {}, InputError, r"\.gltf cannot be written"),
         ("out", {}, InputError, "no ending"),
         ("out.glb", {"unit": "cm"}, InputError, "has no 'unit'"),
+        ("out.glb", {"up": "z"}, InputError, "has no 'up' to choose.*fixes the vertical axis"),
+        ("out.bvh", {"up": "x"}, InputError, "axis 'x' cannot be vertical. Known: y, z"),
+        ("out.bvh", {"scale": 0.0}, InputError, "0 is not a scale"),
+        ("out.bvh", {"scale": float("nan")}, InputError, "nan is not a scale"),
+        ("out.csv", {"unit": "inch"}, InputError, "'inch' does not exist"),
         ("moveis/out.glb", {}, ResourceError, "no folder .*moveis"),
     ],
 )

@@ -93,9 +93,9 @@ def _skins(document: dict, arrays: list[np.ndarray]) -> set[int]:
 def _meshes(document: dict, arrays: list[np.ndarray]) -> set[int]:
     used = set()
     shown = [node for node in document["nodes"] if "mesh" in node]
-    assert {node["mesh"] for node in shown} == set(range(len(document["meshes"])))
+    assert {node["mesh"] for node in shown} == set(range(len(document.get("meshes", []))))
     skins = {node["mesh"]: document["skins"][node["skin"]] for node in shown if "skin" in node}
-    for number, mesh in enumerate(document["meshes"]):
+    for number, mesh in enumerate(document.get("meshes", [])):
         for primitive in mesh["primitives"]:
             a = primitive["attributes"]
             used |= set(a.values()) | {primitive["indices"]}

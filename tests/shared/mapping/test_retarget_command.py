@@ -184,7 +184,7 @@ def test_files_of_the_wrong_kind(files, capsys):
     assert retarget(files, "-o", files / "a.glb", model="walk.bvh") == 3
     assert "it is not a glTF file" in capsys.readouterr().err
     assert retarget(files, "-o", files / "a.fbx") == 3
-    assert ".fbx cannot be written. Known: .bvh, .glb" in capsys.readouterr().err
+    assert ".fbx cannot be written. Known: .bvh, .csv, .glb" in capsys.readouterr().err
 
 
 def test_joints_beyond_their_limits_are_told_and_freed_by_an_option(files, capsys):

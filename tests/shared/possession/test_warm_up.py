@@ -36,7 +36,7 @@ for frame in range(90):
     actor.perform(bodies, frame * 33_333_333, seen)
     if frame in (0, 40):
         actor.possess(bodies[frame > 0])
-    renewed += actor._solver is not None and actor._solver._matrix._under_way is not None
+    renewed += actor._solver is not None and actor._solver._matrix._pending is not None
 assert actor.holds and renewed
 print(*sorted({d.py_func.__name__ for d, n in kernels().items() if n > before.get(d, 0)}))
 """

@@ -73,7 +73,7 @@ def test_the_picture_is_that_of_work_everywhere(gl, box, make_body, monkeypatch,
     assert region[2] * region[3] < 0.75 * SIZE[0] * SIZE[1], "there is something to leave out"
     monkeypatch.setattr(renderer_module, "find_visible_region", lambda _p, _c, size, _r=0: full_region(size))
     monkeypatch.setattr(
-        renderer_module, "shadow_bounds", lambda *_: (np.full(2, -np.inf), np.full(2, np.inf))
+        renderer_module, "find_shadow_bounds", lambda *_: (np.full(2, -np.inf), np.full(2, np.inf))
     )
     wide = Renderer(gl, SIZE, settings)
     wide.draw(scene, view)

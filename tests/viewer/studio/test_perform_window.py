@@ -21,7 +21,7 @@ def test_a_performance_is_recorded_onto_the_timeline_and_survives_its_edge(tmp_p
     assert report["solvable"], "the recorded chair can be solved again from its performer"
     assert report["undone"] == [["arm"], "record take 1"], "a recording is one edit"
     kept_count, messages = report["kept"]
-    assert kept_count == 1 and any("edge is gone" in text for text in messages)
+    assert kept_count == 1 and any("stage was lost" in text for text in messages)
     assert report["undone both"] == ["record take 1", "record take 2"]
     assert report["takes"][:3] == ["take 1", "take 2", "take 3"]
     first, second = report["layered"]

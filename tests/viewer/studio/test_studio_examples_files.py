@@ -137,7 +137,7 @@ def test_failed_export_is_reported_and_exports_are_queued(tmp_path) -> None:
     workspace.ask("export")
     workspace.chosen(tmp_path / "file" / "star.glb")
     workspace.editor.background.begin("second", lambda: "never", workspace.editor.toasts.say)
-    assert "still being made" in said(workspace)
+    assert "still running" in said(workspace)
     workspace.editor.background.finish()
     assert any(toast.is_error for toast in workspace.editor.toasts.shown) and "never" not in said(workspace)
 

@@ -13,10 +13,13 @@ import pytest
 from made_acting_stage import acting_stage
 
 from enliven.errors import InputError
+from enliven.exporters import suffixes
 from enliven.formats.project import write_project
 from enliven_viewer.studio.background import Cancelled, WorkProgress
+from enliven_viewer.studio.workspace import EXPORT_SUFFIXES
 from enliven_viewer.studio.workspace import workspace as workspace_module
 from enliven_viewer.studio.workspace.exporting import ExportOptions, export, write_export
+from enliven_viewer.studio.workspace.files import FILM_SUFFIX
 from enliven_viewer.studio.workspace.workspace import Workspace
 
 
@@ -138,3 +141,12 @@ def test_a_large_file_opens_in_the_background_and_can_be_cancelled(workspace, tm
     workspace.open(bad)
     editor.background.finish()
     assert any(toast.is_error for toast in editor.toasts.shown)
+
+
+def test_every_format_of_the_registry_is_offered_and_written_with_its_unit(workspace, tmp_path) -> None:
+    assert {*EXPORT_SUFFIXES, FILM_SUFFIX} == set(suffixes())
+    assert "Wrote 2 shapes" in written(workspace, tmp_path / "out.csv", unit="cm", rate=12, last=0.5)
+    assert "x_cm" in (tmp_path / "out.csv").read_text()
+    progress = WorkProgress()
+    written(workspace, tmp_path / "out.obj-sequence", progress, rate=12, last=0.5)
+    assert len(list((tmp_path / "out.obj-sequence").glob("*.obj"))) == 7 and progress.share == 1.0

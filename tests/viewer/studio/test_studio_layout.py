@@ -11,6 +11,8 @@ from in_a_window import in_a_window
 from enliven_viewer.studio.perform import WORKSPACES
 from enliven_viewer.studio.tools import TOOLS
 
+pytestmark = pytest.mark.slow
+
 SESSION = Path(__file__).parents[1] / "studio_layout_session.py"
 MOST_PIXELS = 3.0
 """Maximum pixels by which a widget may exceed the window, because of rounding."""
@@ -21,7 +23,6 @@ def shown(tmp_path_factory) -> dict:
     return in_a_window(SESSION, str(tmp_path_factory.mktemp("layout")), screen="3840x2160x24")
 
 
-@pytest.mark.slow
 def test_no_letters_are_cut_or_overlap_at_any_size(shown: dict) -> None:
     assert len(shown) == 22
     for name, report in shown.items():

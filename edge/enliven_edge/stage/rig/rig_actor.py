@@ -10,7 +10,7 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.deformation.constraints import ObservedPoints
-from enliven.document import Pose, Shape, character_of
+from enliven.document import Pose, Shape, Skeleton, character_of
 from enliven.errors import InputError
 from enliven.formats.gltf import read_gltf
 from enliven.matching import MatchList, MatchRow, ScreenView, limb_number
@@ -38,6 +38,10 @@ class RigActor(ChosenActor):
         self.chooser = Chooser(shape.skeleton, self.settings)
         self._placed = False
         self._time_ns = 0
+
+    @property
+    def skeleton(self) -> Skeleton:
+        return self.live_shape.shape.skeleton
 
     @property
     def view(self) -> ScreenView:

@@ -7,7 +7,7 @@ import pygltflib
 
 from enliven.arrays import Float, Int
 from enliven.document import CubicKeys, SkinWeights
-from enliven.exporters.gltf.joints import listed, normalize_float32, normalize_skin
+from enliven.exporters.joints import listed, normalize_float32, normalize_skin
 from enliven.meshes import Mesh
 from enliven.meshes.gltf import JUMP_DURATION_S, MeshScene
 from enliven.rotation import IDENTITY

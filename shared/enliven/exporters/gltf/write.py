@@ -26,9 +26,9 @@ from enliven.arrays import Float
 from enliven.document import Skeleton
 from enliven.errors import InputError
 from enliven.examples.baking import BakedMorphs
-from enliven.exporters.gltf.joints import bone_names, listed, local_motion, local_offsets, local_turns
 from enliven.exporters.gltf.keys import reduce_keys
 from enliven.exporters.gltf.scene import GltfScene
+from enliven.exporters.joints import joint_tracks, listed
 from enliven.exporters.performance import Performance, split_stretch
 from enliven.exporters.registry import Exporter
 from enliven.files import write_file
@@ -76,47 +76,33 @@ def glb_of(performances: Sequence[Performance], name: str = "enliven") -> bytes:
 def _add_skeleton(scene: GltfScene, performance: Performance, skeleton: Skeleton) -> None:
     """Adds the mesh, the joints of the bones, then of the ends of limbs, and their animation."""
     mesh, skin = performance.surface
-    names, parents = bone_names(skeleton), skeleton.parents
-    joints = performance.joints
-    if joints is None or not performance.stretches:
-        offsets, turns = local_offsets(skeleton), local_turns(skeleton, from_matrix(performance.linear))
-        motion = None
-    else:
-        motion = local_motion(skeleton, performance.linear, joints)
-        offsets, turns = local_offsets(skeleton), motion.turns
-        offsets[1:] = np.einsum("nba,nb->na", motion.axes[parents[1:]], offsets[1:])
-    turned = motion is not None and np.abs(motion.axes - np.eye(3)).max() > _MAX_UPRIGHT_DIFFERENCE
+    tracks = joint_tracks(performance, skeleton)
+    turned = np.abs(tracks.axes - np.eye(3)).max() > _MAX_UPRIGHT_DIFFERENCE
     curves = {} if turned else {(curve.bone, curve.turns): curve for curve in performance.cubic}
-    bones: list[int] = []
-    for j, parent in enumerate(parents):
-        rest = {"translation": listed(skeleton.positions[0] if j == 0 else offsets[j])}
-        if motion is not None:
-            before = motion.axes[parent] if j else np.eye(3)
-            rest["rotation"] = listed(np.roll(from_matrix(before.T @ motion.axes[j]), -1))
-        node = scene.node(bones[parent] if j else None, name=names[j], children=[], **rest)
-        bones.append(node)
+    times, nodes = performance.times, list[int]()
+    for j, (name, parent) in enumerate(zip(tracks.names, tracks.parents, strict=True)):
+        rest = {"translation": listed(tracks.offsets[j])}
+        is_bone = j < tracks.bones
+        if is_bone:
+            rest["children"] = []
+        if is_bone and tracks.stretches:
+            rest["rotation"] = listed(np.roll(tracks.rest[j], -1))
+        node = scene.node(nodes[parent] if j else None, name=name, **rest)
+        nodes.append(node)
         if (j, True) in curves:
             scene.add_curve(node, "rotation", curves[j, True])
-        else:
-            scene.animate(performance.times, node, "rotation", np.roll(turns[:, j], -1, -1))
-        if motion is not None:
-            scene.animate(performance.times, node, "scale", motion.scales[:, j])
-            if j:
-                scene.animate(performance.times, node, "translation", motion.places[:, j])
+        elif is_bone:
+            scene.animate(times, node, "rotation", np.roll(tracks.turns[:, j], -1, -1))
+        if is_bone and tracks.stretches:
+            scene.animate(times, node, "scale", tracks.scales[:, j])
+        if j and tracks.stretches:
+            scene.animate(times, node, "translation", tracks.places[:, j])
     if (0, False) in curves:
-        scene.add_curve(bones[0], "translation", curves[0, False])
+        scene.add_curve(nodes[0], "translation", curves[0, False])
     else:
-        scene.animate(performance.times, bones[0], "translation", performance.positions[:, 0])
-    ends = [j for j in range(1, len(skeleton)) if not skeleton.children[j]]
-    for j in ends:
-        vector = skeleton.vectors[j] if motion is None else motion.axes[j].T @ skeleton.vectors[j]
-        end = scene.node(bones[j], name=skeleton.names[j], translation=listed(vector))
-        if motion is not None:
-            scene.animate(performance.times, end, "translation", motion.ends[:, j])
-        bones.append(end)
-    pivots = np.concatenate([performance.pivots, skeleton.positions[ends]])
-    axes = None if motion is None else np.concatenate([motion.axes, motion.axes[ends]])
-    scene.add_skinned(performance.name, mesh, skin, bones[0], bones, pivots, axes)
+        scene.animate(times, nodes[0], "translation", tracks.places[:, 0])
+    axes = tracks.axes if tracks.stretches else None
+    scene.add_skinned(performance.name, mesh, skin, nodes[0], nodes, tracks.pivots, axes)
 
 
 def _add_joints(scene: GltfScene, performance: Performance) -> None:

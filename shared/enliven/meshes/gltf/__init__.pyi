@@ -12,4 +12,5 @@ from .motion import (
 )
 from .parts import GltfPart as GltfPart, moving_nodes as moving_nodes
 from .scene import MeshScene as MeshScene, mesh_glb as mesh_glb
+from .srgb import linear_from_srgb as linear_from_srgb
 from .surface import GltfSurface as GltfSurface, gltf_surface as gltf_surface

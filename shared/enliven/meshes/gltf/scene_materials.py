@@ -56,7 +56,7 @@ class SceneMaterials:
         for image, sampler in self._textures:
             document.textures.append(pygltflib.Texture(source=image, sampler=sampler))
         used = {name for material in self._materials for name in extensions_in(material)}
-        document.extensionsUsed = sorted(used)
+        document.extensionsUsed = sorted({*document.extensionsUsed, *used})
 
     def _material_number(self, told: str) -> int:
         if told not in self._known:

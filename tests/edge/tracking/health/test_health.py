@@ -282,7 +282,8 @@ def test_sensor_without_a_device_gets_no_hardware_advice(kind: HealthKind) -> No
     alarms = Alarms("The sensor")
     numbers = ("rate", "promised", "percent", "count", "seconds", "degrees", "celsius", "metres", "limit")
     facts: dict[str, object] = dict.fromkeys(numbers, 1.0)
-    facts |= dict.fromkeys(("names", "why", "mend", "link", "side", "what", "path"), "Check its cable")
+    words_of_facts = ("names", "why", "mend", "link", "side", "what", "path", "output")
+    facts |= dict.fromkeys(words_of_facts, "Check its cable")
     words = {}
     for is_device in (True, False):
         alarms.is_device = is_device

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from enliven.document import Project, Puppet, RigBase
 from enliven.errors import InputError
 from enliven.exporters import Performance, exporter_of, performance_of
-from enliven.files import replace_file
 from enliven.sounds import mix_from
 from enliven_viewer.language import tr, tr_n
 from enliven_viewer.studio.background import WorkProgress
@@ -21,7 +20,7 @@ FRAME_RATES = (12, 15, 24, 25, 30, 48, 50, 60)
 FILM_SIZES = ("640x360", "1280x720", "1920x1080", "2560x1440", "3840x2160", "1080x1080", "1080x1920")
 """Film sizes that the dialogue offers: common screens, a square, and an upright telephone."""
 _SAMPLED_FRACTION = 0.3
-"""Progress of a film, as a fraction, at which the sampling of its characters is complete."""
+"""Progress, as a fraction, at which the sampling of characters is complete, if writing reports progress."""
 
 
 @dataclass
@@ -35,7 +34,7 @@ class ExportOptions:
         size: image size of a film.
         look: look of a film; empty for the look of the stage.
         morphs: if True, puppets are written to a .glb as morph targets instead of bones.
-        unit: unit of length in a .bvh, "m" or "cm".
+        unit: unit of length, "m" or "cm", of formats that support both.
     """
 
     left_out: set[str] = field(default_factory=set)
@@ -81,7 +80,7 @@ def write_export(
     length: float,
     progress: WorkProgress,
 ) -> str:
-    """Writes characters to a file. An existing file is replaced only after the new one is complete.
+    """Writes characters to a file or folder. An existing one is replaced only after the new one is complete.
 
     Returns:
         A sentence that says what was written, including the error of baked puppets.
@@ -94,21 +93,21 @@ def write_export(
     chosen, (first, last) = options.chosen(characters), options.checked_range(length)
     more = format_options(path, options, chosen)
     exporter = exporter_of(path, **more)
-    film = path.suffix.lower() == ".mp4"
+    reports = "progress" in exporter.options
+    sampled = _SAMPLED_FRACTION if reports else 0.9
     morphs = bool(more.get("morphs"))
     performances = list[Performance]()
     for number, character in enumerate(chosen):
-        progress.report((_SAMPLED_FRACTION if film else 0.9) * number / len(chosen))
-        how: Literal["skin", "morphs"] = "morphs" if morphs and isinstance(character, Puppet) else "skin"
+        progress.report(sampled * number / len(chosen))
+        how = exporter.representation(morphs and isinstance(character, Puppet))
         rate, keyed = float(options.rate), exporter.keyed
         performances.append(performance_of(project, character, first, last, rate, how=how, keyed=keyed))
     if exporter.heard and project.sounds:
         more["sound"] = mix_from(project.sounds.values(), first)
-    if film:
-        more["progress"] = _scale_progress(progress, _SAMPLED_FRACTION)
-    with replace_file(path, tr("Save it in another folder.")) as part:
-        exporter.write(part, performances, path.stem, **more)
-        progress.report(1.0)
+    progress.report(sampled)
+    if reports:
+        more["progress"] = _scale_progress(progress, sampled)
+    exporter.save(path, performances, path.stem, **more)
     message = tr_n("Wrote {0} shape to {1}", "Wrote {0} shapes to {1}", len(performances), path.name)
     return message + "".join(
         tr(". {0} is {1}", performance.name, performance.error)
@@ -136,7 +135,7 @@ def format_options(path: Path, options: ExportOptions, chosen: Sequence[RigBase]
     ending = path.suffix.lower()
     if ending == ".mp4":
         return {"size": options.size, "rate": float(options.rate), "look": options.look}
-    if ending == ".bvh":
+    if "unit" in exporter_of(path).options:
         return {"unit": options.unit}
     puppets = any(isinstance(character, Puppet) for character in chosen)
     return {"morphs": True} if ending == ".glb" and options.morphs and puppets else {}

@@ -152,7 +152,7 @@ def make_take_actions(takes: TakeCommands) -> Iterator[Action]:
         (),
         takes.keep,
         takes.lacks,
-        about="The others of its lane are deleted.",
+        about="All other takes of this lane are deleted.",
     )
     yield Action("takes.drop", "Clip", "Delete this take", ("alt+delete",), takes.drop, takes.lacks)
     yield Action(

@@ -9,7 +9,7 @@ from enliven_viewer.language import labelled, tr
 from enliven_viewer.render import LOOKS
 from enliven_viewer.studio.panels.fields import tooltip
 from enliven_viewer.studio.panels.style import draw_note
-from enliven_viewer.studio.workspace import FILM_SIZES, FRAME_RATES, Workspace
+from enliven_viewer.studio.workspace import EXPORT_SUFFIXES, FILM_SIZES, FRAME_RATES, Workspace
 
 _LABEL_WIDTH = 96.0
 """Width in pixels of the label before a field."""
@@ -112,10 +112,8 @@ def _draw_format_options(workspace: Workspace) -> None:
             "As morph targets, in a larger file; if off, the surface follows bones, which every program plays"
         )
         imgui.same_line(0.0, 18.0)
-    centimetres = imgui.checkbox(
-        labelled(tr("Centimetres (.bvh)"), "Centimetres (.bvh)"), options.unit == "cm"
-    )[1]
+    centimetres = imgui.checkbox(labelled(tr("Centimetres"), "Centimetres (.bvh)"), options.unit == "cm")[1]
     options.unit = "cm" if centimetres else "m"
     workspace.remember("export centimetres")
-    tooltip("Many programs that read .bvh expect centimetres")
-    draw_note("The ending of the name chooses the kind of file: .glb, or .bvh for one character with bones.")
+    tooltip("Many programs that read .bvh expect centimetres; a .glb is always in metres")
+    draw_note(tr("The ending of the name chooses the kind of file: {0}.", ", ".join(EXPORT_SUFFIXES)))

@@ -1,4 +1,9 @@
-"""Converts a skeleton for a GLB: joint names, local rotations, normalised weights, colours and normals."""
+"""Converts a skeleton to joints that rotate about themselves: names, rest transforms, tracks, skin weights.
+
+A bone of a :class:`Skeleton` rotates about its upper end. Files of other programs contain joints that rotate
+about themselves. So bone j becomes a joint at its parent's position, and the end of a limb becomes a joint
+that moves nothing.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +14,86 @@ import numpy as np
 from enliven.arrays import Float, Float32, UInt16
 from enliven.document import Skeleton
 from enliven.examples.baking import stretch_axes
+from enliven.exporters.performance import Performance
 from enliven.rotation import conjugate, from_matrix, multiply, normalized, remove_sign_jumps, to_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class JointTracks:
+    """Joints of a file, parents before children, with their motion relative to the parent joint.
+
+    Attributes:
+        names: bones first, then the ends of limbs.
+        parents: (J,) number of the joint above, -1 for the root.
+        bones: number of bones. Later joints are ends of limbs.
+        pivots: (J, 3) metres at rest, in the world.
+        axes: (J, 3, 3) rotations at rest, in the world.
+        offsets: (J, 3) metres at rest, position in the parent joint.
+        rest: (J, 4) quaternions at rest, rotation relative to the parent joint.
+        turns: (T, J, 4) quaternions without sign jumps.
+        scales: (T, J, 3).
+        places: (T, J, 3) metres, position in the parent joint.
+        stretches: False if only rotations and the root's position change.
+    """
+
+    names: list[str]
+    parents: list[int]
+    bones: int
+    pivots: Float
+    axes: Float
+    offsets: Float
+    rest: Float
+    turns: Float
+    scales: Float
+    places: Float
+    stretches: bool
+
+
+def joint_tracks(performance: Performance, skeleton: Skeleton, half_scales: bool = False) -> JointTracks:
+    """Returns the joints of a performance with a skeleton, and their tracks.
+
+    Args:
+        half_scales: True for a format that stores scales in float16. Other tracks then compensate the
+            rounding.
+    """
+    frames, bones = len(performance.times), len(skeleton)
+    ends = [j for j in range(1, bones) if not skeleton.children[j]]
+    count = bones + len(ends)
+    offsets, axes = np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
+    turns, scales = np.zeros((frames, count, 4)), np.ones((frames, count, 3))
+    turns[..., 0] = 1.0
+    offsets[:bones], offsets[bones:] = local_offsets(skeleton), skeleton.vectors[ends]
+    offsets[0] = skeleton.positions[0]
+    stretches = performance.joints is not None and performance.stretches
+    if stretches:
+        assert performance.joints is not None
+        motion = local_motion(skeleton, performance.linear, performance.joints, half_scales)
+        axes[:bones], axes[bones:] = motion.axes, motion.axes[ends]
+        offsets[1:bones] = np.einsum("nba,nb->na", motion.axes[skeleton.parents[1:]], offsets[1:bones])
+        offsets[bones:] = np.einsum("nba,nb->na", motion.axes[ends], offsets[bones:])
+        turns[:, :bones], scales[:, :bones] = motion.turns, motion.scales
+        places = np.concatenate([motion.places, motion.ends[:, ends]], 1)
+    else:
+        turns[:, :bones] = local_turns(skeleton, from_matrix(performance.linear))
+        places = np.tile(offsets, (frames, 1, 1))
+    places[:, 0] = performance.positions[:, 0]
+    parents = [*skeleton.parents.tolist(), *ends]
+    above = np.array(parents)
+    relative = axes.copy()
+    relative[1:] = axes[above[1:]].transpose(0, 2, 1) @ axes[1:]
+    return JointTracks(
+        names=[*bone_names(skeleton), *(skeleton.names[j] for j in ends)],
+        parents=parents,
+        bones=bones,
+        pivots=np.concatenate([performance.pivots, skeleton.positions[ends]]),
+        axes=axes,
+        offsets=offsets,
+        rest=from_matrix(relative),
+        turns=turns,
+        scales=scales,
+        places=places,
+        stretches=stretches,
+    )
 
 
 def bone_names(skeleton: Skeleton) -> list[str]:
@@ -74,11 +158,14 @@ class LocalMotion:
     ends: Float
 
 
-def local_motion(skeleton: Skeleton, linear: Float, joints: Float) -> LocalMotion:
+def local_motion(skeleton: Skeleton, linear: Float, joints: Float, half_scales: bool = False) -> LocalMotion:
     """Returns the motion of stretching nodes, for maps (T, N, 3, 3) and joints (T, N, 3) in the world.
 
     A node cannot shear. So a bone's shear relative to its parent is left out, but its children keep their
     transforms.
+
+    Args:
+        half_scales: True to round scales to float16.
     """
     parents, above = skeleton.parents, np.maximum(skeleton.parents, 0)
     pivots, relative = joints[:, above], linear.copy()
@@ -95,6 +182,8 @@ def local_motion(skeleton: Skeleton, linear: Float, joints: Float) -> LocalMotio
         turns[:, j] = from_matrix(local * np.where(np.linalg.det(local) < 0, -1.0, 1.0)[:, None, None])
         turned = to_matrix(turns[:, j])
         scales[:, j] = np.einsum("tba,tba->ta", turned, local)
+        if half_scales:
+            scales[:, j] = scales[:, j].astype(np.float16)
         world[:, j] = turned * scales[:, j, None, :]
         if j:
             world[:, j] = world[:, parent] @ world[:, j]

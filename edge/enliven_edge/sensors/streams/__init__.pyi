@@ -1,0 +1,2 @@
+from .tracker_sensor import TrackerSensor as TrackerSensor
+from .vmc_sensor import VmcSensor as VmcSensor

@@ -1,0 +1,186 @@
+"""OSC trackers as a sensor: the points that a program sends for VRChat's full-body tracking become a body.
+
+Only positions are used. The rotation of a tracker depends on how it is strapped on, which VRChat finds by a
+calibration.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.errors import InputError
+from enliven.frames import BodyFrame
+from enliven.person import Body, Joint, from_unity_position
+from enliven.rotation import unit
+from enliven_edge.extras import need
+from enliven_edge.sensors.base import Sensor
+
+PLACES = {
+    "head": Joint.HEAD,
+    "hip": Joint.HIP_CENTER,
+    "chest": Joint.SHOULDER_CENTER,
+    **{
+        f"{side} {place}": Joint[f"{joint}_{side.upper()}"]
+        for side in ("left", "right")
+        for place, joint in (("foot", "ANKLE"), ("knee", "KNEE"), ("elbow", "ELBOW"))
+    },
+}
+"""The joint of each place of a tracker."""
+USUAL_ORDER = "hip, chest, left foot, right foot, left knee, right knee, left elbow, right elbow"
+"""Places of the trackers 1 to 8, as enliven's own output sends them."""
+_ADDRESS = re.compile(r"/tracking/trackers/(head|[1-8])/position")
+_MIN_WAIT_S = 1e-3
+"""Shortest wait for a packet, in seconds. A wait of 0 would mean not to wait at all."""
+_MAX_METRES = 1000.0
+"""Positions farther away than this are refused, in metres."""
+_MAX_AGE_S = 1.0
+"""Seconds after which a tracker that sends nothing counts as absent."""
+_SPINE_FRACTION = 0.28
+"""Fraction of the way from the hips to the neck where the spine joint lies."""
+_TRUNK_M = 0.43
+"""Metres from the hip centre to the shoulder centre of an adult of 1.75 m. The other offsets belong to it."""
+_UP = np.array([0.0, 1.0, 0.0])
+"""The upward direction."""
+
+
+class TrackerSensor(Sensor):
+    """Delivers one person from OSC trackers. Those of hip and chest are required.
+
+    Joints without a tracker are placed by average proportions, and have confidence 0.
+
+    Args:
+        port: UDP port to listen on. Programs send trackers to 9000 by default.
+        host: address to listen on. "0.0.0.0" also accepts other machines.
+        order: places of the trackers 1, 2, ..., separated by commas.
+
+    Raises:
+        InputError: for a wrong port or place.
+        ResourceError: for a port in use, or if python-osc is missing.
+    """
+
+    made_up = True
+
+    def __init__(self, port: int = 9000, host: str = "127.0.0.1", order: str = USUAL_ORDER) -> None:
+        need("pythonosc", "outputs", "osc-trackers")
+        from enliven_edge.sensors.streams.osc_port import OscPort
+
+        self._places = _places(order)
+        self._port = OscPort(host, port, "sensor osc-trackers")
+        self.port = self._port.port
+        self.name = f"osc-trackers {self.port}"
+        self._points: dict[Joint, tuple[Float, float]] = {}
+        self._closed = False
+
+    def read(self, timeout: float | None = None) -> BodyFrame | None:
+        if self._closed:
+            return None
+        end = None if timeout is None else time.monotonic() + timeout
+        while True:
+            try:
+                messages = self._port.frame(None if end is None else max(end - time.monotonic(), _MIN_WAIT_S))
+            except TimeoutError:
+                raise TimeoutError(f"no trackers came to {self.name}") from None
+            if self._take(messages):
+                return BodyFrame(self._bodies(), time.monotonic_ns(), self.name)
+            if end is not None and time.monotonic() >= end:
+                raise TimeoutError(f"no trackers came to {self.name}")
+
+    def close(self) -> None:
+        self._closed = True
+        self._port.close()
+
+    def _take(self, messages: list[tuple[str, list[object]]]) -> bool:
+        """Keeps the positions of a frame. Returns True if there was one."""
+        counts = False
+        for address, arguments in messages:
+            match = _ADDRESS.fullmatch(address)
+            joint = self._places.get(match[1]) if match else None
+            if joint is None or len(arguments) < 3:
+                continue
+            numbers = [
+                each for each in arguments[:3] if isinstance(each, float | int) and math.isfinite(each)
+            ]
+            if len(numbers) == 3 and max(map(abs, numbers)) < _MAX_METRES:
+                self._points[joint] = (from_unity_position(np.array(numbers, np.float64)), time.monotonic())
+                counts = True
+        return counts
+
+    def _bodies(self) -> list[Body]:
+        """Returns the person of the newest positions, or none without a hip and a chest."""
+        now = time.monotonic()
+        points = {joint: place for joint, (place, at) in self._points.items() if now - at < _MAX_AGE_S}
+        if not {Joint.HIP_CENTER, Joint.SHOULDER_CENTER} <= points.keys():
+            return []
+        return [body_of_points(points)]
+
+
+def body_of_points(points: dict[Joint, Float]) -> Body:
+    """Returns a body with the given joints; the others are placed by average proportions.
+
+    Args:
+        points: (3,) metres by joint, with at least the hip centre and the shoulder centre.
+    """
+    hip, chest = points[Joint.HIP_CENTER], points[Joint.SHOULDER_CENTER]
+    up = unit(chest - hip)
+    size = float(np.linalg.norm(chest - hip)) / _TRUNK_M
+    across = _left_of(points, up)
+    joints = np.empty((len(Joint), 3))
+    joints[Joint.HIP_CENTER], joints[Joint.SHOULDER_CENTER] = hip, chest
+    joints[Joint.SPINE] = hip + _SPINE_FRACTION * (chest - hip)
+    joints[Joint.HEAD] = chest + 0.2 * size * up
+    for side, sign in (("LEFT", 1.0), ("RIGHT", -1.0)):
+        at = {name: Joint[f"{name}_{side}"] for name in _SIDE_JOINTS}
+        joints[at["HIP"]] = hip + size * (0.085 * sign * across - 0.08 * up)
+        joints[at["SHOULDER"]] = chest + size * (0.185 * sign * across - 0.05 * up)
+        for chain, lengths, direction in (
+            (("SHOULDER", "ELBOW", "WRIST", "HAND"), (0.285, 0.25, 0.085), -up),
+            (("HIP", "KNEE", "ANKLE"), (0.43, 0.41), -up),
+        ):
+            for k, length in enumerate(lengths):
+                begin, end = at[chain[k]], at[chain[k + 1]]
+                place = points.get(end)
+                joints[end] = joints[begin] + size * length * direction if place is None else place
+                if np.any(joints[end] - joints[begin]):
+                    direction = unit(joints[end] - joints[begin])
+        toes = size * (0.12 * unit(np.cross(across, _UP)) - 0.05 * _UP)
+        joints[at["FOOT"]] = joints[at["ANKLE"]] + toes
+    confidence = np.zeros(len(Joint))
+    for joint, place in points.items():
+        joints[joint], confidence[joint] = place, 1.0
+    return Body(1, joints, confidence)
+
+
+def _left_of(points: dict[Joint, Float], up: Float) -> Float:
+    """Returns the (3,) unit direction to the person's left, from pairs of trackers, or else +X."""
+    across = np.zeros(3)
+    for name in ("ELBOW", "KNEE", "ANKLE"):
+        left, right = points.get(Joint[f"{name}_LEFT"]), points.get(Joint[f"{name}_RIGHT"])
+        if left is not None and right is not None:
+            across += left - right
+    across -= (across @ up) * up
+    return unit(across) if np.linalg.norm(across) > 0.02 else np.array([1.0, 0.0, 0.0])
+
+
+_SIDE_JOINTS = ("SHOULDER", "ELBOW", "WRIST", "HAND", "HIP", "KNEE", "ANKLE", "FOOT")
+"""Names of the joints of one side of the body."""
+
+
+def _places(order: str) -> dict[str, Joint]:
+    """Returns the joint of each tracker by its name in the address.
+
+    Raises:
+        InputError: for an unknown place, or too many.
+    """
+    words = [" ".join(word.lower().replace("_", " ").split()) for word in order.split(",")]
+    unknown = [word for word in words if word not in PLACES]
+    if unknown or len(words) > 8:
+        problem = (
+            f"{unknown[0]!r} is not a place of a tracker" if unknown else f"{len(words)} places, at most 8"
+        )
+        raise InputError(problem, where="sensor osc-trackers", mend=f"Known: {', '.join(PLACES)}.")
+    return {"head": Joint.HEAD, **{str(number): PLACES[word] for number, word in enumerate(words, 1)}}

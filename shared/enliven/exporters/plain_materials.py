@@ -1,0 +1,131 @@
+"""Materials in the form that formats other than glTF can store: factors and images."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from enliven.meshes import MeshMaterials
+
+_SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
+_MAX_REPEATS = 1e4
+"""Maximum repeats of an image, and maximum offset and rotation of its coordinates."""
+_DEFAULT_CUTOFF = 0.5
+"""Opacity below which a masked material is invisible, if the material does not define it."""
+
+
+@dataclass(frozen=True)
+class TextureUse:
+    """A texture of a material.
+
+    Attributes:
+        texture: its number in the textures of the mesh.
+        uv_set: number of the set of texture coordinates.
+        offset, rotation, scale: the transform of the coordinates (KHR_texture_transform), in the order scale,
+            rotation in radians, offset.
+    """
+
+    texture: int
+    uv_set: int = 0
+    offset: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0
+    scale: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def is_plain(self) -> bool:
+        """True without a transform."""
+        return self.offset == (0.0, 0.0) and self.rotation == 0.0 and self.scale == (1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class PlainMaterial:
+    """A glTF material. Of the extensions, only the transforms of texture coordinates are kept.
+
+    Attributes:
+        name: its name, or an empty text.
+        base: linear colour and opacity.
+        emissive: linear colour.
+        mode: "OPAQUE", "MASK" or "BLEND".
+        cutoff: opacity below which a masked material is invisible.
+        base_map, finish_map, normal_map, occlusion_map, emissive_map: textures, or None. The finish has the
+            roughness in green and the metallic part in blue.
+    """
+
+    name: str = ""
+    base: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    metallic: float = 1.0
+    roughness: float = 1.0
+    emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mode: str = "OPAQUE"
+    cutoff: float = _DEFAULT_CUTOFF
+    double_sided: bool = False
+    base_map: TextureUse | None = None
+    finish_map: TextureUse | None = None
+    normal_map: TextureUse | None = None
+    occlusion_map: TextureUse | None = None
+    emissive_map: TextureUse | None = None
+
+
+def plain_materials(materials: MeshMaterials) -> list[PlainMaterial]:
+    """Returns the materials of a mesh, in their order. Values of a wrong type are ignored."""
+    return [_plain_material(json.loads(definition), materials) for definition in materials.definitions]
+
+
+def image_suffix(media_type: str) -> str:
+    """Returns the file suffix of an image's media type."""
+    return _SUFFIXES[media_type]
+
+
+def _plain_material(value: dict[str, Any], materials: MeshMaterials) -> PlainMaterial:
+    shading = _table(value, "pbrMetallicRoughness")
+    sets = materials.uvs.shape[2]
+
+    def texture(table: dict[str, Any], name: str) -> TextureUse | None:
+        entry = _table(table, name)
+        moved = _table(_table(entry, "extensions"), "KHR_texture_transform")
+        index, uv_set = entry.get("index"), moved.get("texCoord", entry.get("texCoord", 0))
+        if not (type(index) is int and type(uv_set) is int and 0 <= uv_set < sets):
+            return None
+        x, y = _numbers(moved, "offset", (0.0, 0.0), -_MAX_REPEATS, _MAX_REPEATS)
+        across, down = _numbers(moved, "scale", (1.0, 1.0), -_MAX_REPEATS, _MAX_REPEATS)
+        (angle,) = _numbers(moved, "rotation", (0.0,), -_MAX_REPEATS, _MAX_REPEATS)
+        return TextureUse(index, uv_set, (x, y), angle, (across, down))
+
+    name = value.get("name")
+    base = _numbers(shading, "baseColorFactor", (1.0, 1.0, 1.0, 1.0))
+    emissive = _numbers(value, "emissiveFactor", (0.0, 0.0, 0.0))
+    mode = value.get("alphaMode")
+    return PlainMaterial(
+        name=name if isinstance(name, str) else "",
+        base=(base[0], base[1], base[2], base[3]),
+        metallic=_numbers(shading, "metallicFactor", (1.0,))[0],
+        roughness=_numbers(shading, "roughnessFactor", (1.0,))[0],
+        emissive=(emissive[0], emissive[1], emissive[2]),
+        mode=mode if mode in ("MASK", "BLEND") else "OPAQUE",
+        cutoff=_numbers(value, "alphaCutoff", (_DEFAULT_CUTOFF,))[0],
+        double_sided=value.get("doubleSided") is True,
+        base_map=texture(shading, "baseColorTexture"),
+        finish_map=texture(shading, "metallicRoughnessTexture"),
+        normal_map=texture(value, "normalTexture"),
+        occlusion_map=texture(value, "occlusionTexture"),
+        emissive_map=texture(value, "emissiveTexture"),
+    )
+
+
+def _table(value: dict[str, Any], name: str) -> dict[str, Any]:
+    """Returns a nested JSON object. Empty if the value is something else."""
+    inner = value.get(name)
+    return inner if isinstance(inner, dict) else {}
+
+
+def _numbers(
+    value: dict[str, Any], name: str, usual: tuple[float, ...], least: float = 0.0, most: float = 1.0
+) -> tuple[float, ...]:
+    """Returns a number or a list of numbers within bounds, as many as ``usual`` has."""
+    given = value.get(name)
+    listed: Any = [given] if len(usual) == 1 else given
+    if not isinstance(listed, list) or len(listed) != len(usual):
+        return usual
+    numbers = [float(number) for number in listed if type(number) in (int, float)]
+    return tuple(min(max(number, least), most) for number in numbers) if len(numbers) == len(usual) else usual

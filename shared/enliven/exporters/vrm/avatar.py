@@ -1,0 +1,92 @@
+"""Writes a humanoid model as a VRM 1.0 avatar (.vrm): mesh, materials, skeleton and the map of human bones.
+
+An avatar has no motion: write that as a .vrma. The avatar stands in the T-pose, as VRM requires. The mesh and
+its binding are those of the model, so the skinning does not change. Each joint of the skeleton is a node. The
+rotations of the nodes at rest lead to the T-pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from enliven.document import Skeleton, SkinWeights
+from enliven.errors import InputError
+from enliven.exporters.gltf import GltfScene
+from enliven.exporters.joints import listed
+from enliven.exporters.performance import Performance
+from enliven.exporters.registry import Exporter
+from enliven.exporters.vrm.humanoid import Humanoid, humanoid_of
+from enliven.files import write_file
+from enliven.rotation import conjugate, multiply, rotate
+
+EXTENSION = "VRMC_vrm"
+_LICENCE = "https://vrm.dev/licenses/1.0/"
+"""The licence document that the format requires. Its permissions have their strictest values by default."""
+
+
+def write_vrm(
+    path: Path | str, performances: Sequence[Performance], name: str = "enliven", author: str = "unknown"
+) -> None:
+    """Writes one humanoid model as an avatar in the T-pose.
+
+    Args:
+        name: name of the avatar.
+        author: author of the avatar, which the format requires.
+
+    Raises:
+        InputError: for other than one character, one without a mesh, or one that is not a humanoid with
+            joints of known names.
+        ResourceError: if the file cannot be written.
+    """
+    if len(performances) != 1:
+        problem = f"a VRM file holds one character, not {len(performances)}"
+        raise InputError(problem, where=str(path), mend="Choose one: --character NAME.")
+    write_file(Path(path), vrm_of(performances[0], name, author), "Choose another place.")
+
+
+VRM = Exporter(write_vrm, jointed=True, single=True, placements=("scale",))
+
+
+def vrm_of(performance: Performance, name: str = "enliven", author: str = "unknown") -> bytes:
+    """Returns the bytes of the file. See :func:`write_vrm`."""
+    mesh, skin = performance.surface
+    skeleton = performance.skeleton
+    humanoid = humanoid_of(skeleton, f"character {performance.name!r}")
+    assert skeleton is not None
+    if len({bone.joint for bone in humanoid.bones.values()}) < len(humanoid.bones):
+        problem = "it is not a humanoid: its spine has no joint of its own"
+        raise InputError(problem, where=f"character {performance.name!r}", mend="Write a .glb instead.")
+    scene, nodes = GltfScene(name), list[int]()
+    turns = _rest_turns(skeleton, humanoid)
+    for joint, parent in enumerate(skeleton.parents):
+        if joint:
+            local, offset = multiply(conjugate(turns[parent]), turns[joint]), skeleton.vectors[joint]
+        else:
+            local, offset = turns[0], rotate(humanoid.facing, skeleton.positions[0])
+        rest = {"translation": listed(offset), "rotation": listed(np.roll(local, -1))}
+        above = nodes[parent] if joint else None
+        nodes.append(scene.node(above, name=skeleton.names[joint], children=[], **rest))
+    # A bone rotates about its upper joint, and all bones of a joint rotate alike in an avatar.
+    upper = np.maximum(skeleton.parents, 0).astype(np.uint16)
+    moved = SkinWeights(upper[skin.indices], skin.weights)
+    scene.add_skinned(performance.name, mesh, moved, nodes[0], nodes, skeleton.positions)
+    human_bones = {bone_name: {"node": nodes[bone.joint]} for bone_name, bone in humanoid.bones.items()}
+    meta = {"name": name, "authors": [author], "licenseUrl": _LICENCE}
+    scene.document.extensionsUsed = [EXTENSION]
+    scene.document.extensions = {
+        EXTENSION: {"specVersion": "1.0", "meta": meta, "humanoid": {"humanBones": human_bones}},
+    }
+    return scene.bytes()
+
+
+def _rest_turns(skeleton: Skeleton, humanoid: Humanoid) -> list[np.ndarray]:
+    """Returns the rotation (4,) of each joint's node in the world, in the T-pose."""
+    of_joint = {bone.joint: humanoid.t_pose[name] for name, bone in humanoid.bones.items()}
+    turns = list[np.ndarray]()
+    for joint, parent in enumerate(skeleton.parents):
+        inherited = humanoid.facing if parent < 0 else turns[parent]
+        turns.append(of_joint.get(joint, inherited))
+    return turns

@@ -1,0 +1,172 @@
+"""The humanoid bones of VRM 1.0 in a skeleton, found by the names of its joints, and the T-pose.
+
+A VRM bone begins at a joint, and its rotation is that of the bone of the skeleton that begins there. In the
+T-pose of VRM 1.0 the avatar faces +Z, its left arm points to +X, and its legs point down.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from enliven.arrays import Float
+from enliven.document import Skeleton
+from enliven.errors import InputError
+from enliven.mapping import HumanJoints, HumanLimb, facing_of, finger_joints, human_joints
+from enliven.rotation import from_rotation_vector, multiply, rotate, swing, unit
+
+_LEFT_DIRECTION = np.array([1.0, 0.0, 0.0])
+_DOWN_DIRECTION = np.array([0.0, -1.0, 0.0])
+_SPINE_NAMES = ("spine", "chest", "upperChest")
+"""Names of the bones between hips and neck."""
+_LIMB_ENDS = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
+"""The bones that a T-pose straightens, and the bone at the end of each."""
+_FINGER_SEGMENTS = ("Proximal", "Intermediate", "Distal")
+_THUMB_SEGMENTS = ("Metacarpal", "Proximal", "Distal")
+_FINGER_NAMES = {"thumb": "Thumb", "index": "Index", "middle": "Middle", "ring": "Ring", "pinky": "Little"}
+
+
+@dataclass(frozen=True)
+class HumanoidBone:
+    """A bone of VRM.
+
+    Attributes:
+        joint: the joint of the skeleton at which it begins.
+        turned_by: the bone of the skeleton with its rotation.
+        parent: name of the VRM bone above. Empty for the hips.
+    """
+
+    joint: int
+    turned_by: int
+    parent: str
+
+
+@dataclass(frozen=True, eq=False)
+class Humanoid:
+    """The VRM bones of a skeleton.
+
+    Attributes:
+        bones: by their names in VRM, parents before children.
+        t_pose: (4,) rotation of each bone from the skeleton's rest pose to the T-pose, in the world.
+        facing: (4,) rotation that makes the rest pose face +Z.
+    """
+
+    bones: dict[str, HumanoidBone]
+    t_pose: dict[str, Float]
+    facing: Float
+
+
+def humanoid_of(skeleton: Skeleton | None, where: str) -> Humanoid:
+    """Returns the VRM bones of a skeleton.
+
+    Args:
+        where: the character, for errors.
+
+    Raises:
+        InputError: if the names of the joints do not identify all bones that VRM requires.
+    """
+    mend = "Write a .glb instead, or name the joints as Mixamo, VRM or Unreal do."
+    human = None if skeleton is None else human_joints(skeleton)
+    if skeleton is None or human is None:
+        problem = "it is not a humanoid: no two arms and two legs are found by the names of its joints"
+        raise InputError(problem, where=where, mend=mend)
+    if not human.head_knots:
+        raise InputError("it is not a humanoid: no joint is named head", where=where, mend=mend)
+    bones = _humanoid_bones(skeleton, human)
+    facing = from_rotation_vector(np.array([0.0, -facing_of(skeleton), 0.0]))
+    return Humanoid(bones, _t_pose(skeleton, bones, facing), facing)
+
+
+def _humanoid_bones(skeleton: Skeleton, human: HumanJoints) -> dict[str, HumanoidBone]:
+    """Returns the bones by name, parents before children."""
+    bones = dict[str, HumanoidBone]()
+
+    def add(name: str, joint: int, toward: int, parent: str) -> None:
+        bones[name] = HumanoidBone(joint, _bone_toward(skeleton, joint, toward), parent)
+
+    add("hips", human.hips, human.legs[0].knots[0], "")
+    if human.hips == 0:
+        bones["hips"] = HumanoidBone(0, 0, "")
+    # The spine consists of the joints after the hips, up to the joint that the arms share.
+    spine = [*skeleton.path(human.hips, human.chest)[1:]] or [human.hips]
+    chosen = spine if len(spine) < 3 else [spine[0], spine[1], spine[-1]]
+    trunk = [*zip(_SPINE_NAMES, chosen, strict=False)]
+    if len(human.head_knots) > 1:
+        trunk.append(("neck", human.head_knots[0]))
+    trunk.append(("head", human.head_knots[-1]))
+    above = "hips"
+    for (name, joint), toward in zip(
+        trunk, [*(joint for _, joint in trunk[1:]), human.head[-1]], strict=True
+    ):
+        add(name, joint, toward, above)
+        above = name
+    chest = _SPINE_NAMES[len(chosen) - 1]
+    for side, arm, leg in zip(("left", "right"), human.arms, human.legs, strict=True):
+        collar = skeleton.path(human.chest, arm.knots[0])[1:-1]
+        if collar:
+            add(f"{side}Shoulder", collar[0], arm.knots[0], chest)
+        _add_limb(bones, skeleton, arm, (f"{side}UpperArm", f"{side}LowerArm", f"{side}Hand"))
+        bones[f"{side}UpperArm"] = replace(
+            bones[f"{side}UpperArm"], parent=f"{side}Shoulder" if collar else chest
+        )
+        _add_limb(bones, skeleton, leg, (f"{side}UpperLeg", f"{side}LowerLeg", f"{side}Foot"))
+        if leg.tip >= 0 and skeleton.children[leg.tip]:
+            add(f"{side}Toes", leg.tip, skeleton.children[leg.tip][0], f"{side}Foot")
+        for finger, chain in finger_joints(skeleton, arm.knots[2]).items():
+            parent = f"{side}Hand"
+            for segment, joint, toward in zip(
+                _THUMB_SEGMENTS if finger == "thumb" else _FINGER_SEGMENTS,
+                chain[1:],
+                (*chain[2:], chain[-1]),
+                strict=False,
+            ):
+                name = f"{side}{_FINGER_NAMES[finger]}{segment}"
+                add(name, joint, toward, parent)
+                parent = name
+    return bones
+
+
+def _add_limb(
+    bones: dict[str, HumanoidBone], skeleton: Skeleton, limb: HumanLimb, names: tuple[str, str, str]
+) -> None:
+    """Adds the three bones of an arm or a leg, the first below the hips."""
+    _, middle, end = limb.knots
+    parent = "hips"
+    for name, joint, toward in zip(names, limb.knots, (middle, end, limb.tip), strict=True):
+        turned_by = _bone_toward(skeleton, joint, toward if toward >= 0 else joint)
+        bones[name] = HumanoidBone(joint, turned_by, parent)
+        parent = name
+
+
+def _bone_toward(skeleton: Skeleton, joint: int, toward: int) -> int:
+    """Returns the bone that begins at a joint and leads to another one.
+
+    If no bone begins there, it is the bone that ends there.
+    """
+    if toward == joint:
+        return joint
+    path = skeleton.path(joint, toward)
+    return int(path[1]) if skeleton.parents[path[1]] == joint else joint
+
+
+def _t_pose(skeleton: Skeleton, bones: dict[str, HumanoidBone], facing: Float) -> dict[str, Float]:
+    """Returns the rotation (4,) of each bone from the rest pose to the T-pose."""
+    at = rotate(facing, skeleton.positions)
+    turns = dict[str, Float]()
+    for name, bone in bones.items():
+        end = _LIMB_ENDS.get(name.removeprefix("left").removeprefix("right"))
+        side = "left" if name.startswith("left") else "right"
+        if end is not None:
+            across = _LEFT_DIRECTION if side == "left" else -_LEFT_DIRECTION
+            along = unit(at[bones[f"{side}{end}"].joint] - at[bone.joint])
+            turns[name] = multiply(swing(along, _DOWN_DIRECTION if "Leg" in name else across), facing)
+        elif name.endswith("Hand") or "Hand" in bone.parent or _is_finger(bone.parent):
+            turns[name] = turns[bone.parent]
+        else:
+            turns[name] = facing
+    return turns
+
+
+def _is_finger(name: str) -> bool:
+    return any(finger in name for finger in _FINGER_NAMES.values())

@@ -1,0 +1,132 @@
+"""Tests of live outputs in the programs: the edge, a replay and a run, from the options to the receivers."""
+
+import socket
+
+import numpy as np
+import pytest
+from live_receivers import OscReceiver
+from patience import until
+from posed_people import performer
+
+import enliven.commands.run as run_command
+from enliven import cli
+from enliven.frames import BodyFrame
+from enliven.health import HealthKind
+from enliven_edge.doctor import shipped_recording
+from enliven_edge.network.outlet import Outlet
+from enliven_edge.outputs.live_outputs import open_outputs
+from enliven_edge.outputs.settings import outputs_of
+from enliven_edge.service import Edge
+from enliven_edge.settings import WireSettings
+from enliven_edge.stage.stage import Stage
+from enliven_edge.tracking.tracker import Tracker
+
+SHORT = ["--possess-at", "0.3", "--port", "0"]
+
+
+class Bodies:
+    """A sensor of bodies from memory."""
+
+    name = "bodies"
+
+    def __init__(self, frames) -> None:
+        self._frames = iter(frames)
+
+    def read(self, timeout=None):
+        return next(self._frames, None)
+
+    def close(self) -> None:
+        pass
+
+
+def test_an_edge_sends_a_recording_to_several_programs(tmp_path):
+    (tmp_path / "edge.toml").write_text('[outputs.lights]\nto = "osc:127.0.0.1:{port}"\nmap = "map.toml"\n')
+    (tmp_path / "map.toml").write_text('others = false\n[addresses]\n"/enliven/event/*" = "/cue/*"\n')
+    with OscReceiver() as vmc, OscReceiver() as osc:
+        text = (tmp_path / "edge.toml").read_text().format(port=osc.port)
+        (tmp_path / "edge.toml").write_text(text)
+        source = ["--recording", str(shipped_recording()), "--seconds", "1", "--speed", "0"]
+        outputs = ["--out", f"vmc:127.0.0.1:{vmc.port}", "--settings", str(tmp_path / "edge.toml")]
+        assert cli.run(["edge", *source, *SHORT, *outputs]) == 0
+        until(lambda: ("/cue/possess", "chair") in osc.values, "the possession")
+        until(lambda: ("/VMC/Ext/Bone/Pos", "Hips") in vmc.values, "the bones of the performer")
+        assert ("/VMC/Ext/Tra/Pos", "chair") in vmc.values
+        assert osc.values["/cue/possess", "chair"] == (1,) and "/enliven/time" not in osc.values
+
+
+def test_a_replay_has_outputs(monkeypatch):
+    original = Edge.step
+    with OscReceiver() as receiver:
+
+        def step(self, frame):
+            original(self, frame)
+            if "/tracking/trackers/head/position" in receiver.values:
+                self.stop()  # The whole recording would take longer, and shows nothing more.
+
+        monkeypatch.setattr(Edge, "step", step)
+        words = ["replay", str(shipped_recording()), "--fast", "--out", f"vrchat:127.0.0.1:{receiver.port}"]
+        assert cli.run([*words, *SHORT]) == 0
+        assert receiver.values["/tracking/trackers/head/position"][1] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--out", "vcm:127.0.0.1"], "Did you mean vmc?"),
+        (["--out", "vmc:127.0.0.1:0"], "is not a UDP port"),
+        (["--out", "vmc:no-such-host.invalid"], "was not found"),
+        (["--out", "vmc:127.0.0.1", "--out", "vmc:127.0.0.1"], "same output"),
+        (["--out", "vmc:127.0.0.1/chair"], "no humanoid bones"),
+    ],
+)
+def test_a_wrong_output_ends_the_edge_at_the_start(words, message, capsys):
+    assert cli.run(["edge", "--recording", str(shipped_recording()), "--port", "0", *words]) == 3
+    assert message in capsys.readouterr().err.replace("\n", " ")
+
+
+def test_lost_packets_are_reported_in_the_heartbeat():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    frames = [BodyFrame([performer()], 10**9 + k * 33_000_000, "bodies", np.eye(4)) for k in range(600)]
+    with (
+        open_outputs(outputs_of([f"vmc:127.0.0.1:{port}"], {})) as outputs,
+        Outlet(WireSettings(name="outputs", port=0, control_port=0), "bodies") as outlet,
+    ):
+        edge, remaining = Edge(Bodies(frames), Tracker(), Stage(), outlet, outputs=outputs), iter(frames)
+
+        def reported():
+            edge.step(next(remaining))
+            return [
+                state for state in outlet.publisher.status.health if state.kind == HealthKind.OUTPUT_FAILS
+            ]
+
+        (state,) = until(reported, "the health state")
+    assert f"vmc:127.0.0.1:{port}" in state.what and "Start the receiving program" in state.mend
+
+
+def test_a_run_separates_the_folder_of_the_film_from_outputs(tmp_path, monkeypatch):
+    started = []
+    monkeypatch.setattr(run_command, "run_together", lambda processes: started.extend(processes) or 0)
+    words = [
+        "run",
+        "--film",
+        "--out",
+        str(tmp_path / "film"),
+        "--out",
+        "vmc:127.0.0.1",
+        "--out",
+        "osc:10.0.0.5:7000",
+    ]
+    assert cli.run(words) == 0
+    edge, viewer = (list(process.arguments) for process in started)
+    assert [edge[k + 1] for k, word in enumerate(edge) if word == "--out"] == [
+        "vmc:127.0.0.1",
+        "osc:10.0.0.5:7000",
+    ]
+    assert str(tmp_path / "film" / "enliven.mp4") in viewer and "--out" not in viewer
+    started.clear()
+    monkeypatch.chdir(tmp_path)
+    assert cli.run(["run", "--film", "--out", "C:film"]) == 0
+    assert "--out" not in started[0].arguments, "a drive of Windows is not a protocol"
+    assert cli.run(["run", "--film"]) == 0 and (tmp_path / "out").is_dir()
