@@ -130,7 +130,7 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
     """Builds one settings group from a mapping. ``prefix`` is the dotted path of the group."""
     fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
     hints = typing.get_type_hints(kind)
-    values = _renamed(values, {f.metadata.get("formerly", ""): name for name, f in fields.items()})
+    values = _apply_renames(values, {f.metadata.get("formerly", ""): name for name, f in fields.items()})
     for key in values:
         if key not in fields:
             near = difflib.get_close_matches(key, fields, n=1)
@@ -151,7 +151,7 @@ def _build(kind: type[T], values: Mapping[str, Any], where: str, prefix: str) ->
     return kind(**arguments)
 
 
-def _renamed(values: Mapping[str, Any], names: Mapping[str, str]) -> Mapping[str, Any]:
+def _apply_renames(values: Mapping[str, Any], names: Mapping[str, str]) -> Mapping[str, Any]:
     """Returns the values with earlier names of keys replaced. A key under its present name counts first."""
     old = {key: names[key] for key in values if key and key in names}
     if not old:

@@ -56,8 +56,8 @@ class Access:
     ) -> None:
         self._name, self._keys, self._store, self._highest = name, keys, store, highest
         self._viewers: dict[bytes, PairedViewer] = {}
-        self._stamp, self._looked_at = -1, 0.0
-        self._told: set[str] = set()
+        self._stamp, self._refreshed_at = -1, 0.0
+        self._logged_problems: set[str] = set()
         # Imported here, because an edge without keys does not need libsodium.
         from enliven.keys import CurveServer
 
@@ -86,18 +86,18 @@ class Access:
 
         Files that cannot be used are logged once, and their viewers are not admitted.
         """
-        if not now and time.monotonic() - self._looked_at < _REFRESH_INTERVAL_S:
+        if not now and time.monotonic() - self._refreshed_at < _REFRESH_INTERVAL_S:
             return False
-        self._looked_at = time.monotonic()
+        self._refreshed_at = time.monotonic()
         stamp = self._store.stamp()
         if not now and stamp == self._stamp:
             return False
         problems: list[str] = []
         self._stamp, self._viewers = stamp, self._store.viewers(problems)
         for problem in problems:
-            if problem not in self._told:
+            if problem not in self._logged_problems:
                 log.warning("a paired viewer is not admitted: %s", problem)
-                self._told.add(problem)
+                self._logged_problems.add(problem)
         return True
 
     def answer(self, request: PairingRequest, peer: Connection) -> PairingAnswer:

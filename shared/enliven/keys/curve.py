@@ -144,7 +144,7 @@ class CurveChannel:
             raise CurveError("the viewer is not paired", UNKNOWN_VIEWER)
         self.client, self._shared = client, shared
         count = struct.pack(">Q", self.reserve())
-        return b"\x05READY" + count + self._sealed(metadata, b"CurveZMQREADY---" + count)
+        return b"\x05READY" + count + self._encrypt(metadata, b"CurveZMQREADY---" + count)
 
     def reserve(self) -> int:
         """Returns the count of the next message to send. Messages must be sent in the order of counts."""
@@ -160,7 +160,7 @@ class CurveChannel:
         """
         number = struct.pack(">Q", count or self.reserve())
         plain = b"".join((bytes([flags]), data))
-        return b"".join((_MESSAGE, number, self._sealed(plain, b"CurveZMQMESSAGES" + number)))
+        return b"".join((_MESSAGE, number, self._encrypt(plain, b"CurveZMQMESSAGES" + number)))
 
     def open(self, data: bytes) -> tuple[int, bytes]:
         """Returns the flags and the content of a received message.
@@ -178,7 +178,7 @@ class CurveChannel:
             raise CurveError("a message was changed on its way") from None
         return plain[0], plain[1:]
 
-    def _sealed(self, plain: bytes, nonce: bytes) -> bytes:
+    def _encrypt(self, plain: bytes, nonce: bytes) -> bytes:
         return sodium.crypto_box_afternm(plain, nonce, self._shared)
 
     def _count(self, count: bytes) -> None:

@@ -157,13 +157,15 @@ class KeyStore:
             InputError: if a file is damaged, belongs to another user, or others may read it.
         """
         tables = self._tables("viewers", problems)
-        viewers = [_checked(path, problems, lambda p=path, t=table: _viewer(t, p)) for path, table in tables]
+        viewers = [
+            _read_checked(path, problems, lambda p=path, t=table: _viewer(t, p)) for path, table in tables
+        ]
         return {viewer.public: viewer for viewer in viewers if viewer is not None}
 
     def edges(self, problems: list[str] | None = None) -> list[PairedEdge]:
         """Returns the paired edges. Args and errors as for :meth:`viewers`."""
         tables = self._tables("edges", problems)
-        edges = [_checked(path, problems, lambda p=path, t=table: _edge(t, p)) for path, table in tables]
+        edges = [_read_checked(path, problems, lambda p=path, t=table: _edge(t, p)) for path, table in tables]
         return [edge for edge in edges if edge is not None]
 
     def edge_at(self, host: str, control_port: int) -> PairedEdge | None:
@@ -258,13 +260,13 @@ class KeyStore:
         tables = []
         for path in sorted((self.folder / folder).glob("*.toml"))[:_MAX_PEERS]:
             mend = f"Remove it with: rm {path}. Then pair again."
-            table = _checked(path, problems, lambda p=path, m=mend: _read_private(p, m))
+            table = _read_checked(path, problems, lambda p=path, m=mend: _read_private(p, m))
             if table is not None:
                 tables.append((path, table))
         return tables
 
 
-def _checked(path: Path, problems: list[str] | None, read: Any) -> Any:
+def _read_checked(path: Path, problems: list[str] | None, read: Any) -> Any:
     """Returns the result of ``read``. An error is added to ``problems``, if there is such a list."""
     try:
         return read()

@@ -108,7 +108,7 @@ class ZmtpSession:
         if self.channel is not None:
             if not self.ready:
                 return self._handle_curve(self.channel, data)
-            flags, data = self._opened(self.channel, data)
+            flags, data = self._open_sealed(self.channel, data)
         if flags & _COMMAND_FLAG:
             return self._handle_command(data)
         if not self.ready:
@@ -166,7 +166,7 @@ class ZmtpSession:
         self.ready = channel.ready
         return []
 
-    def _opened(self, channel: CurveChannel, data: bytes) -> tuple[int, bytes]:
+    def _open_sealed(self, channel: CurveChannel, data: bytes) -> tuple[int, bytes]:
         """Returns the flags and the content of a sealed frame, flags as of a frame without keys."""
         from enliven.keys import CurveError
 
