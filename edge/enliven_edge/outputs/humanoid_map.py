@@ -109,7 +109,7 @@ class _Mapping:
         trunk = [joint for before, joint in pairwise(path) if skeleton.parents[joint] == before]
         above = [*trunk[1:], head[1] if len(head) > 1 else self._next(human.chest, human.arms[0].knots[0])]
         names = ("Spine", "Chest", "UpperChest")
-        # If the trunk has more joints than the humanoid, its first and its last ones count.
+        # If the trunk has more than three joints, use the first one and the last two.
         chosen = list(range(len(trunk))) if len(trunk) <= 3 else [0, len(trunk) - 2, len(trunk) - 1]
         for name, number in zip(names, chosen, strict=False):
             self._add(name, trunk[number], above[number])

@@ -79,7 +79,7 @@ class ExportPlacement:
             linear=turn @ performance.linear @ turn.T,
             positions=points(performance.positions),
             keys=performance.keys * scale,
-            # Curves are in the file's axes, so a rotation of the axes leaves only sampled frames.
+            # The curves are in the file's axes. If these are rotated, only the sampled frames remain valid.
             cubic=tuple(
                 curve
                 if curve.turns

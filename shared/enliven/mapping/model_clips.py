@@ -43,10 +43,12 @@ def _is_same(first: Skeleton, second: Skeleton) -> bool:
 
 
 def own_clips(project: Project, shape: Shape) -> tuple[str, ...]:
-    """Returns the names of the takes that a shape can play joint by joint: those of its own skeleton.
+    """Returns the names of the takes that were recorded on a shape's own skeleton.
 
-    A shape that plays such a take may have been rotated, moved and scaled since it was opened. Takes that
-    retargeting derived from another take, such as "walk: steps", are not clips of the model.
+    They can be played joint by joint, without retargeting.
+
+    They still count if the shape has been rotated, moved or scaled since it was opened. Takes that
+    retargeting derived from another take, such as "walk: steps", are left out.
     """
     played, takes = _joint_layers(project, shape), project.takes
     skeleton = takes[played[0].take].skeleton if played else shape.skeleton

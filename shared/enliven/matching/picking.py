@@ -66,8 +66,8 @@ class Pick:
 class Picker:
     """The selection of a match from the rankings of one matcher.
 
-    A held pose accepts a match only after some motion since the start or since the last match. So a performer
-    that merely stands there accepts nothing.
+    While the performer holds a pose, a match is selected only if the performer has moved since the start or
+    since the last match. So standing still selects nothing.
     """
 
     def __init__(self, settings: PickingSettings | None = None) -> None:

@@ -154,7 +154,7 @@ def _add_indexed(container: Container, record: Any, file: BinaryIO, size: int) -
 
 
 def _from_records(path: Path, file: BinaryIO, size: int) -> Container:
-    """Reads the container of a file without its end: every complete record from the start."""
+    """Reads the container of a truncated file: all complete records from its start."""
     container = Container(path)
     at = len(MAGIC)
     while at + RECORD.size <= size:

@@ -93,7 +93,7 @@ class Renderer:
         """Changes the image size. Sizes without a pixel are ignored (a minimised window)."""
         if size != self.picture.size and size[0] > 0 and size[1] > 0:
             before, self.picture = self.picture, RenderTarget(self.ctx, size, self.settings.samples)
-            # Release the previous framebuffer only after this call, because moderngl binds it again.
+            # use() binds the previous framebuffer once more. So release that one only afterwards.
             self.picture.drawn.use()
             before.release()
 

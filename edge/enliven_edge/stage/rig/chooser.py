@@ -31,7 +31,9 @@ _NO_PICK = Pick(None, -1)
 
 
 class Chooser:
-    """Ranks and picks for one performer at a time. It restarts for another performer or other parts.
+    """Ranks the matches of one performer at a time, and picks one of them.
+
+    It starts again if the performer or the body parts change.
 
     Attributes:
         body: the performer's id, -1 for none.

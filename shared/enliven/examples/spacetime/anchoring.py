@@ -10,7 +10,9 @@ from enliven.kernels import njit
 
 @njit(cache=True, nogil=True)
 def stand(turned, feet, stands, grip, first, last, root, anchors):
-    """Kernel: continues contact from frame ``first`` to ``last``, based on the frame before.
+    """Kernel: chooses the anchor foot of the frames ``first`` to ``last``.
+
+    It starts from the state of the frame before, and computes the root that keeps this foot in place.
 
     Args:
         turned: (F, P, 3) metres, the control points with the yaw applied.

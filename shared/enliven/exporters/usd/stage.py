@@ -125,7 +125,7 @@ class UsdStage:
         animation.CreateJointsAttr(tokens)
         places = (tracks.places * scale).astype(np.float32)
         _author(animation.CreateTranslationsAttr(), codes, places, Vt.Vec3fArray)
-        # The quaternions of the library are stored with the real part last.
+        # OpenUSD stores quaternions with the real part last.
         turns = np.ascontiguousarray(np.roll(normalize_float32(tracks.turns), -1, -1))
         _author(animation.CreateRotationsAttr(), codes, turns, Vt.QuatfArray)
         _author(animation.CreateScalesAttr(), codes, tracks.scales.astype(np.float16), Vt.Vec3hArray)

@@ -313,7 +313,7 @@ class Workspace:
 
         def add() -> None:
             saved = self.store.read_saved()
-            self.editor.edit("add what the file has", lambda project: with_saved_items(project, saved))
+            self.editor.edit("add the contents of the file", lambda project: with_saved_items(project, saved))
 
         if self.attempt(add):
             self.compare()
