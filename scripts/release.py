@@ -36,7 +36,7 @@ FIRMWARE = "firmware_configs"
 """The folder next to the packages that belongs to enliven-edge."""
 INSTALLS = {"edge": "enliven-edge", "oak": "enliven-edge[oak]", "studio": "enliven[studio]"}
 """Requirements to install into an empty environment each, by the name of the environment."""
-MAX_ENVIRONMENT_MB = {"edge": 690, "oak": 915, "studio": 930}
+MAX_ENVIRONMENT_MB = {"edge": 690, "oak": 915, "studio": 925}
 """Maximum size of an environment in megabytes (10^6 bytes), with byte code, without Python and pip.
 
 These limits are 5 % above the sizes of November 2026, which docs/releasing.md explains.
