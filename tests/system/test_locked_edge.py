@@ -353,6 +353,18 @@ def test_a_forgotten_viewer_is_disconnected_and_told(
     client.close()
 
 
+@pytest.mark.parametrize("code", ["12345", "no code", "000000"])
+def test_a_failed_pairing_stores_nothing(
+    locked: Locked, viewer_config: KeyStore, monkeypatch: pytest.MonkeyPatch, code: str
+) -> None:
+    """With keys of its own, an edge of this user would start locked."""
+    monkeypatch.setattr("enliven.keys.pairing.secrets.randbelow", lambda limit: 7)
+    locked.access.begin()
+    with pytest.raises(InputError):
+        run_beside(locked, lambda: pair_with_edge(locked.endpoint, code, "edit", "laptop", viewer_config))
+    assert viewer_config.own() is None and viewer_config.edges() == []
+
+
 def test_the_viewer_says_that_the_edges_key_is_another(locked: Locked, viewer_config: KeyStore) -> None:
     viewer_config.make()
     client = visit(locked, lambda client: state_of(client) == "no access")

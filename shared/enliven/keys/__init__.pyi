@@ -17,6 +17,7 @@ from .key_files import (
     PairedViewer as PairedViewer,
     clean_name as clean_name,
     fingerprint as fingerprint,
+    make_key_pair as make_key_pair,
 )
 from .pairing import (
     EdgeExchange as EdgeExchange,

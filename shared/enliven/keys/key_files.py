@@ -92,6 +92,14 @@ def fingerprint(public: bytes) -> str:
     return "-".join(digits[k : k + 4] for k in range(0, _FINGERPRINT_DIGITS, 4))
 
 
+def make_key_pair() -> KeyPair:
+    """Returns a new key pair, which is not stored."""
+    import zmq
+
+    public, secret = zmq.curve_keypair()
+    return KeyPair(_from_z85(public), _from_z85(secret))
+
+
 def is_loopback(host: str) -> bool:
     """Returns True if an address or name is loopback without a look-up: 127.0.0.1, ::1 or localhost."""
     try:
@@ -134,18 +142,23 @@ class KeyStore:
         return keys
 
     def make(self, *, overwrite: bool = False) -> KeyPair:
-        """Makes a new key pair and stores it.
+        """Makes a new key pair and stores it. Errors as for :meth:`store_own`."""
+        pair = make_key_pair()
+        self.store_own(pair, overwrite=overwrite)
+        return pair
+
+    def store_own(self, pair: KeyPair, *, overwrite: bool = False) -> None:
+        """Stores the user's own key pair.
 
         Raises:
             InputError: if there is one already, unless ``overwrite`` is set.
             ResourceError: if the file cannot be written.
         """
-        import zmq
-
-        public, secret = zmq.curve_keypair()
-        lines: dict[str, str | int] = {"public": public.decode(), "secret": secret.decode()}
+        lines: dict[str, str | int] = {
+            "public": _z85(pair.public).decode(),
+            "secret": _z85(pair.secret).decode(),
+        }
         _write_private(self.own_path, _toml(lines), overwrite=overwrite)
-        return KeyPair(_from_z85(public), _from_z85(secret))
 
     def viewers(self, problems: list[str] | None = None) -> dict[bytes, PairedViewer]:
         """Returns the paired viewers by public key.

@@ -16,6 +16,7 @@ from enliven.keys import (
     PairingError,
     Role,
     ViewerExchange,
+    make_key_pair,
 )
 from enliven.wire.envelope import MalformedMessageError, pack_control, unpack_control
 from enliven.wire.requests import (
@@ -43,7 +44,10 @@ T = TypeVar("T")
 
 
 def pair_with_edge(endpoint: Endpoint, code: str, role: Role, name: str, store: KeyStore) -> PairedEdge:
-    """Pairs with an edge, and stores its key. Makes the own keys first if there are none.
+    """Pairs with an edge, and stores its key.
+
+    If this user has no keys, new ones are stored, too. A failed pairing stores nothing: with keys, an edge of
+    this user would start locked.
 
     Args:
         code: the six digits that the edge shows.
@@ -54,7 +58,8 @@ def pair_with_edge(endpoint: Endpoint, code: str, role: Role, name: str, store: 
         InputError: if the code is wrong or expired, or the edge does not pair now.
         ResourceError: if no edge answers.
     """
-    own = store.own() or store.make()
+    stored = store.own()
+    own = stored or make_key_pair()
     with _Asker(endpoint) as asker:
         try:
             exchange = ViewerExchange(code)
@@ -64,6 +69,8 @@ def pair_with_edge(endpoint: Endpoint, code: str, role: Role, name: str, store: 
         except PairingError as error:
             raise InputError(str(error), where=str(endpoint), mend=_READ_AGAIN) from None
     paired = PairedEdge(edge.public, edge.name, endpoint.host, endpoint.control_port, edge.role)
+    if stored is None:
+        store.store_own(own)
     store.add_edge(paired)
     return paired
 
