@@ -14,11 +14,9 @@ import numpy as np
 
 from enliven.arrays import Float
 from enliven.errors import InputError
-from enliven.frames import BodyFrame
 from enliven.person import Body, Joint, from_unity_position
 from enliven.rotation import unit
-from enliven_edge.extras import need
-from enliven_edge.sensors.base import Sensor
+from enliven_edge.sensors.streams.osc_sensor import MAX_METRES, OscSensor
 
 PLACES = {
     "head": Joint.HEAD,
@@ -34,10 +32,6 @@ PLACES = {
 USUAL_ORDER = "hip, chest, left foot, right foot, left knee, right knee, left elbow, right elbow"
 """Places of the trackers 1 to 8, as enliven's own output sends them."""
 _ADDRESS = re.compile(r"/tracking/trackers/(head|[1-8])/position")
-_MIN_WAIT_S = 1e-3
-"""Shortest wait for a packet, in seconds. A wait of 0 would mean not to wait at all."""
-_MAX_METRES = 1000.0
-"""Positions farther away than this are refused, in metres."""
 _MAX_AGE_S = 1.0
 """Seconds after which a tracker that sends nothing counts as absent."""
 _SPINE_FRACTION = 0.28
@@ -48,7 +42,7 @@ _UP = np.array([0.0, 1.0, 0.0])
 """The upward direction."""
 
 
-class TrackerSensor(Sensor):
+class TrackerSensor(OscSensor):
     """Delivers one person from OSC trackers. Those of hip and chest are required.
 
     Joints without a tracker are placed by average proportions, and have confidence 0.
@@ -63,36 +57,10 @@ class TrackerSensor(Sensor):
         ResourceError: for a port in use, or if python-osc is missing.
     """
 
-    made_up = True
-
     def __init__(self, port: int = 9000, host: str = "127.0.0.1", order: str = USUAL_ORDER) -> None:
-        need("pythonosc", "outputs", "osc-trackers")
-        from enliven_edge.sensors.streams.osc_port import OscPort
-
         self._places = _places(order)
-        self._port = OscPort(host, port, "sensor osc-trackers")
-        self.port = self._port.port
-        self.name = f"osc-trackers {self.port}"
+        super().__init__("osc-trackers", "trackers", port, host)
         self._points: dict[Joint, tuple[Float, float]] = {}
-        self._closed = False
-
-    def read(self, timeout: float | None = None) -> BodyFrame | None:
-        if self._closed:
-            return None
-        end = None if timeout is None else time.monotonic() + timeout
-        while True:
-            try:
-                messages = self._port.frame(None if end is None else max(end - time.monotonic(), _MIN_WAIT_S))
-            except TimeoutError:
-                raise TimeoutError(f"no trackers came to {self.name}") from None
-            if self._take(messages):
-                return BodyFrame(self._bodies(), time.monotonic_ns(), self.name)
-            if end is not None and time.monotonic() >= end:
-                raise TimeoutError(f"no trackers came to {self.name}")
-
-    def close(self) -> None:
-        self._closed = True
-        self._port.close()
 
     def _take(self, messages: list[tuple[str, list[object]]]) -> bool:
         """Keeps the positions of a frame. Returns True if there was one."""
@@ -105,7 +73,7 @@ class TrackerSensor(Sensor):
             numbers = [
                 each for each in arguments[:3] if isinstance(each, float | int) and math.isfinite(each)
             ]
-            if len(numbers) == 3 and max(map(abs, numbers)) < _MAX_METRES:
+            if len(numbers) == 3 and max(map(abs, numbers)) < MAX_METRES:
                 self._points[joint] = (from_unity_position(np.array(numbers, np.float64)), time.monotonic())
                 counts = True
         return counts

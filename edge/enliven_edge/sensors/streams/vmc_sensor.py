@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 
 from enliven.errors import InputError
-from enliven.frames import BodyFrame
 from enliven.person import (
     Body,
     HumanPose,
@@ -18,21 +16,16 @@ from enliven.person import (
     standing_offset,
 )
 from enliven.rotation import IDENTITY, multiply, normalized, rotate
-from enliven_edge.extras import need
-from enliven_edge.sensors.base import Sensor
+from enliven_edge.sensors.streams.osc_sensor import MAX_METRES, OscSensor
 
 _BONE = "/VMC/Ext/Bone/Pos"
 _ROOT = "/VMC/Ext/Root/Pos"
 _STATUS = "/VMC/Ext/OK"
 _MIN_OFFSET_M = 1e-3
 """Local positions shorter than this are missing, in metres. Some programs send only rotations."""
-_MIN_WAIT_S = 1e-3
-"""Shortest wait for a packet, in seconds. A wait of 0 would mean not to wait at all."""
-_MAX_METRES = 1000.0
-"""Positions farther away than this are refused, in metres."""
 
 
-class VmcSensor(Sensor):
+class VmcSensor(OscSensor):
     """Delivers the figure that a program sends by the VMC protocol, such as a motion capture suit's software.
 
     The rotations and positions are those of :mod:`enliven_edge.outputs.vmc`. If a program sends no positions
@@ -48,40 +41,14 @@ class VmcSensor(Sensor):
         ResourceError: for a port in use, or if python-osc is missing.
     """
 
-    made_up = True
-
     def __init__(self, port: int = 39539, host: str = "127.0.0.1", height: float = 1.75) -> None:
-        need("pythonosc", "outputs", "vmc")
-        from enliven_edge.sensors.streams.osc_port import OscPort
-
         if not 0.5 <= height <= 2.5:
             raise InputError(f"height is {height}, outside 0.5..2.5 m", where="sensor vmc")
         self._height = height
-        self._port = OscPort(host, port, "sensor vmc")
-        self.port = self._port.port
-        self.name = f"vmc {self.port}"
+        super().__init__("vmc", "bones", port, host)
         self._bones: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._root = (np.zeros(3), IDENTITY)
         self._is_loaded = True
-        self._closed = False
-
-    def read(self, timeout: float | None = None) -> BodyFrame | None:
-        if self._closed:
-            return None
-        end = None if timeout is None else time.monotonic() + timeout
-        while True:
-            try:
-                messages = self._port.frame(None if end is None else max(end - time.monotonic(), _MIN_WAIT_S))
-            except TimeoutError:
-                raise TimeoutError(f"no bones came to {self.name}") from None
-            if self._take(messages):
-                return BodyFrame(self._bodies(), time.monotonic_ns(), self.name)
-            if end is not None and time.monotonic() >= end:
-                raise TimeoutError(f"no bones came to {self.name}")
-
-    def close(self) -> None:
-        self._closed = True
-        self._port.close()
 
     def _take(self, messages: list[tuple[str, list[object]]]) -> bool:
         """Keeps the bones of a frame. Returns True if there was a bone, or the state that there are none."""
@@ -130,6 +97,6 @@ def _placement(arguments: list[object]) -> tuple[str, np.ndarray, np.ndarray] | 
     if not all(isinstance(each, float | int) and math.isfinite(each) for each in numbers):
         return None
     values = np.array(numbers, np.float64)
-    if np.abs(values[:3]).max() > _MAX_METRES or not np.any(values[3:]):
+    if np.abs(values[:3]).max() > MAX_METRES or not np.any(values[3:]):
         return None
     return arguments[0], from_unity_position(values[:3]), normalized(from_unity_rotation(values[3:]))
