@@ -1,5 +1,4 @@
-"""The locomotion of a puppet: the feet with which it steps, and its travel per metre that the performer
-walks.
+"""The locomotion of a puppet: its stepping feet, and its travel for each metre of the performer.
 
     travel = travel_of(project, puppet)                # for all takes that it plays, and on the stage
     path = travel.path_of(took, facing, size)          # (F,) target path of the puppet on the floor

@@ -69,8 +69,8 @@ _FRAMES_PER_BLOCK = 2048
 _HEIGHT_WEIGHT = 1e-9
 """Weight of the performer's own height, small enough to matter only while no foot stands."""
 _MAX_HEADING_DIFFERENCE = np.radians(30.0)
-"""Largest angle (radians) between the headings of a standing foot and the performer's foot: what ankle and
-hip allow."""
+"""Largest angle (radians) between the headings of a standing foot and the performer's foot. Ankle and hip
+allow no more."""
 _PATH_WEIGHT = 0.01
 """Weight of the performer's path for the root, compared with a standing foot."""
 

@@ -64,8 +64,8 @@ class Actor:
 
     @property
     def candidate(self) -> tuple[int | None, str]:
-        """The id of the performer that attaches next (None: the first performer in view), and the parts of
-        the body with which it attaches."""
+        """The id of the performer that attaches next (None: the first performer in view), and
+        the parts of the body that attach."""
         return self._candidate
 
     def perform(

@@ -248,8 +248,10 @@ class EmbeddedSolver:
         return dict(zip(names, self._work.energies.tolist(), strict=True))
 
     def _leave_ridge(self, targets: Float, weights: Float) -> None:
-        """Continues from the state below the ridge on which the last frame ended, if that state is better
-        now."""
+        """Continues from the lower state next to the ridge of the energy, if it is better now.
+
+        The last frame ended on this ridge.
+        """
         beyond = self._lower.pop() if self._lower else None
         if beyond is None:
             return

@@ -48,7 +48,7 @@ _MAX_SHOWN_LETTERS = 40
 
 
 def kind_of(data: bytes) -> tuple[str, str]:
-    """Returns the kind of a file, such as "a PNG picture", and the ending with which enliven opens this kind.
+    """Returns the kind of a file, such as "a PNG picture", and its usual ending.
 
     The ending is empty for files that enliven does not open.
     """

@@ -1,4 +1,4 @@
-"""The upgrade steps, each of which converts a project object to that of the next version."""
+"""The upgrade steps. Each step converts a project object to the next version."""
 
 from __future__ import annotations
 

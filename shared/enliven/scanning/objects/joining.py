@@ -20,8 +20,8 @@ from enliven.scanning.settings import ScanSettings
 from enliven.scanning.tsdf_volume import TsdfVolume
 
 _MAX_POINTS = 40_000
-"""Number of points of the surface with which a rest is aligned. On a chair they are some millimetres
-apart."""
+"""Maximum number of surface points for the alignment of a rest. On a chair, neighbouring points are some
+millimetres apart."""
 _PART_POINTS = 8000
 """Number of points of a rest that are aligned with this surface."""
 _CELL_M = 0.006
